@@ -1,0 +1,127 @@
+"""Everything that can go wrong, as one small tree of exceptions.
+
+Every message says what was given, where, what was expected and what to do next. Exceptions carry the same
+facts as attributes, so that a program need not parse the sentence.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = [
+    "InputError",
+    "JointLimitWarning",
+    "MissingExtraError",
+    "NoStiffnessError",
+    "ParameterError",
+    "Problem",
+    "PrupPinError",
+    "RobotFileError",
+    "SingularPoseError",
+    "UnknownNameError",
+    "UnreachablePoseError",
+]
+
+
+class PrupPinError(Exception):
+    """Root of all errors raised on purpose by this package."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One defect of a robot file: what is wrong and on which line."""
+
+    message: str
+    line: int | None = None
+    file: str | None = None
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        return f"{place}: {self.message}" if place else self.message
+
+
+class RobotFileError(PrupPinError):
+    """A robot file that cannot be used. `problems` lists all that was found, not only the first."""
+
+    def __init__(self, path: str | Path, problems: Sequence[Problem]):
+        self.path = str(path)
+        self.problems = tuple(
+            problem if problem.file else Problem(problem.message, problem.line, Path(path).name) for problem in problems
+        )
+        count = len(self.problems)
+        lines = "\n".join(f"  {problem}" for problem in self.problems)
+        super().__init__(f"{path}: {count} problem{'s' if count != 1 else ''}\n{lines}")
+
+
+class InputError(PrupPinError, ValueError):
+    """An argument of the wrong shape, kind or range."""
+
+
+class UnknownNameError(InputError):
+    """A name that does not exist, with the nearest ones that do."""
+
+    def __init__(self, kind: str, name: str, valid: Iterable[str], hint: str = ""):
+        self.kind, self.name, self.valid = kind, name, tuple(valid)
+        super().__init__(f"no {kind} named '{name}'. {nearest_names(name, self.valid)}{' ' + hint if hint else ''}")
+
+
+class ParameterError(InputError):
+    """A parameter whose value is outside its physical range."""
+
+
+class UnreachablePoseError(PrupPinError):
+    """No closed configuration reaches the wanted coordinates.
+
+    `requested` and `nearest` are the coordinates asked for and the nearest feasible ones (SI), or None where no
+    feasible pose could be found; `residual` is the closure residual left, (metres, radians).
+    """
+
+    def __init__(
+        self,
+        message: str,
+        requested: Mapping[str, float] | None = None,
+        nearest: Mapping[str, float] | None = None,
+        residual: tuple[float, float] | None = None,
+    ):
+        self.requested = dict(requested or {})
+        self.nearest = dict(nearest) if nearest else None
+        self.residual = residual
+        super().__init__(message)
+
+
+class SingularPoseError(UnreachablePoseError):
+    """A pose in which the locked actuators do not hold the tool, or the coordinates do not determine it."""
+
+
+class NoStiffnessError(PrupPinError):
+    """K does not exist: in some directions the model is rigid. `directions` is (n, 6), unit twists."""
+
+    def __init__(self, message: str, directions):
+        self.directions = directions
+        super().__init__(message)
+
+
+class MissingExtraError(PrupPinError, ImportError):
+    """An optional dependency is not installed; the message holds the command that installs it."""
+
+    def __init__(self, package: str, extra: str):
+        super().__init__(f"this needs the package '{package}', which is not installed: pip install 'prup_pin[{extra}]'")
+
+
+class JointLimitWarning(UserWarning):
+    """A joint value outside the limits of a plain tree's file; the result is still defined."""
+
+
+def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:
+    """Return 'Did you mean …' where something is close, else the valid names."""
+    lowered = {candidate.lower(): candidate for candidate in valid}
+    close = difflib.get_close_matches(name.lower(), list(lowered), n=count, cutoff=0.6)
+    if close:
+        return "Did you mean " + " or ".join(f"'{lowered[match]}'" for match in close) + "?"
+    if not valid:
+        return "There are none."
+    shown = ", ".join(valid[:30])
+    return f"Valid: {shown}{', …' if len(valid) > 30 else ''}."

@@ -1,0 +1,75 @@
+"""A closed pose: a configuration whose loops are satisfied. Its existence means 'kinematics have been computed'."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..spatial import Array
+
+__all__ = ["ClosedPose", "PassiveBalance"]
+
+
+@dataclass(frozen=True)
+class PassiveBalance:
+    """How the free joints balance: what the closure Jacobian's free columns G^T (rows: free joints) allow.
+
+    `inverse` (c, f) gives the closure forces f_c = -inverse @ Q that balance generalised forces Q on the f free
+    joints; `self_stress` (c, h) are closure forces that need no load (an overconstrained mechanism has h > 0);
+    `idle` (f, m) are motions of free joints that move neither tool nor actuators.
+    """
+
+    inverse: Array
+    self_stress: Array
+    idle: Array
+
+
+@dataclass(frozen=True)
+class ClosedPose:
+    """A configuration with closed loops, and all kinematics that statics needs.
+
+    placements: (njoints, 4, 4), base_from_joint; jacobian: (6, nv), twist of each joint per unit velocity about the
+    base's origin in base axes; closure_jacobian: (c, nv) and closure_wrenches: (c, 6), base wrenches of unit closure
+    forces on the second frame's body; residual: what is left of the closure, (metres, radians).
+    """
+
+    mechanism: Mechanism = field(repr=False)
+    q: Array
+    placements: Array = field(repr=False)
+    jacobian: Array = field(repr=False)
+    closure_jacobian: Array = field(repr=False)
+    closure_wrenches: Array = field(repr=False)
+    balance: PassiveBalance = field(repr=False)
+    residual: tuple[float, float]
+    coordinates: Mapping[str, float]
+
+    @property
+    def base_from_tool(self) -> Array:
+        """Placement of the tool, (4, 4)."""
+        return self.placement(self.mechanism.tool.name)
+
+    def placement(self, frame: str) -> Array:
+        """Return base_from_frame (4, 4) of a named frame. Raises UnknownNameError."""
+        found = self.mechanism.frame(frame)
+        return self.placements[found.joint] @ found.placement
+
+    @property
+    def joints(self) -> dict[str, float]:
+        """Value of every joint with one degree of freedom [m or rad]."""
+        model = self.mechanism.model
+        values = {}
+        for index in range(1, model.njoints):
+            joint = model.joints[index]
+            if joint.nv == 1:
+                at = self.q[joint.idx_q : joint.idx_q + joint.nq]
+                values[model.names[index]] = float(at[0] if joint.nq == 1 else np.arctan2(at[1], at[0]))
+        return values
+
+    @property
+    def actuators(self) -> dict[str, float]:
+        """Positions of the actuated joints [m or rad]."""
+        joints = self.joints
+        return {name: joints[name] for name in self.mechanism.actuated if name in joints}

@@ -1,0 +1,94 @@
+"""`load`: from a name or a file to a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+
+from . import robots
+from .errors import InputError, ParameterError, UnknownNameError
+from .mechanism import Mechanism
+from .mechanism.description import KIND_BY_NAME, ModuleDescription, RobotDescription
+from .mechanism.readers import read
+from .parameters import Parameter
+from .robot import Robot
+
+__all__ = ["load"]
+
+
+def load(
+    robot: str | Path,
+    *,
+    tool: str | None = None,
+    joint_stiffness: float | Mapping[str, float] | None = None,
+    actuated: Sequence[str] | None = None,
+    home: Mapping[str, float] | None = None,
+    variant: str | None = None,
+    package_folders: Sequence[str | Path] | str | Path | None = None,
+) -> Robot:
+    """Load a robot by name or from a file.
+
+    robot: a packaged name ('3prup', '3prup_as_published'), a robot of example-robot-data ('ur5'), or a path to a URDF
+        or MJCF file. Loop closures come from <prup_pin>, <loop_joint>, a `robot.yaml` beside the file, frames named
+        closing_<name>_1 and _2, or MJCF's connect and weld.
+    tool: name of the tool frame, where the file does not say.
+    joint_stiffness: stiffness of the actuated joints [N m/rad or N/m], one number or one per joint name. A joint
+        named here that is not actuated becomes a sprung joint.
+    actuated: names of the actuated joints, where the file does not say; of a tree all joints are.
+    home: joint values near which the loops close, where the file does not say.
+    variant: a <variant> of the file.
+    package_folders: folders that package:// paths may point into besides the robot's own.
+
+    Raises RobotFileError with every problem of the file, UnknownNameError, ParameterError.
+    """
+    path, found_folders, found_variant = robots.find(str(robot))
+    description = read(path, (*found_folders, *robots.folders(package_folders)))
+    if tool is None and description.tool is None:
+        tool = robots.EXAMPLE_TOOLS.get(str(robot))
+    changes: dict[str, Any] = {}
+    if tool is not None:
+        changes["tool"] = tool
+    if actuated is not None:
+        changes["actuated"] = tuple(actuated)
+    if home is not None:
+        changes["home"] = {**description.home, **home}
+    description = replace(description, **changes)
+    wanted = variant or found_variant
+    if wanted is not None:
+        if wanted not in description.variants:
+            raise UnknownNameError(f"variant of '{description.name}'", wanted, list(description.variants))
+        description = description.with_variant(wanted)
+    mechanism = Mechanism(description)
+    if joint_stiffness is not None:
+        mechanism = Mechanism(_with_joint_springs(description, mechanism, joint_stiffness), model=mechanism.model)
+    if mechanism.loops and description.actuated is None:
+        raise InputError(
+            f"'{description.name}' has loops, but nothing says which joints are actuated: load(..., actuated=[\"joint\", …]) "
+            f"with names from {', '.join(list(mechanism.model.names)[1:])}"
+        )
+    return Robot(mechanism)
+
+
+def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, stiffness) -> RobotDescription:
+    """Return the description with a spring on every actuated joint, or on the joints of a mapping."""
+    springs = dict(stiffness) if isinstance(stiffness, Mapping) else dict.fromkeys(mechanism.actuated, stiffness)
+    quantity = KIND_BY_NAME["joint_spring"].quantities[0]
+    taken = {module.name for module in description.modules}
+    modules = list(description.modules)
+    for name, value in springs.items():
+        joint = mechanism.model.joints[mechanism.joint_id(name)]
+        if name in taken:
+            raise InputError(f"joint_stiffness: the robot file already has a module named '{name}'")
+        try:
+            checked = quantity.check(value, name)
+        except ParameterError as error:
+            raise ParameterError(f"joint_stiffness: {error}") from None
+        unit = "N/m" if joint.shortname().startswith("JointModelP") else "N m/rad"
+        parameter = Parameter(f"{name}.stiffness", checked, unit, "joint_stiffness", quantity.description, quantity)
+        modules.append(ModuleDescription(name, "joint_spring", name, values={"stiffness": parameter}))
+    return replace(description, modules=tuple(modules))
+
+

@@ -1,0 +1,261 @@
+"""What a robot file says, before anything is computed: plain frozen records, each with its line.
+
+Every reader (URDF, sidecar, MJCF) produces a `RobotDescription`; everything after that is the same for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ..errors import Problem, nearest_names
+from ..modules import KINDS
+from ..parameters import Parameter
+from ..spatial import Array
+
+#: The six relative motions that a loop closure may leave free, in the axes of its first frame.
+LOOP_AXES = ("x", "y", "z", "rx", "ry", "rz")
+#: Components of the tool's pose that can serve as task coordinates.
+TASK_COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+#: Orders of rotation: "xyz" is R_x R_y R_z (Eq. 50), "zyx" is R_z R_y R_x (URDF's rpy).
+ROTATION_ORDERS = ("xyz", "zyx")
+
+KIND_BY_NAME = {kind.kind: kind for kind in KINDS}
+
+
+@dataclass(frozen=True)
+class FrameDescription:
+    """A frame of the tree by name, with an optional offset in its own axes."""
+
+    name: str
+    offset: Array | None = None  # 4 x 4
+
+
+@dataclass(frozen=True)
+class LoopDescription:
+    """Two frames that coincide but for the relative motions in `free`, in the axes of the first."""
+
+    name: str
+    first: FrameDescription
+    second: FrameDescription
+    free: frozenset[str] = frozenset()
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class TaskDescription:
+    """A task coordinate: a name for one component of the tool's pose."""
+
+    name: str
+    component: str
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class ModuleDescription:
+    """A compliant module: its kind, the joint whose load it carries, its frame, and its given values."""
+
+    name: str
+    kind: str
+    joint: str
+    frame: str | None = None
+    root: str | None = None
+    tip: str | None = None
+    axis: tuple[float, float, float] | None = None
+    body: str | None = None
+    anchor: str = "root"
+    values: Mapping[str, Parameter] = field(default_factory=dict)
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class LengthDescription:
+    """A length that places joints: origin = origin in the file + (value - reference) * direction."""
+
+    parameter: Parameter
+    reference: float
+    moves: tuple[tuple[str, tuple[float, float, float]], ...]
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class VariantDescription:
+    """Changes that make another model of the same robot: kinds of modules and values of parameters."""
+
+    name: str
+    kinds: Mapping[str, str]
+    values: Mapping[str, tuple[float, str]]
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class RobotDescription:
+    """All that a robot file says."""
+
+    name: str
+    path: Path
+    source: str  # the format: "URDF" or "MJCF"
+    content: bytes
+    tool: str | None = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.80665)
+    actuated: tuple[str, ...] | None = None
+    rotation: str = "xyz"
+    tasks: tuple[TaskDescription, ...] = ()
+    home: Mapping[str, float] = field(default_factory=dict)
+    loops: tuple[LoopDescription, ...] = ()
+    modules: tuple[ModuleDescription, ...] = ()
+    lengths: tuple[LengthDescription, ...] = ()
+    variants: Mapping[str, VariantDescription] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    described: bool = False  # True where the file says more than a tree
+    lines: Mapping[str, int | None] = field(default_factory=dict)
+
+    def with_variant(self, name: str) -> RobotDescription:
+        """Return the description with the changes of a variant applied (names are already checked)."""
+        variant = self.variants[name]
+        modules = []
+        for module in self.modules:
+            values = dict(module.values)
+            for key, (value, source) in variant.values.items():
+                owner, _, short = key.rpartition(".")
+                if owner == module.name:
+                    quantity = next(q for q in KIND_BY_NAME[module.kind].quantities if q.name == short)
+                    values[short] = Parameter(key, value, quantity.unit, source, quantity.description, quantity)
+            modules.append(replace(module, kind=variant.kinds.get(module.name, module.kind), values=values))
+        return replace(self, name=f"{self.name}_{name}", modules=tuple(modules))
+
+
+def check_references(
+    robot: RobotDescription, joints: Collection[str], frames: Collection[str], fixed_joints: Collection[str] = ()
+) -> list[Problem]:
+    """Return a problem for every name in the description that does not exist or is used twice.
+
+    `joints` are the movable joints, `frames` everything a frame can be named by.
+    """
+    problems: list[Problem] = []
+
+    def need(kind: str, name: str | None, valid: Collection[str], line: int | None, where: str) -> None:
+        if name is not None and name not in valid:
+            problems.append(Problem(f"{where}: no {kind} named '{name}'. {nearest_names(name, sorted(valid))}", line))
+
+    def unique(kind: str, named: Iterable[tuple[str, int | None]]) -> None:
+        seen: dict[str, int | None] = {}
+        for name, line in named:
+            if name in seen:
+                first = f" (first on line {seen[name]})" if seen[name] else ""
+                problems.append(Problem(f"two {kind}s are named '{name}'{first}; names must be unique", line))
+            seen[name] = line
+
+    lines = robot.lines
+    need("frame", robot.tool, frames, lines.get("tool"), "tool")
+    for name in robot.actuated or ():
+        need("movable joint", name, joints, lines.get("actuated"), "actuated")
+    for name in robot.home:
+        need("movable joint", name, joints, lines.get("home"), "home")
+    unique("loop", ((loop.name, loop.line) for loop in robot.loops))
+    for loop in robot.loops:
+        for frame in (loop.first, loop.second):
+            need("frame", frame.name, frames, loop.line, f"loop '{loop.name}'")
+    unique("task coordinate", ((task.name, task.line) for task in robot.tasks))
+    unique("module", ((module.name, module.line) for module in robot.modules))
+    for module in robot.modules:
+        where = f"module '{module.name}'"
+        need("movable joint", module.joint, joints, module.line, where)
+        for name in (module.frame, module.root, module.tip, module.body):
+            need("frame", name, frames, module.line, where)
+    for length in robot.lengths:
+        for name, _ in length.moves:
+            need("joint", name, {*joints, *fixed_joints}, length.line, f"length '{length.parameter.name}'")
+    names = {module.name: module for module in robot.modules}
+    for variant in robot.variants.values():
+        where = f"variant '{variant.name}'"
+        for name, kind in variant.kinds.items():
+            need("module", name, names, variant.line, where)
+            need("kind of module", kind, KIND_BY_NAME, variant.line, where)
+        for key in variant.values:
+            owner, _, short = key.rpartition(".")
+            need("module", owner, names, variant.line, where)
+            if owner in names and names[owner].kind in KIND_BY_NAME:
+                quantities = [q.name for q in KIND_BY_NAME[names[owner].kind].quantities]
+                need(f"parameter of '{owner}'", short, quantities, variant.line, where)
+    return problems
+
+
+def check_modules(robot: RobotDescription) -> list[Problem]:
+    """Return a problem for every module whose kind, frames or values do not fit together."""
+    problems: list[Problem] = []
+    for module in robot.modules:
+        where = f"module '{module.name}'"
+        kind = KIND_BY_NAME.get(module.kind)
+        if kind is None:
+            problems.append(
+                Problem(f"{where}: no kind of module named '{module.kind}'. {nearest_names(module.kind, list(KIND_BY_NAME))}", module.line)
+            )
+            continue
+        if kind.spans_frames and not (module.root and module.tip):
+            problems.append(Problem(f"{where}: a {kind.kind} needs both frames, root=\"…\" and tip=\"…\"", module.line))
+        problems.extend(_check_values(module))
+    return problems
+
+
+def _check_values(module: ModuleDescription) -> list[Problem]:
+    try:
+        resolve_values(module)
+    except ModuleValuesError as error:
+        return [Problem(text, module.line) for text in error.texts]
+    return []
+
+
+class ModuleValuesError(Exception):
+    """All that is wrong with the values of one module."""
+
+    def __init__(self, texts: list[str]):
+        self.texts = texts
+        super().__init__("; ".join(texts))
+
+
+def resolve_values(module: ModuleDescription) -> dict[str, Any]:
+    """Return the value of every quantity of the module's kind, derived defaults included.
+
+    Raises ModuleValuesError with all unknown names, values out of range and missing quantities.
+    """
+    import numpy as np
+
+    from ..errors import ParameterError
+
+    kind = KIND_BY_NAME[module.kind]
+    texts = []
+    known = {quantity.name for quantity in kind.quantities}
+    for name in module.values:
+        if name not in known:
+            texts.append(f"module '{module.name}': a {kind.kind} has no parameter '{name}'. {nearest_names(name, sorted(known))}")
+    values: dict[str, Any] = {}
+    lengths = set()
+    for quantity in kind.quantities:
+        try:
+            if quantity.name in module.values:
+                value = quantity.check(module.values[quantity.name].value, module.name)
+            else:
+                value = quantity.default(values) if callable(quantity.default) else quantity.default
+            if value is None or (quantity.shape == () and callable(quantity.default) and np.isnan(value)):
+                sources = quantity.derived_from
+                also = f", or what it follows from ({', '.join(sources)})" if sources else ""
+                texts.append(f"module '{module.name}': parameter '{quantity.name}' [{quantity.unit}] is missing; give it{also}")
+                value = np.nan
+            elif callable(quantity.default) and quantity.shape == ():
+                value = quantity.check(value, module.name)
+            values[quantity.name] = value
+            if quantity.shape == (-1,) and np.ndim(value) == 1:
+                lengths.add(len(value))
+        except ParameterError as error:
+            texts.append(str(error))
+            values[quantity.name] = np.nan
+        except (TypeError, KeyError):
+            values[quantity.name] = np.nan  # follows from a value already reported
+    if len(lengths) > 1:
+        texts.append(f"module '{module.name}': its tables have {sorted(lengths)} entries; all must have as many as 'stations'")
+    if texts:
+        raise ModuleValuesError(texts)
+    return values

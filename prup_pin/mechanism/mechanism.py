@@ -1,0 +1,382 @@
+"""A robot file becomes a mechanism: Pinocchio model, loops, tool, task coordinates, modules, parameters.
+
+A `Mechanism` is immutable; kinematics and statics read it and keep their own working memory. Changing a parameter
+gives a new mechanism.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from ..errors import InputError, Problem, RobotFileError, UnknownNameError
+from ..modules import CompliantModule, WrenchModule
+from ..parameters import Parameter
+from ..spatial import Array, axis_as_z, placement
+from .description import KIND_BY_NAME, ModuleDescription, ModuleValuesError, RobotDescription, TaskDescription, resolve_values
+
+__all__ = ["Frame", "LoopClosure", "Mechanism", "Module"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame fixed to the body of joint `joint` (0: the base): `placement` is joint_from_frame, 4 x 4."""
+
+    name: str
+    joint: int
+    placement: Array
+
+
+@dataclass(frozen=True)
+class LoopClosure:
+    """Two frames that coincide but for the relative motions in `free`.
+
+    `rotation_rows` (r, 9) turns vec(R_1^T R_2) into the r rotational residuals; `translation_axes` are the axes of
+    the first frame along which the origins must coincide.
+    """
+
+    name: str
+    first: Frame
+    second: Frame
+    free: frozenset[str]
+    translation_axes: tuple[int, ...]
+    rotation_rows: Array
+
+    @property
+    def size(self) -> int:
+        """Number of scalar constraints."""
+        return len(self.translation_axes) + len(self.rotation_rows)
+
+
+@dataclass(frozen=True)
+class Module:
+    """A compliant module in its place.
+
+    Its load is taken across `joint` (Pinocchio id; velocity index `dof` for drive modules), in `frame`, whose z is
+    the module's axis. Beams also know their `root`; `frame` is then at the tip.
+    """
+
+    name: str
+    kind: CompliantModule
+    joint: int
+    dof: int
+    frame: Frame
+    root: Frame | None
+    body: str | None
+    anchored_at_tip: bool
+    inboard_is_root: bool
+    values: Mapping[str, Any]
+
+    @property
+    def leg(self) -> str | None:
+        """The part of the name before the slash: 'leg1' of 'leg1/linear_rod'."""
+        return self.name.partition("/")[0] if "/" in self.name else None
+
+
+def _rotation_rows(free: frozenset[str]) -> Array:
+    """Return the rows that vanish when only the free rotations differ, on vec(E) (row-major), E = R_1^T R_2.
+
+    None free: the skew part of E (weld). One free, about k: e_k x (E e_k) across k. Two free, i then j in cyclic
+    order: e_i . (E e_j), a universal joint with e_i fixed in the first and e_j in the second frame.
+    """
+    turning = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in free]
+    rows = []
+
+    def row(**entries: float) -> Array:
+        values = np.zeros((3, 3))
+        for key, value in entries.items():
+            values[int(key[1]), int(key[2])] = value
+        return values.ravel()
+
+    if not turning:
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            rows.append(row(**{f"e{k}{j}": 0.5, f"e{j}{k}": -0.5}))
+    elif len(turning) == 1:
+        k = turning[0]
+        i, j = (k + 1) % 3, (k + 2) % 3
+        # e_k x (E e_k) = -E_jk e_i + E_ik e_j, minus the free component
+        rows += [row(**{f"e{j}{k}": -1.0}), row(**{f"e{i}{k}": 1.0})]
+    elif len(turning) == 2:
+        k = ({0, 1, 2} - set(turning)).pop()
+        rows.append(row(**{f"e{(k + 1) % 3}{(k + 2) % 3}": -1.0}))
+    return np.array(rows).reshape(-1, 9)
+
+
+class Mechanism:
+    """The robot of one file. Built by `prup_pin.load`; see `Robot` for what to do with it."""
+
+    def __init__(self, description: RobotDescription, locked: frozenset[str] = frozenset(), model: pin.Model | None = None):
+        self.description = description
+        self.name = description.name
+        self.locked = locked
+        self.model = model if model is not None else _build_model(description)
+        frames = _frames_by_name(self.model)
+        self._frames = frames
+        self.gravity = np.array(description.gravity)
+        self.tool = self.frame(description.tool) if description.tool else None
+        self.loops = tuple(self._loop(loop) for loop in description.loops)
+        self.tasks: tuple[TaskDescription, ...] = description.tasks
+        movable = tuple(self.model.names)[1:]
+        self.actuated: tuple[str, ...] = description.actuated if description.actuated is not None else movable
+        self.modules = tuple(self._module(module) for module in description.modules)
+        self.parameters: dict[str, Parameter] = _all_parameters(description, self.modules)
+        for name in locked:
+            self.joint_id(name)
+
+    # -- names -------------------------------------------------------------------------------------------------
+
+    def frame(self, name: str) -> Frame:
+        """Return a frame by the name of a link, a joint or a site. Raises UnknownNameError."""
+        try:
+            return self._frames[name]
+        except KeyError:
+            raise UnknownNameError("frame", name, list(self._frames)) from None
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        return tuple(self._frames)
+
+    def joint_id(self, name: str) -> int:
+        """Return the Pinocchio id of a movable joint. Raises UnknownNameError."""
+        index = int(self.model.getJointId(name))
+        if not 0 < index < self.model.njoints:
+            raise UnknownNameError("movable joint", name, list(self.model.names)[1:])
+        return index
+
+    @cached_property
+    def dof_names(self) -> tuple[str, ...]:
+        """A name per velocity index: the joint's, with its component where it has several."""
+        names = []
+        for index in range(1, self.model.njoints):
+            joint, name = self.model.joints[index], self.model.names[index]
+            names += [name] if joint.nv == 1 else [f"{name}[{i}]" for i in range(joint.nv)]
+        return tuple(names)
+
+    # -- sets of indices -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def support(self) -> Array:
+        """(njoints, njoints): 1 where the column's joint lies in the row's subtree, itself included."""
+        count = self.model.njoints
+        matrix = np.eye(count)
+        for joint in range(count - 1, 0, -1):
+            matrix[self.model.parents[joint]] += matrix[joint]
+        return np.minimum(matrix, 1.0)
+
+    @cached_property
+    def dof_joint(self) -> np.ndarray:
+        """Joint id of every velocity index, (nv,)."""
+        joints = np.zeros(self.model.nv, int)
+        for index in range(1, self.model.njoints):
+            joint = self.model.joints[index]
+            joints[joint.idx_v : joint.idx_v + joint.nv] = index
+        return joints
+
+    @cached_property
+    def actuated_dofs(self) -> np.ndarray:
+        """Velocity indices of the actuated joints, in the order of `actuated`."""
+        return np.array([self.model.joints[self.joint_id(name)].idx_v for name in self.actuated], int)
+
+    @cached_property
+    def free_dofs(self) -> np.ndarray:
+        """Velocity indices that carry no load along themselves: neither driven, nor sprung, nor locked."""
+        held = np.zeros(self.model.nv, bool)
+        held[self.actuated_dofs] = True
+        for name in self.locked:
+            joint = self.model.joints[self.joint_id(name)]
+            held[joint.idx_v : joint.idx_v + joint.nv] = True
+        for module in self.modules:
+            if module.kind.holds_joint(module.values):
+                joint = self.model.joints[module.joint]
+                held[joint.idx_v : joint.idx_v + joint.nv] = True
+        return np.flatnonzero(~held)
+
+    # -- building blocks -----------------------------------------------------------------------------------------
+
+    def _loop(self, loop) -> LoopClosure:
+        first, second = (self._offset_frame(end.name, end.offset) for end in (loop.first, loop.second))
+        translations = tuple(i for i, name in enumerate("xyz") if name not in loop.free)
+        return LoopClosure(loop.name, first, second, loop.free, translations, _rotation_rows(loop.free))
+
+    def _offset_frame(self, name: str, offset: Array | None) -> Frame:
+        frame = self.frame(name)
+        return frame if offset is None else replace(frame, placement=frame.placement @ offset)
+
+    def _module(self, module: ModuleDescription) -> Module:
+        kind = KIND_BY_NAME[module.kind]
+        joint = self.joint_id(module.joint)
+        if not isinstance(kind, WrenchModule) and self.model.joints[joint].nv != 1:
+            raise _file_error(
+                self.description,
+                f"module '{module.name}': a {kind.kind} works along one joint axis, but joint '{module.joint}' has "
+                f"{self.model.joints[joint].nv}",
+                module.line,
+            )
+        root = self.frame(module.root) if module.root else None
+        base = self.frame(module.tip or module.frame or module.joint)
+        axis = module.axis
+        if axis is None and root is not None:
+            axis = self._root_to_tip(root, base, module)
+        turn = placement(axis_as_z(np.array(axis or (0.0, 0.0, 1.0))), np.zeros(3))
+        return Module(
+            name=module.name,
+            kind=kind,
+            joint=joint,
+            dof=int(self.model.joints[joint].idx_v),
+            frame=replace(base, placement=base.placement @ turn),
+            root=root,
+            body=module.body,
+            anchored_at_tip=module.anchor == "tip",
+            inboard_is_root=root is None or self._root_is_inboard(joint, root.joint, base.joint),
+            values=resolve_values(module),
+        )
+
+    def _root_is_inboard(self, joint: int, root: int, tip: int) -> bool:
+        """Return True where a beam's root is the end on the ground's side of the joint that it is loaded through."""
+        if self.support[joint, root] != self.support[joint, tip]:
+            return bool(self.support[joint, tip])
+        if self.support[root, joint] != self.support[tip, joint]:
+            return bool(self.support[root, joint])
+        return True
+
+    def _root_to_tip(self, root: Frame, tip: Frame, module: ModuleDescription) -> tuple[float, ...]:
+        """Return the direction from root to tip in the tip's axes, at the neutral configuration."""
+        data = self.model.createData()
+        pin.forwardKinematics(self.model, data, pin.neutral(self.model))
+        ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
+        line = ends[1][:3, :3].T @ (ends[1][:3, 3] - ends[0][:3, 3])
+        if np.linalg.norm(line) < 1e-9:
+            raise _file_error(
+                self.description,
+                f"module '{module.name}': root and tip coincide, so its axis is unknown; give axis=\"x y z\" in the tip's axes",
+                module.line,
+            )
+        return tuple(line)
+
+    # -- changes -------------------------------------------------------------------------------------------------
+
+    def with_parameters(self, changes: Mapping[str, Any]) -> Mechanism:
+        """Return the mechanism with other parameter values; see `Robot.with_parameters`."""
+        modules = {module.name: module for module in self.description.modules}
+        lengths = {length.parameter.name: length for length in self.description.lengths}
+        touched: dict[str, dict[str, Any]] = {}
+        for name, value in changes.items():
+            if name in lengths:
+                lengths[name] = replace(lengths[name], parameter=lengths[name].parameter.with_value(_number(name, value)))
+            elif name in self.parameters:
+                owner, _, short = name.rpartition(".")
+                touched.setdefault(owner, {})[short] = value
+            else:
+                owner = name.rpartition(".")[0]
+                own = [key for key in self.parameters if key.startswith(f"{owner}.")]
+                raise UnknownNameError("parameter", name, own or list(self.parameters))
+        for owner, values in touched.items():
+            modules[owner] = _with_values(modules[owner], values)
+        description = replace(self.description, modules=tuple(modules.values()), lengths=tuple(lengths.values()))
+        moved = any(name in lengths for name in changes)
+        return Mechanism(description, self.locked, None if moved else self.model)
+
+    def with_locked_joints(self, names) -> Mechanism:
+        """Return the mechanism with brakes on the named joints; see `Robot.with_locked_joints`."""
+        return Mechanism(self.description, self.locked | frozenset(names), self.model)
+
+    def with_variant(self, name: str) -> Mechanism:
+        """Return a variant of the robot file."""
+        if name not in self.description.variants:
+            raise UnknownNameError(f"variant of '{self.description.name}'", name, list(self.description.variants))
+        return Mechanism(self.description.with_variant(name), self.locked, self.model)
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(f"{name} = {value!r}: expected a finite number")
+    return number
+
+
+def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> ModuleDescription:
+    """Return the module with other values; given values that were derived from a changed one are dropped."""
+    quantities = {quantity.name: quantity for quantity in KIND_BY_NAME[module.kind].quantities}
+    kept = {
+        name: parameter
+        for name, parameter in module.values.items()
+        if not set(quantities[name].derived_from) & set(values)
+    }
+    for short, value in values.items():
+        quantity = quantities[short]
+        parameter = Parameter(f"{module.name}.{short}", None, quantity.unit, "", quantity.description, quantity)
+        kept[short] = parameter.with_value(value)
+    changed = replace(module, values=kept)
+    try:
+        resolve_values(changed)
+    except ModuleValuesError as error:
+        raise InputError(str(error)) from error
+    return changed
+
+
+def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) -> dict[str, Parameter]:
+    """Return every parameter by its full name, derived values included."""
+    parameters = {length.parameter.name: length.parameter for length in description.lengths}
+    for given, module in zip(description.modules, modules, strict=True):
+        for quantity in module.kind.quantities:
+            name = f"{module.name}.{quantity.name}"
+            if quantity.name in given.values:
+                parameters[name] = given.values[quantity.name]
+            else:
+                source = "derived" if callable(quantity.default) else "default"
+                parameters[name] = Parameter(name, module.values[quantity.name], quantity.unit, source, quantity.description, quantity)
+    return parameters
+
+
+def _frames_by_name(model: pin.Model) -> dict[str, Frame]:
+    """Return every frame of the model; where a link and a joint share a name, the link's."""
+    frames: dict[str, Frame] = {}
+    for wanted_body in (True, False):
+        for frame in model.frames:
+            if (frame.type == pin.FrameType.BODY) == wanted_body and frame.name not in frames:
+                frames[frame.name] = Frame(frame.name, int(frame.parentJoint), np.array(frame.placement.homogeneous))
+    return frames
+
+
+def _file_error(description: RobotDescription, message: str, line: int | None = None) -> RobotFileError:
+    return RobotFileError(description.path, [Problem(message, line)])
+
+
+def _build_model(description: RobotDescription) -> pin.Model:
+    """Return Pinocchio's model of the tree, with the lengths of the description applied."""
+    if description.source == "MJCF":
+        from .mjcf import build_tree
+
+        return build_tree(description)
+    content = description.content
+    moved = [length for length in description.lengths if length.parameter.value != length.reference]
+    if moved:
+        content = _with_lengths(content, moved)
+    try:
+        return pin.buildModelFromXML(content.decode("utf-8", "replace"))
+    except ValueError as error:
+        raise _file_error(description, f"Pinocchio does not accept the tree: {error}") from error
+
+
+def _with_lengths(content: bytes, lengths) -> bytes:
+    """Return the URDF with the joints' origins moved by the changed lengths."""
+    root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False))
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    for length in lengths:
+        delta = length.parameter.value - length.reference
+        for name, direction in length.moves:
+            origin = joints[name].find("origin")
+            if origin is None:
+                origin = etree.SubElement(joints[name], "origin")
+            xyz = np.array([float(word) for word in (origin.get("xyz") or "0 0 0").split()])
+            origin.set("xyz", " ".join(repr(float(x)) for x in xyz + delta * np.array(direction)))
+    return etree.tostring(root)

@@ -1,0 +1,92 @@
+"""A circular beam whose diameter changes linearly from root to tip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..parameters import Quantity
+from ..spatial import Array
+from .beam import MATERIAL, SMOOTH, WEIGHT, shear_flexibility
+from .flexibility import BodyWeight, SectionFlexibilities, body_weight, own_weight_deformation
+from .module import ModuleGeometry, Values, WrenchModule, required
+
+
+class TaperedBeam(WrenchModule):
+    """Solid or hollow circular beam with a linear taper; the bore is constant. Integrated by quadrature."""
+
+    kind = "tapered_beam"
+    summary = "circular beam with linear taper, solid or with a constant bore"
+    is_body = True
+    spans_frames = True
+    quantities = (
+        required("root_diameter", "m", "outer diameter at the root"),
+        required("tip_diameter", "m", "outer diameter at the tip"),
+        Quantity("inner_diameter", "m", "constant bore", 0.0, positive=False),
+        *MATERIAL,
+        WEIGHT[0],
+    )
+
+    @staticmethod
+    def _section(values: Values, length: Array, u: Array) -> tuple[Array, Array]:
+        """Return area and second moment at the distances u from the tip, (..., points)."""
+        tip, root, bore = (values[name][..., None] for name in ("tip_diameter", "root_diameter", "inner_diameter"))
+        outer = tip + (root - tip) * u / length[..., None]
+        return np.pi / 4 * (outer**2 - bore**2), np.pi / 64 * (outer**4 - bore**4)
+
+    def _area(self, values: Values, length: Array):
+        return lambda u: self._section(values, length, u)[0]
+
+    def _flexibilities(self, values: Values, length: Array) -> SectionFlexibilities:
+        column = {name: values[name][..., None] for name in ("youngs_modulus", "shear_modulus", "shear_coefficient")}
+        e, g, area = column["youngs_modulus"], column["shear_modulus"], self._area(values, length)
+
+        def second_moment(u):
+            return self._section(values, length, u)[1]
+
+        def shear(u):
+            return shear_flexibility(column, area(u))
+
+        def bending(u):
+            return 1 / (e * second_moment(u))
+
+        return SectionFlexibilities(
+            axial=lambda u: 1 / (e * area(u)),
+            shear_x=shear,
+            shear_y=shear,
+            torsion=lambda u: 1 / (g * 2 * second_moment(u)),
+            bending_x=bending,
+            bending_y=bending,
+            breaks=SMOOTH,
+        )
+
+    def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
+        return self._flexibilities(values, at.length).tip_compliance(at.length)
+
+    def _line_density(self, values: Values, length: Array):
+        area = self._area(values, length)
+        return lambda u: values["density"][..., None] * area(u)
+
+    def weight_deformation(self, values: Values, at: ModuleGeometry, gravity: Array) -> Array:
+        return own_weight_deformation(
+            gravity,
+            self._line_density(values, at.length),
+            np.zeros_like(at.length),
+            at.length,
+            at.inboard_is_root,
+            self._flexibilities(values, at.length),
+        )
+
+    def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:
+        density = self._line_density(values, at.length)
+        return body_weight(density, at.length, np.zeros_like(at.length), at.anchored_at_tip, SMOOTH)
+
+    def problems(self, values: Values, at: ModuleGeometry) -> Array:
+        thin = np.minimum(values["root_diameter"], values["tip_diameter"]) <= values["inner_diameter"]
+        return (at.length <= 0) | thin
+
+    def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
+        return (
+            f"length {at.length[..., index]:.6g} m, diameters {values['root_diameter'][index]:.6g} m and "
+            f"{values['tip_diameter'][index]:.6g} m, bore {values['inner_diameter'][index]:.6g} m; expected a positive "
+            "length and diameters larger than the bore"
+        )

@@ -1,0 +1,173 @@
+"""The robot: what a user holds. It joins mechanism, kinematics and statics and adds nothing of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from .errors import InputError, PrupPinError
+from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
+from .mechanism import Mechanism
+from .parameters import Parameter
+from .spatial import Array, as_wrench
+from .statics import Compliance, StaticsLayout, assemble
+
+__all__ = ["Robot"]
+
+
+class Robot:
+    """A robot loaded by `prup_pin.load`. Immutable: changes give a new robot."""
+
+    def __init__(self, mechanism: Mechanism):
+        self.mechanism = mechanism
+
+    @property
+    def name(self) -> str:
+        return self.mechanism.name
+
+    @property
+    def model(self) -> pin.Model:
+        """Pinocchio's model of the spanning tree."""
+        return self.mechanism.model
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Every parameter by its full name, such as 'leg1/linear_rod.diameter'."""
+        return self.mechanism.parameters
+
+    @property
+    def task_coordinates(self) -> tuple[str, ...]:
+        """Names of the task coordinates, in order; for a plain tree the joints."""
+        return tuple(task.name for task in self.mechanism.tasks) or self._plain_coordinates
+
+    @property
+    def _plain_coordinates(self) -> tuple[str, ...]:
+        return () if self.mechanism.loops else self.mechanism.actuated
+
+    @cached_property
+    def _kinematics(self) -> LoopKinematics:
+        if self.mechanism.tool is None:
+            model = self.model
+            parents = {int(model.parents[i]) for i in range(1, model.njoints)}
+            ends = {i for i in range(1, model.njoints) if i not in parents}
+            tips = [f.name for f in model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
+            raise PrupPinError(
+                f"'{self.name}' has no tool frame: load(..., tool=\"frame\"). Frames at the ends of its chains: "
+                f"{', '.join(tips[:12])}"
+            )
+        return LoopKinematics(self.mechanism)
+
+    @cached_property
+    def _statics(self) -> StaticsLayout:
+        return StaticsLayout(self.mechanism)
+
+    def pose(self, **coordinates: float) -> ClosedPose:
+        """Return the closed pose at task coordinates of the robot file [m, rad].
+
+        A robot without loops and task coordinates takes its joint positions by name. Raises InputError for unknown,
+        missing or non-finite coordinates, UnreachablePoseError or SingularPoseError with the nearest feasible ones.
+        """
+        if self._plain_coordinates and not self.mechanism.tasks:
+            return self._pose_of_joints(coordinates)
+        return self._kinematics.pose(coordinates)
+
+    def _pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
+        names = self._plain_coordinates
+        for name in values:
+            self.mechanism.joint_id(name)
+        missing = [name for name in names if name not in values]
+        if missing:
+            raise InputError(f"missing joint positions: {', '.join(missing)}; give all of {', '.join(names)}")
+        return self.pose_from_actuators([values[name] for name in names])
+
+    def pose_from_actuators(self, positions: Sequence[float], near: ClosedPose | None = None) -> ClosedPose:
+        """Return the closed pose at actuator positions (in the order of `actuated`) [m, rad].
+
+        Of several assembly modes, the one connected to home, or to the pose `near`. A tree also takes a whole
+        Pinocchio configuration. Raises like `pose`.
+        """
+        return self._kinematics.pose_from_actuators(positions, near)
+
+    def pose_from_configuration(self, q: Sequence[float]) -> ClosedPose:
+        """Return the closed pose at a full configuration of Pinocchio's model; it must close the loops to 1e-6."""
+        return self._kinematics.pose_from_configuration(q)
+
+    @cached_property
+    def home(self) -> ClosedPose:
+        """The closed pose at the robot file's home position."""
+        return self._kinematics.pose_from_configuration(self._kinematics.home)
+
+    @property
+    def characteristic_length(self) -> float:
+        """Length [m] that weighs rotations against translations: RMS distance of the joints from the tool at home."""
+        return self._kinematics.length
+
+    def compliance(self, pose: ClosedPose, load=None) -> Compliance:
+        """Return C, K and all parts at a pose.
+
+        `load` (6,) is the wrench at which nonlinear modules are linearised; none: at rest. Raises PrupPinError where
+        no module is compliant, UnreachablePoseError where a module's equation does not hold at this pose.
+        """
+        if pose.mechanism is not self.mechanism:
+            raise InputError(
+                f"this pose belongs to another robot or to other parameters ('{pose.mechanism.name}'); ask this robot for it: robot.pose(...)"
+            )
+        return assemble(self._statics, pose, self._kinematics.length, None if load is None else as_wrench(load, "load"))
+
+    def mobility(self, pose: ClosedPose) -> Mobility:
+        """Return rank, mobility, idle joints and redundant closures at a pose."""
+        return mobility(self._kinematics, pose)
+
+    def with_parameters(self, changes: Mapping[str, Any]) -> Robot:
+        """Return the robot with other parameter values: {'leg1/linear_rod.diameter': 0.022}.
+
+        Values that were given for the old value of what changes (an area tabulated for the old diameter) are derived
+        anew. Raises UnknownNameError, ParameterError.
+        """
+        return Robot(self.mechanism.with_parameters(changes))
+
+    def with_locked_joints(self, names: Iterable[str]) -> Robot:
+        """Return the robot with a brake on each named joint: it is locked wherever a pose puts it.
+
+        Kinematics do not change; the joint then carries load along itself, which can make the mechanism
+        overconstrained. Raises UnknownNameError.
+        """
+        return Robot(self.mechanism.with_locked_joints([names] if isinstance(names, str) else list(names)))
+
+    def with_variant(self, name: str) -> Robot:
+        """Return a variant that the robot file describes. Raises UnknownNameError."""
+        return Robot(self.mechanism.with_variant(name))
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What the model leaves out or takes for granted, in words."""
+        notes = list(self.mechanism.description.notes)
+        kinds = {module.kind.kind for module in self.mechanism.modules}
+        if not kinds:
+            notes.append("no module is compliant")
+        elif kinds == {"joint_spring"}:
+            notes.append("only the joints' own springs yield; links, bearings and gears across their axes are rigid")
+        if self.mechanism.locked:
+            notes.append(f"locked where they stand: {', '.join(sorted(self.mechanism.locked))}")
+        return tuple(notes)
+
+    def __repr__(self) -> str:
+        m = self.mechanism
+        return f"<Robot {m.name}: {m.model.njoints - 1} joints, {len(m.loops)} loops, {len(m.modules)} compliant modules>"
+
+
+def random_poses(robot: Robot, bounds: Mapping[str, tuple[float, float]], count: int, seed: int = 0) -> list[ClosedPose]:
+    """Return `count` feasible poses drawn uniformly from a box of task coordinates; infeasible draws are redrawn."""
+    generator = np.random.default_rng(seed)
+    poses: list[ClosedPose] = []
+    while len(poses) < count:
+        drawn: dict[str, Array] = {name: generator.uniform(*span) for name, span in bounds.items()}
+        try:
+            poses.append(robot.pose(**drawn))
+        except PrupPinError:
+            continue
+    return poses

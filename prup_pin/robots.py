@@ -1,0 +1,99 @@
+"""Finding robots: packaged ones, example-robot-data's, and files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+
+from .errors import PrupPinError, UnknownNameError
+
+#: Robots of example-robot-data by the names its users know: folder and file below `robots/`.
+EXAMPLE_ROBOTS: Mapping[str, str] = {
+    "ur3": "ur_description/urdf/ur3_robot.urdf",
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+    "ur5_limited": "ur_description/urdf/ur5_joint_limited_robot.urdf",
+    "ur5_gripper": "ur_description/urdf/ur5_gripper.urdf",
+    "ur10": "ur_description/urdf/ur10_robot.urdf",
+    "ur10_limited": "ur_description/urdf/ur10_joint_limited_robot.urdf",
+    "xarm7": "xarm_description/urdf/xarm7.urdf",
+    "panda": "panda_description/urdf/panda.urdf",
+    "kinova": "kinova_description/robots/kinova.urdf",
+    "double_pendulum": "double_pendulum_description/urdf/double_pendulum.urdf",
+    "double_pendulum_continuous": "double_pendulum_description/urdf/double_pendulum_continuous.urdf",
+    "double_pendulum_simple": "double_pendulum_description/urdf/double_pendulum_simple.urdf",
+    "z1": "z1_description/urdf/z1.urdf",
+    "finger_edu": "finger_edu_description/robots/finger_edu.urdf",
+    "so100": "so_arm_description/urdf/so100.urdf",
+    "so101": "so_arm_description/urdf/so101.urdf",
+    "talos_arm": "talos_data/robots/talos_left_arm.urdf",
+}
+#: Where the tool of a well-known arm sits, used when `tool` is not given.
+EXAMPLE_TOOLS: Mapping[str, str] = {
+    "ur3": "tool0",
+    "ur5": "tool0",
+    "ur5_limited": "tool0",
+    "ur10": "tool0",
+    "ur10_limited": "tool0",
+    "xarm7": "link_eef",
+    "panda": "panda_hand_tcp",
+    "kinova": "j2s6s200_end_effector",
+    "double_pendulum": "link2",
+    "double_pendulum_continuous": "link2",
+    "double_pendulum_simple": "link3",
+}
+
+
+def packaged_folder() -> Path:
+    """Return the folder of the robots that come with this package."""
+    here = Path(__file__).resolve().parent
+    for folder in (here / "urdf", here.parent / "urdf"):  # installed, or a source checkout
+        if (folder / "3prup.urdf").is_file():
+            return folder
+    raise PrupPinError(f"the packaged robots are missing beside {here}; reinstall prup_pin")
+
+
+def example_folder() -> Path | None:
+    """Return example-robot-data's folder of robots, or None where it is not installed."""
+    try:
+        folder = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
+    except metadata.PackageNotFoundError:
+        return None
+    path = Path(str(folder))
+    return path if path.is_dir() else None
+
+
+def packaged_names() -> tuple[str, ...]:
+    """Return the names of the packaged robots."""
+    return tuple(sorted(path.stem for path in packaged_folder().glob("*.urdf")))
+
+
+def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
+    """Return (file, package folders, variant) of a robot given by name or path.
+
+    A name is a packaged robot, '<packaged>_<variant>', or one of example-robot-data. Anything with a folder or an
+    ending is a path. Raises UnknownNameError with the nearest names.
+    """
+    path = Path(name).expanduser()
+    if path.suffix or len(path.parts) > 1 or path.is_file():
+        return path, (), None
+    packaged = packaged_folder()
+    for known in sorted(packaged_names(), key=len, reverse=True):
+        if name == known or name.startswith(f"{known}_"):
+            return packaged / f"{known}.urdf", (), name[len(known) + 1 :] or None
+    examples = example_folder()
+    if name in EXAMPLE_ROBOTS:
+        if examples is None:
+            from .errors import MissingExtraError
+
+            raise MissingExtraError("example-robot-data", "robots")
+        return examples / EXAMPLE_ROBOTS[name], (examples.parents[1], examples.parent), None
+    raise UnknownNameError("robot", name, (*packaged_names(), *EXAMPLE_ROBOTS), "A path to a file works too.")
+
+
+def folders(extra: Sequence[str | Path] | str | Path | None) -> tuple[Path, ...]:
+    """Return declared package folders as paths."""
+    if extra is None:
+        return ()
+    items: Iterable[str | Path] = (extra,) if isinstance(extra, str | Path) else extra
+    return tuple(Path(item).expanduser().resolve() for item in items)

@@ -1,0 +1,108 @@
+"""Wrenches, twists and frames: the only home of their conventions.
+
+- A wrench is (force, moment), a twist (translation, rotation), in that order, like Pinocchio's Force and Motion.
+- A *base wrench* is taken about the origin of the base frame, in base axes. The load of every joint and module
+  is first written so, because wrenches about one point add up.
+- A placement is a 4 x 4 homogeneous matrix `base_from_frame`.
+
+All functions broadcast over leading axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError, UnknownNameError
+
+Array = NDArray[np.float64]
+
+#: Names of the components of a wrench, and of the displacements they are conjugate to.
+WRENCH_NAMES = ("fx", "fy", "fz", "mx", "my", "mz")
+TWIST_NAMES = ("dx", "dy", "dz", "rx", "ry", "rz")
+
+# _CROSS @ v is the skew matrix of v.
+_CROSS = np.zeros((3, 3, 3))
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _CROSS[_j, _i, _k], _CROSS[_i, _j, _k] = 1.0, -1.0
+
+
+def skew(vector: Array) -> Array:
+    """Return [v]x with [v]x u = v x u; (..., 3) -> (..., 3, 3)."""
+    return (_CROSS @ np.asarray(vector)[..., None, :, None])[..., 0]
+
+
+def base_wrench_from_point(point: Array) -> Array:
+    """Return the (..., 6, 6) matrix that turns a wrench about `point` (base axes) into a base wrench."""
+    matrix = np.zeros((*np.shape(point)[:-1], 6, 6))
+    matrix[..., range(6), range(6)] = 1.0
+    matrix[..., 3:, :3] = skew(point)
+    return matrix
+
+
+def frame_wrench_from_base(placement: Array) -> Array:
+    """Return the (..., 6, 6) matrix that turns a base wrench into one about the frame's origin, in its axes."""
+    to_frame = np.swapaxes(placement[..., :3, :3], -1, -2)
+    matrix = np.zeros((*placement.shape[:-2], 6, 6))
+    matrix[..., :3, :3] = to_frame
+    matrix[..., 3:, 3:] = to_frame
+    matrix[..., 3:, :3] = -to_frame @ skew(placement[..., :3, 3])
+    return matrix
+
+
+def rotation_xyz(x: float, y: float, z: float) -> Array:
+    """Return R_x(x) R_y(y) R_z(z), Eq. (50) of the paper."""
+    cx, sx, cy, sy, cz, sz = np.cos(x), np.sin(x), np.cos(y), np.sin(y), np.cos(z), np.sin(z)
+    return np.array(
+        [
+            [cy * cz, -cy * sz, sy],
+            [sx * sy * cz + cx * sz, cx * cz - sx * sy * sz, -sx * cy],
+            [sx * sz - cx * sy * cz, cx * sy * sz + sx * cz, cx * cy],
+        ]
+    )
+
+
+def rotation_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Return R_z(yaw) R_y(pitch) R_x(roll), the convention of URDF's `rpy`."""
+    return rotation_xyz(-roll, -pitch, -yaw).T
+
+
+def placement(rotation: Array, translation: Array) -> Array:
+    """Return the 4 x 4 placement of a rotation and a translation."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, translation
+    return matrix
+
+
+def axis_as_z(axis: Array) -> Array:
+    """Return a rotation whose z column is the unit vector along `axis`.
+
+    The coordinate axes give cyclic permutations, so that x stays along a coordinate axis.
+    """
+    z = np.asarray(axis, float) / np.linalg.norm(axis)
+    along = int(np.argmax(np.abs(z)))
+    x = np.zeros(3)
+    x[(along + 1) % 3] = 1.0
+    x -= (x @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack((x, np.cross(z, x), z))
+
+
+def as_wrench(value, name: str = "wrench") -> Array:
+    """Return `value` as a finite (6,) wrench, or raise InputError. A mapping names components: {'fx': 300}."""
+    if isinstance(value, Mapping):
+        wrench = np.zeros(6)
+        for key, component in value.items():
+            if key not in WRENCH_NAMES:
+                raise UnknownNameError(f"component of a {name}", str(key), WRENCH_NAMES)
+            wrench[WRENCH_NAMES.index(key)] = component
+        value = wrench
+    try:
+        wrench = np.asarray(value, float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be six numbers fx fy fz mx my mz [N, N m]; got {value!r}") from error
+    if wrench.shape != (6,) or not np.isfinite(wrench).all():
+        raise InputError(f"{name} must be six finite numbers fx fy fz mx my mz [N, N m]; got {value!r}")
+    return wrench

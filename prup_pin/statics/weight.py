@@ -1,0 +1,76 @@
+"""Sag: what the robot's own weight does to the tool.
+
+The weight of a link acts at its centre of mass. A beam that names its `body` carries that link's weight as a
+continuous load along its length instead, overhang included. The deflection follows from the loads of gravity on
+every module by Castigliano: sum J_m^T (Lambda_m s_m + e_m), with e_m the correction for a spread weight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from ..kinematics import ClosedPose
+from ..mechanism import Mechanism
+from ..modules import ModuleGeometry
+from ..spatial import Array, base_wrench_from_point
+from .wrench_jacobians import StaticsLayout, module_loads, transmitted_wrenches
+
+
+def weight_strains(
+    layout: StaticsLayout, pose: ClosedPose, geometries: list[ModuleGeometry], lambdas: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return the deformations of all modules under the robot's weight, (n, 6) and (m, 1)."""
+    mechanism = layout.mechanism
+    loads = np.zeros((mechanism.model.njoints, 6, 1))
+    own = np.zeros((len(layout.wrench_names), 6))
+    carried: set[str] = set()
+    for group, at in zip(layout.wrench_groups, geometries, strict=False):
+        weight = group.kind.weight(group.values, at)
+        if weight is None:
+            continue
+        frames = pose.placements[group.frame_joints] @ group.frame_placements
+        gravity = (mechanism.gravity @ frames[:, :3, :3]).reshape(-1, 3)
+        own[group.slots] = group.kind.weight_deformation(group.values, at, gravity)
+        centres = frames[:, :3, 3] - weight.centre_from_tip[:, None] * frames[:, :3, 2]
+        for module, mass, centre in zip(group.modules, weight.mass, centres, strict=True):
+            if mass > 0:
+                owner = mechanism.frame(module.body).joint if module.body else module.joint
+                loads[owner, :, 0] += _weight(mass * mechanism.gravity, centre)
+                if module.body:
+                    carried.add(module.body)
+    for joint, mass, lever in _link_masses(mechanism, carried):
+        loads[joint, :, 0] += _weight(mass * mechanism.gravity, (pose.placements[joint] @ np.append(lever, 1.0))[:3])
+    gravity_loads = module_loads(layout, pose, transmitted_wrenches(layout, pose, loads))
+    wrench, drive = ((lam @ load)[..., 0] for lam, load in zip(lambdas, gravity_loads, strict=True))
+    return wrench + own, drive
+
+
+def _weight(force: Array, point: Array) -> Array:
+    return base_wrench_from_point(point)[:, :3] @ force
+
+
+def _link_masses(mechanism: Mechanism, without: set[str]):
+    """Yield (joint id, mass [kg], centre in the joint's frame) of the links that are not in `without`."""
+    model = mechanism.model
+    # Pinocchio merges links on fixed joints into the joint's body and keeps their inertia on the fixed frame.
+    merged = {joint: pin.Inertia(inertia) for joint, inertia in enumerate(model.inertias)}
+    for name in without:
+        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+        parent = model.frames[frame.parentFrame]
+        if parent.type == pin.FrameType.FIXED_JOINT:
+            own = parent.inertia.se3Action(parent.placement)
+        else:
+            others = [f for f in model.frames if f.type == pin.FrameType.FIXED_JOINT and f.parentJoint == frame.parentJoint]
+            own = _minus(model.inertias[frame.parentJoint], [f.inertia.se3Action(f.placement) for f in others])
+        merged[frame.parentJoint] = _minus(merged[frame.parentJoint], [own])
+    for joint, inertia in merged.items():
+        if inertia.mass > 1e-9:
+            yield joint, inertia.mass, inertia.lever
+
+
+def _minus(whole: pin.Inertia, parts: list[pin.Inertia]) -> pin.Inertia:
+    """Return mass and centre of what is left of a body without some parts."""
+    mass = whole.mass - sum(part.mass for part in parts)
+    first = whole.mass * whole.lever - sum((part.mass * part.lever for part in parts), np.zeros(3))
+    return pin.Inertia(max(mass, 0.0), first / mass if mass > 1e-9 else np.zeros(3), np.zeros((3, 3)))
