@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-
 from . import robots
 from .errors import InputError, ParameterError, UnknownNameError
 from .mechanism import Mechanism
@@ -66,8 +65,8 @@ def load(
         mechanism = Mechanism(_with_joint_springs(description, mechanism, joint_stiffness), model=mechanism.model)
     if mechanism.loops and description.actuated is None:
         raise InputError(
-            f"'{description.name}' has loops, but nothing says which joints are actuated: load(..., actuated=[\"joint\", …]) "
-            f"with names from {', '.join(list(mechanism.model.names)[1:])}"
+            f"'{description.name}' has loops, but nothing says which joints are actuated: "
+            f'load(..., actuated=["joint", …]) with names from {", ".join(list(mechanism.model.names)[1:])}'
         )
     return Robot(mechanism)
 
@@ -90,5 +89,3 @@ def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, sti
         parameter = Parameter(f"{name}.stiffness", checked, unit, "joint_stiffness", quantity.description, quantity)
         modules.append(ModuleDescription(name, "joint_spring", name, values={"stiffness": parameter}))
     return replace(description, modules=tuple(modules))
-
-

@@ -14,7 +14,7 @@ from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .mechanism import Mechanism
 from .parameters import Parameter
 from .spatial import Array, as_wrench
-from .statics import Compliance, StaticsLayout, assemble
+from .statics import Compliance, StaticsLayout, solve_statics
 
 __all__ = ["Robot"]
 
@@ -116,7 +116,8 @@ class Robot:
             raise InputError(
                 f"this pose belongs to another robot or to other parameters ('{pose.mechanism.name}'); ask this robot for it: robot.pose(...)"
             )
-        return assemble(self._statics, pose, self._kinematics.length, None if load is None else as_wrench(load, "load"))
+        wrench = None if load is None else as_wrench(load, "load")
+        return Compliance(solve_statics(self._statics, pose, wrench), self._kinematics.length, wrench)
 
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""

@@ -23,21 +23,23 @@ Array = NDArray[np.float64]
 WRENCH_NAMES = ("fx", "fy", "fz", "mx", "my", "mz")
 TWIST_NAMES = ("dx", "dy", "dz", "rx", "ry", "rz")
 
-# _CROSS @ v is the skew matrix of v.
+# v @ _CROSS is the skew matrix of v, row by row.
 _CROSS = np.zeros((3, 3, 3))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    _CROSS[_j, _i, _k], _CROSS[_i, _j, _k] = 1.0, -1.0
+    _CROSS[_i, _k, _j], _CROSS[_i, _j, _k] = 1.0, -1.0
+_CROSS = _CROSS.reshape(3, 9)
+_IDENTITY = np.eye(6)
 
 
 def skew(vector: Array) -> Array:
     """Return [v]x with [v]x u = v x u; (..., 3) -> (..., 3, 3)."""
-    return (_CROSS @ np.asarray(vector)[..., None, :, None])[..., 0]
+    return (vector @ _CROSS).reshape(*vector.shape, 3)
 
 
 def base_wrench_from_point(point: Array) -> Array:
     """Return the (..., 6, 6) matrix that turns a wrench about `point` (base axes) into a base wrench."""
-    matrix = np.zeros((*np.shape(point)[:-1], 6, 6))
-    matrix[..., range(6), range(6)] = 1.0
+    matrix = np.empty((*point.shape[:-1], 6, 6))
+    matrix[...] = _IDENTITY
     matrix[..., 3:, :3] = skew(point)
     return matrix
 

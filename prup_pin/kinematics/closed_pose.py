@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,24 +27,33 @@ class PassiveBalance:
     idle: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ClosedPose:
     """A configuration with closed loops, and all kinematics that statics needs.
 
     placements: (njoints, 4, 4), base_from_joint; jacobian: (6, nv), twist of each joint per unit velocity about the
     base's origin in base axes; closure_jacobian: (c, nv) and closure_wrenches: (c, 6), base wrenches of unit closure
-    forces on the second frame's body; residual: what is left of the closure, (metres, radians).
+    forces on the second frame's body; closure_residual: (c,), what is left of the closure [m, rad].
     """
 
-    mechanism: Mechanism = field(repr=False)
+    mechanism: Mechanism
     q: Array
-    placements: Array = field(repr=False)
-    jacobian: Array = field(repr=False)
-    closure_jacobian: Array = field(repr=False)
-    closure_wrenches: Array = field(repr=False)
-    balance: PassiveBalance = field(repr=False)
-    residual: tuple[float, float]
+    placements: Array
+    jacobian: Array
+    closure_jacobian: Array
+    closure_wrenches: Array
+    balance: PassiveBalance
+    closure_residual: Array
     coordinates: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        at = ", ".join(f"{name}={value:.6g}" for name, value in self.coordinates.items())
+        return f"<ClosedPose of {self.mechanism.name}{' at ' + at if at else ''}>"
+
+    @property
+    def residual(self) -> tuple[float, float]:
+        """What is left of the closure: largest distance [m] and largest angle [rad] of all loops."""
+        return split_residual(self.mechanism, self.closure_residual)
 
     @property
     def base_from_tool(self) -> Array:
@@ -73,3 +82,14 @@ class ClosedPose:
         """Positions of the actuated joints [m or rad]."""
         joints = self.joints
         return {name: joints[name] for name in self.mechanism.actuated if name in joints}
+
+
+def split_residual(mechanism: Mechanism, residual: Array) -> tuple[float, float]:
+    """Return how far the loops are open, the largest distance [m] and the largest angle [rad]."""
+    metres, radians, start = 0.0, 0.0, 0
+    for loop in mechanism.loops:
+        middle, end = start + len(loop.translation_axes), start + loop.size
+        metres = max(metres, float(np.linalg.norm(residual[start:middle])))
+        radians = max(radians, float(np.linalg.norm(residual[middle:end])))
+        start = end
+    return metres, radians

@@ -29,11 +29,11 @@ def nearest_feasible(kinematics: LoopKinematics, requested: Mapping[str, float],
     scale = np.where([task.units[name] == "m" for name in task.names], 1 / kinematics.length, 1.0)
     goal = task.goal(target)
     margin = 1e-6
-    lower, upper = kinematics._lower + margin, kinematics._upper - margin
+    lower, upper = kinematics.lower + margin, kinematics.upper - margin
 
     def distance(q):
-        placements, jacobian, *_ = kinematics._evaluate(q)
-        error, rows = goal(q, placements, jacobian)
+        evaluation = kinematics.evaluate(q)
+        error, rows = goal(q, evaluation.placements, evaluation.jacobian)
         return float(((error * scale) ** 2).sum()), 2 * (error * scale**2) @ rows
 
     best = None
@@ -46,21 +46,27 @@ def nearest_feasible(kinematics: LoopKinematics, requested: Mapping[str, float],
             jac=True,
             method="SLSQP",
             bounds=list(zip(lower, upper, strict=True)),
-            constraints=[{"type": "eq", "fun": lambda q: kinematics._evaluate(q)[2], "jac": lambda q: kinematics._evaluate(q)[4]}],
+            constraints=[
+                {
+                    "type": "eq",
+                    "fun": lambda q: kinematics.evaluate(q).residual,
+                    "jac": lambda q: kinematics.evaluate(q).closure,
+                }
+            ],
             options={"maxiter": 300, "ftol": 1e-12},
         )
-        residual = np.abs(kinematics._evaluate(found.x)[2]).max(initial=0.0) if np.isfinite(found.x).all() else np.inf
+        residual = np.abs(kinematics.evaluate(found.x).residual).max(initial=0.0) if np.isfinite(found.x).all() else np.inf
         if residual < 1e-5 and (best is None or found.fun < best[0]):
             best = (found.fun, found.x)
     if best is None:
         return None
-    return dict(zip(task.names, task.values(kinematics._evaluate(best[1])[0]).tolist(), strict=True))
+    return dict(zip(task.names, task.values(kinematics.evaluate(best[1]).placements).tolist(), strict=True))
 
 
 def last_regular(kinematics: LoopKinematics, requested: Mapping[str, float]) -> dict[str, float] | None:
     """Return the regular task coordinates nearest to a singular pose on the straight line from home, or None."""
     task = kinematics.task
-    here = task.values(kinematics._evaluate(kinematics.home)[0])
+    here = task.values(kinematics.evaluate(kinematics.home).placements)
     target = np.array([requested[name] for name in task.names])
     low, high, found = 0.0, 1.0, None
     for _ in range(24):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +18,9 @@ import pinocchio as pin
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
 from ..mechanism import Mechanism
 from ..spatial import Array, skew
-from .closed_pose import ClosedPose, PassiveBalance
+from .closed_pose import ClosedPose, PassiveBalance, split_residual
+from .feasible import last_regular, nearest_feasible
+from .seed import PoseSeed
 from .task import TaskFrame
 
 #: Residual at which the loops count as closed [m, rad]. Newton ends near 1e-16.
@@ -33,6 +36,24 @@ class _NotConverged(Exception):
         self.q, self.residual = q, residual
 
 
+class Evaluation(NamedTuple):
+    """Kinematics at one configuration, on or off closure.
+
+    residual (c,) [m, rad]; wrenches (c, 6) of unit closure forces about the base's origin; closure (c, nv), the
+    residual's Jacobian; turn (loops, 3, 3), R_1^T R_2 of each loop.
+    """
+
+    placements: Array
+    jacobian: Array
+    residual: Array
+    wrenches: Array
+    closure: Array
+    turn: Array
+
+
+Goal = Callable[[Array, Array, Array], tuple[Array, Array]]
+
+
 class LoopKinematics:
     """Solves one mechanism's closure. Holds Pinocchio's working memory: use one instance per thread."""
 
@@ -43,90 +64,92 @@ class LoopKinematics:
         self._oMi = list(self.data.oMi)  # references into data, refreshed by every forward pass
         self.task = TaskFrame(mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint)
         loops = mechanism.loops
-        self._ends = np.array([[loop.first.joint, loop.second.joint] for loop in loops], int).reshape(-1, 2)
-        self._first = np.array([loop.first.placement for loop in loops]).reshape(-1, 4, 4)
-        self._second = np.array([loop.second.placement for loop in loops]).reshape(-1, 4, 4)
-        support, dof_joint = mechanism.support, mechanism.dof_joint
-        row_loop, translations, rotations = [], [], []
+        self._ends = np.array([end.joint for loop in loops for end in (loop.first, loop.second)], int)
+        self._end_placements = np.array([end.placement for loop in loops for end in (loop.first, loop.second)]).reshape(-1, 4, 4)
+        # Each loop has room for three translational and three rotational rows; `_rows` picks those that constrain.
+        self._rotation_rows = np.zeros((len(loops), 3, 9))
+        self._aligned = np.zeros((len(loops), 3, 3))
+        chosen = []
         for index, loop in enumerate(loops):
-            row_loop += [index] * loop.size
-            translations += [np.eye(3)[axis] for axis in loop.translation_axes] + [np.zeros(3)] * len(loop.rotation_rows)
-            rotations += [np.zeros(9)] * len(loop.translation_axes) + list(loop.rotation_rows)
-        self.row_loop = np.array(row_loop, int)
-        self._translation_rows = np.array(translations).reshape(-1, 3)
-        self._rotation_rows = np.array(rotations).reshape(-1, 9)
-        # support[i, j]: j in subtree of i; a dof moves a body when the body lies in the dof's subtree
-        sign = np.array([support[dof_joint, b] - support[dof_joint, a] for a, b in self._ends]).reshape(-1, model.nv)
-        self._row_sign = sign[self.row_loop]
-        self._is_translation = np.abs(self._translation_rows).sum(1) > 0
-        self._lower, self._upper = _limits(model)
+            self._rotation_rows[index, : len(loop.rotation_rows)] = loop.rotation_rows
+            chosen += [6 * index + axis for axis in loop.translation_axes]
+            chosen += [6 * index + 3 + row for row in range(len(loop.rotation_rows))]
+            turning = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in loop.free]
+            if len(turning) < 2:
+                # R_1^T R_2 is the identity, or keeps the free axis: these entries are then 1, half a turn off -1.
+                self._aligned[index, turning or range(3), turning or range(3)] = 1.0
+        self._rows = np.array(chosen, int)
+        self._all_rows = len(chosen) == 6 * len(loops)
+        self.row_loop = self._rows // 6
+        self._is_translation = self._rows % 6 < 3
+        support, dof_joint = mechanism.support, mechanism.dof_joint
+        sign = [support[dof_joint, loop.second.joint] - support[dof_joint, loop.first.joint] for loop in loops]
+        self._row_sign = np.array(sign).reshape(-1, model.nv)[self.row_loop]
+        self.lower, self.upper = _limits(model)
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 
-    def _evaluate(self, q: Array):
-        """Return placements, base Jacobian, closure residual (c,), closure wrenches (c, 6) and closure Jacobian."""
+    def evaluate(self, q: Array) -> Evaluation:
+        """Return placements, Jacobian and closure at a configuration."""
         pin.computeJointJacobians(self.model, self.data, q)
         placements = np.array([placement.homogeneous for placement in self._oMi])
         jacobian = self.data.J.copy()
-        if not len(self.row_loop):
-            return placements, jacobian, np.zeros(0), np.zeros((0, 6)), np.zeros((0, self.model.nv))
-        first = placements[self._ends[:, 0]] @ self._first
-        second = placements[self._ends[:, 1]] @ self._second
-        rotation, point = first[:, :3, :3], second[:, :3, 3]
-        gap = ((point - first[:, :3, 3])[:, None, :] @ rotation)[:, 0]
-        error = rotation.transpose(0, 2, 1) @ second[:, :3, :3]
-        rows = self.row_loop
-        residual = (self._translation_rows * gap[rows]).sum(1) + (self._rotation_rows * error.reshape(-1, 9)[rows]).sum(1)
-        # Wrench of a unit closure force, about the base origin: a force along an axis of the first frame at the
-        # second frame's origin, or a moment whose components are the residual's derivatives.
-        turned = (_GENERATORS @ error[:, None]).reshape(-1, 3, 9)[rows]
-        moment = (turned @ self._rotation_rows[:, :, None])[..., 0]
-        directions = np.stack((self._translation_rows, moment), axis=1) @ rotation.transpose(0, 2, 1)[rows]
-        wrenches = np.empty((len(rows), 6))
-        force, at = directions[:, 0], point[rows]
-        wrenches[:, :3] = force
-        wrenches[:, 3:] = directions[:, 1]
-        wrenches[:, 3] += at[:, 1] * force[:, 2] - at[:, 2] * force[:, 1]
-        wrenches[:, 4] += at[:, 2] * force[:, 0] - at[:, 0] * force[:, 2]
-        wrenches[:, 5] += at[:, 0] * force[:, 1] - at[:, 1] * force[:, 0]
-        return placements, jacobian, residual, wrenches, (wrenches @ jacobian) * self._row_sign
+        count = len(self._ends) // 2
+        if not count:
+            return Evaluation(placements, jacobian, np.zeros(0), np.zeros((0, 6)), np.zeros((0, self.model.nv)), np.zeros((0, 3, 3)))
+        ends = placements[self._ends] @ self._end_placements
+        points = ends[1::2, :3, 3]
+        to_first = ends[::2, :3, :3].transpose(0, 2, 1)
+        turn = to_first @ ends[1::2, :3, :3]
+        residual = np.empty((count, 6))
+        residual[:, :3] = (to_first @ (points - ends[::2, :3, 3])[:, :, None])[..., 0]
+        residual[:, 3:] = (self._rotation_rows @ turn.reshape(count, 9, 1))[..., 0]
+        # Wrench of a unit closure force about the base's origin: a force along an axis of the first frame through
+        # the second frame's origin, or a moment made of the rotational residual's derivatives.
+        turned = (_GENERATORS @ turn[:, None]).reshape(count, 3, 9).transpose(0, 2, 1)
+        wrenches = np.zeros((count, 6, 6))
+        wrenches[:, :3, :3] = to_first
+        wrenches[:, :3, 3:] = to_first @ skew(-points)
+        wrenches[:, 3:, 3:] = self._rotation_rows @ turned @ to_first
+        residual, wrenches = residual.ravel(), wrenches.reshape(-1, 6)
+        if not self._all_rows:
+            residual, wrenches = residual[self._rows], wrenches[self._rows]
+        return Evaluation(placements, jacobian, residual, wrenches, (wrenches @ jacobian) * self._row_sign, turn)
 
     def _split(self, residual: Array) -> tuple[float, float]:
-        """Return the largest residual in metres and in radians."""
-        metres = np.abs(residual[self._is_translation])
-        radians = np.abs(residual[~self._is_translation])
-        return float(metres.max(initial=0.0)), float(radians.max(initial=0.0))
+        return split_residual(self.mechanism, residual)
 
-    def _newton(self, q: Array, goal: Callable) -> tuple[Array, tuple, Array]:
-        """Return (q, evaluation, goal residual) at the solution. Raises _NotConverged.
+    def _newton(self, q: Array, goal: Goal, first: Evaluation | None = None) -> tuple[Array, Evaluation]:
+        """Return the solution and its evaluation. Raises _NotConverged.
 
-        `goal(q, placements, jacobian)` returns residual and rows of the wanted coordinates.
+        `goal(q, placements, jacobian)` returns residual and rows of the wanted coordinates; `first` is the evaluation
+        at the start where it is known.
         """
-        best, size = np.inf, np.inf
+        evaluation = first
         for _ in range(_ITERATIONS):
-            evaluation = self._evaluate(q)
-            placements, jacobian, residual, _, closure_rows = evaluation
-            wanted, wanted_rows = goal(q, placements, jacobian)
-            error = np.concatenate((residual, wanted))
+            if evaluation is None:
+                evaluation = self.evaluate(q)
+            wanted, wanted_rows = goal(q, evaluation.placements, evaluation.jacobian)
+            error = np.concatenate((evaluation.residual, wanted))
             size = np.abs(error).max(initial=0.0)
-            if not np.isfinite(size):
-                break
             if size < TOLERANCE:
-                return q, evaluation, wanted
-            best = min(best, size)
-            step = _solve(np.concatenate((closure_rows, wanted_rows)), -error)
+                return q, evaluation
+            if not size < np.inf:
+                break
+            step = _solve(np.concatenate((evaluation.closure, wanted_rows)), error)
             longest = np.abs(step).max(initial=0.0)
             if longest > 0.6:
                 step *= 0.6 / longest
-            q = pin.integrate(self.model, q, step)
-        raise _NotConverged(q, self._split(self._evaluate(q)[2]) if np.isfinite(q).all() else (np.inf, np.inf))
+            q = pin.integrate(self.model, q, -step)
+            evaluation = None
+        raise _NotConverged(q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf))
 
     # -- home ------------------------------------------------------------------------------------------------------
 
     @cached_property
     def home(self) -> Array:
         """A configuration near the file's home position with closed loops. Raises UnreachablePoseError."""
-        q = np.clip(pin.neutral(self.model), self._lower, self._upper)
+        q = np.clip(pin.neutral(self.model), self.lower, self.upper)
         for name, value in self.mechanism.description.home.items():
             _set_joint(self.model, q, self.mechanism.joint_id(name), value)
         if not len(self.row_loop):
@@ -140,17 +163,24 @@ class LoopKinematics:
         def hold_actuators(q, placements, jacobian, at=q.copy()):
             return pin.difference(self.model, at, q)[held], np.eye(self.model.nv)[held]
 
-        start = q
-        for goal in (hold_actuators, nothing):
+        # Near the file's home first, actuators held; then from anywhere, since far off Newton may end in a branch
+        # where two frames meet half a turn apart.
+        generator = np.random.default_rng(0)
+        starts = [(q, hold_actuators), (q, nothing)]
+        for size in np.repeat((0.1, 0.3, 1.0, 3.0), 8):
+            starts.append((pin.integrate(self.model, q, size * generator.uniform(-1, 1, self.model.nv)), nothing))
+        metres, radians = np.inf, np.inf
+        for start, goal in starts:
             try:
-                q, evaluation, _ = self._newton(start, goal)
+                closed, evaluation = self._newton(start, goal)
             except _NotConverged as failure:
-                metres, radians = failure.residual
+                if max(failure.residual) < max(metres, radians):
+                    metres, radians = failure.residual
                 continue
-            if self._assembled(evaluation[0]):
-                return q
-            metres, radians = self._split(evaluation[2])
-        worst = self._worst_loop(start)
+            if self._assembled(evaluation):
+                return closed
+            metres, radians = min((metres, radians), (0.0, np.pi), key=max)
+        worst = self._worst_loop(q)
         raise UnreachablePoseError(
             f"the loops of '{self.mechanism.name}' do not close from its home position: the best that was found leaves "
             f"{metres:.3g} m and {radians:.3g} rad; loop '{worst}' is farthest open at the start. "
@@ -158,27 +188,25 @@ class LoopKinematics:
             residual=(metres, radians),
         )
 
+    @cached_property
+    def _home(self) -> Evaluation:
+        """The evaluation at home, where every cold start begins."""
+        return self.evaluate(self.home)
+
     def _worst_loop(self, q: Array) -> str:
-        residual = np.abs(self._evaluate(q)[2])
+        residual = np.abs(self.evaluate(q).residual)
         return self.mechanism.loops[self.row_loop[int(np.argmax(residual))]].name
 
-    def _assembled(self, placements: Array) -> bool:
+    def _assembled(self, evaluation: Evaluation) -> bool:
         """Return False where a rotation row vanishes at the wrong root: frames turned by half a turn."""
-        for loop, (a, b) in zip(self.mechanism.loops, self._ends, strict=True):
-            error = (placements[a] @ loop.first.placement)[:3, :3].T @ (placements[b] @ loop.second.placement)[:3, :3]
-            turning = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in loop.free]
-            if not turning and np.trace(error) < 2.9:
-                return False
-            if len(turning) == 1 and error[turning[0], turning[0]] < 0.9:
-                return False
-        return True
+        return bool((evaluation.turn * self._aligned >= 0.9 * self._aligned).all())
 
     # -- scales ----------------------------------------------------------------------------------------------------
 
     @cached_property
     def length(self) -> float:
         """Characteristic length [m]: root mean square distance of the joints from the tool at home."""
-        placements = self._evaluate(self.home)[0]
+        placements = self._home.placements
         tool = self.mechanism.tool
         at = (placements[tool.joint] @ tool.placement)[:3, 3]
         distances = np.linalg.norm(placements[1:, :3, 3] - at, axis=1)
@@ -187,9 +215,14 @@ class LoopKinematics:
 
     def scales(self, dofs: Array) -> tuple[Array, Array]:
         """Return row and column factors that make the closure Jacobian of `dofs` dimensionless."""
-        jacobian = self._evaluate(self.home)[1]
+        jacobian = self._home.jacobian
         slides = np.abs(jacobian[3:, dofs]).max(axis=0, initial=0.0) < 1e-9
         return np.where(self._is_translation, 1 / self.length, 1.0), np.where(slides, self.length, 1.0)
+
+    @cached_property
+    def _free_factors(self) -> Array:
+        rows, columns = self._free_scales
+        return rows[:, None] * columns
 
     @cached_property
     def _free_scales(self) -> tuple[Array, Array]:
@@ -201,7 +234,26 @@ class LoopKinematics:
         """Return the pose with the wanted task coordinates."""
         target = self.task.target(wanted)
         requested = dict(zip(self.task.names, target.tolist(), strict=True))
+        offset = self._seed(target)
+        if offset is not None:
+            try:
+                q, evaluation = self._newton(pin.integrate(self.model, self.home, offset), self.task.goal(target))
+                if self._assembled(evaluation) and self._outside(q) is None:
+                    return self._finish(q, evaluation, requested)
+            except _NotConverged:
+                pass
         return self.reach(target, requested, self.task.goal)
+
+    @cached_property
+    def _seed(self) -> PoseSeed:
+        def offset(target: Array) -> Array | None:
+            try:
+                q, evaluation = self._newton(self.home, self.task.goal(target), self._home)
+            except _NotConverged:
+                return None
+            return pin.difference(self.model, self.home, q) if self._assembled(evaluation) else None
+
+        return PoseSeed(offset)
 
     def pose_from_actuators(self, values: Sequence[float], near: ClosedPose | None = None) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""
@@ -215,7 +267,8 @@ class LoopKinematics:
             raise InputError(f"actuator positions must be finite; got {values!r}")
         start = self.home if near is None else near.q
         if not mechanism.loops and len(array) == model.nq and len(array) != len(names):
-            return self._finish(pin.normalize(model, array), {})
+            q = pin.normalize(model, array)
+            return self._finish(q, self.evaluate(q), {})
         if len(array) != len(names):
             raise InputError(f"expected {len(names)} actuator positions ({', '.join(names)}); got {len(array)}")
         requested = dict(zip(names, array.tolist(), strict=True))
@@ -223,7 +276,7 @@ class LoopKinematics:
         for name, value in requested.items():
             _set_joint(model, reference, mechanism.joint_id(name), value)
         if not mechanism.loops:
-            return self._finish(reference, requested)
+            return self._finish(reference, self.evaluate(reference), requested)
         self._check_limits(reference, requested, only=set(names))
         rows = np.eye(model.nv)[dofs]
         here = _joint_values(model, start, dofs)
@@ -245,7 +298,7 @@ class LoopKinematics:
         array = np.asarray(q, float).ravel()
         if array.shape != (self.model.nq,) or not np.isfinite(array).all():
             raise InputError(f"expected a configuration of {self.model.nq} finite numbers; got {q!r}")
-        metres, radians = self._split(self._evaluate(array)[2])
+        metres, radians = self._split(self.evaluate(array).residual)
         if max(metres, radians) > 1e-6:
             raise UnreachablePoseError(
                 f"this configuration leaves the loops open by {metres:.3g} m and {radians:.3g} rad; expected a closed one. "
@@ -256,7 +309,7 @@ class LoopKinematics:
         def stay(at, placements, jacobian):
             return np.zeros(0), np.zeros((0, self.model.nv))
 
-        return self._finish(self._newton(array, stay)[0], {})
+        return self._finish(*self._newton(array, stay), {})
 
     def reach(self, target: Array, requested: dict, goal_of, start: Array | None = None, here: Array | None = None) -> ClosedPose:
         """Return the pose at `target`: Newton straight there, or along the line from home in shrinking steps.
@@ -265,16 +318,16 @@ class LoopKinematics:
         """
         origin = self.home if start is None else start
         try:
-            q, evaluation, _ = self._newton(origin, goal_of(target))
-            if self._assembled(evaluation[0]) and self._outside(q) is None:
-                return self._finish(q, requested, evaluation)
+            q, evaluation = self._newton(origin, goal_of(target), self._home if start is None else None)
+            if self._assembled(evaluation) and self._outside(q) is None:
+                return self._finish(q, evaluation, requested)
         except _NotConverged:
             pass
         if here is None:
-            here = self.task.values(self._evaluate(origin)[0])
+            here = self.task.values(self._home.placements)
         q, reached, failure = self._follow(origin, here, target, goal_of)
         if reached == 1.0:
-            return self._finish(q, requested)
+            return self._finish(q, self.evaluate(q), requested)
         raise self._unreachable(requested, target, here, q, reached, failure)
 
     def _follow(self, q: Array, here: Array, target: Array, goal_of) -> tuple[Array, float, tuple[float, float]]:
@@ -283,10 +336,10 @@ class LoopKinematics:
         while reached < 1.0 and step > 1e-4:
             share = min(1.0, reached + step)
             try:
-                candidate, evaluation, _ = self._newton(q, goal_of(here + share * (target - here)))
+                candidate, evaluation = self._newton(q, goal_of(here + share * (target - here)))
                 jump = np.abs(pin.difference(self.model, q, candidate)).max(initial=0.0)
-                if not self._assembled(evaluation[0]) or jump > 0.5:
-                    raise _NotConverged(candidate, self._split(evaluation[2]))
+                if not self._assembled(evaluation) or jump > 0.5:
+                    raise _NotConverged(candidate, self._split(evaluation.residual))
                 q, reached, step = candidate, share, step * 2
             except _NotConverged as failure:
                 residual = failure.residual
@@ -294,35 +347,52 @@ class LoopKinematics:
         return q, reached, residual
 
     def _unreachable(self, requested, target, here, q, reached, residual) -> UnreachablePoseError:
-        from .feasible import nearest_feasible
-
-        by_task = set(requested) == set(self.task.names) and self.task.names
-        nearest = nearest_feasible(self, requested, q) if by_task else None
+        nearest = nearest_feasible(self, requested, q) if self._are_tasks(requested) else None
         if nearest is None and reached > 0:
             along = here + reached * (target - here)
             nearest = dict(zip(requested, along.tolist(), strict=True))
-        units = self.task.units if by_task else {}
+        if max(residual) < 1e-9:
+            reason = f"a singular pose lies on the way from home, {100 * reached:.0f} % along it"
+        else:
+            reason = f"the loops do not close there (left open by {residual[0]:.3g} m, {residual[1]:.3g} rad)"
         return UnreachablePoseError(
-            f"'{self.mechanism.name}' cannot reach {_listed(requested, units)}: the loops do not close there "
-            f"(left open by {residual[0]:.3g} m, {residual[1]:.3g} rad). "
-            + (f"Nearest feasible: {_listed(nearest, units)}" if nearest else "No feasible pose was found near it"),
+            f"'{self.mechanism.name}' cannot reach {self._listed(requested)}: {reason}. "
+            + (f"Nearest feasible: {self._listed(nearest)}" if nearest else "No feasible pose was found near it"),
             requested,
             nearest,
             residual,
         )
 
+    def _are_tasks(self, requested: Mapping[str, float]) -> bool:
+        """Return True where task coordinates were requested, False for actuator positions or nothing."""
+        return bool(requested) and set(requested) == set(self.task.names)
+
+    def _listed(self, values: Mapping[str, float]) -> str:
+        """Return 'z = 0.4 m, theta = 0.436 rad (25 deg)'."""
+        parts = []
+        for name, value in values.items():
+            unit = self.task.units.get(name) or self._joint_unit(name)
+            value = 0.0 if abs(value) < 1e-12 else value
+            degrees = f" ({np.degrees(value):.4g} deg)" if unit == "rad" else ""
+            parts.append(f"{name} = {value:.5g} {unit}{degrees}")
+        return ", ".join(parts)
+
+    def _joint_unit(self, name: str) -> str:
+        joint = self.model.joints[self.mechanism.joint_id(name)]
+        return "m" if joint.shortname().startswith("JointModelP") else "rad"
+
     # -- checks ----------------------------------------------------------------------------------------------------
 
     def _outside(self, q: Array) -> tuple[str, float, float, float] | None:
         """Return (joint, value, lower, upper) of the joint farthest outside its limits, or None."""
-        excess = np.maximum(self._lower - q, q - self._upper)
+        excess = np.maximum(self.lower - q, q - self.upper)
         worst = int(np.argmax(excess)) if len(excess) else 0
         if not len(excess) or excess[worst] <= 1e-9:
             return None
         for index in range(1, self.model.njoints):
             joint = self.model.joints[index]
             if joint.idx_q <= worst < joint.idx_q + joint.nq:
-                return self.model.names[index], float(q[worst]), float(self._lower[worst]), float(self._upper[worst])
+                return self.model.names[index], float(q[worst]), float(self.lower[worst]), float(self.upper[worst])
         return None
 
     def _check_limits(self, q: Array, requested: dict, only: set[str] | None = None) -> None:
@@ -330,41 +400,48 @@ class LoopKinematics:
         if outside is None or (only is not None and outside[0] not in only):
             return
         name, value, lower, upper = outside
-        text = f"joint '{name}' would stand at {value:.6g}, outside its limits {lower:.6g} … {upper:.6g}"
+        unit = self._joint_unit(name)
+        text = f"joint '{name}' would stand at {value:.6g} {unit}, outside its limits {lower:.6g} … {upper:.6g} {unit}"
         if not self.mechanism.description.described:
             warnings.warn(f"{text} (of a controller: C is defined there all the same)", JointLimitWarning, stacklevel=4)
             return
-        from .feasible import nearest_feasible
-
-        by_task = bool(requested) and set(requested) == set(self.task.names)
-        nearest = nearest_feasible(self, requested, q) if by_task else None
+        nearest = nearest_feasible(self, requested, q) if self._are_tasks(requested) else None
         if nearest is None and name in requested:
             nearest = {**requested, name: min(max(value, lower), upper)}
-        units = self.task.units
         raise UnreachablePoseError(
-            f"'{self.mechanism.name}' cannot reach {_listed(requested, units)}: {text}. "
-            + (f"Nearest feasible: {_listed(nearest, units)}" if nearest else "Move the request towards the middle of the workspace"),
+            f"'{self.mechanism.name}' cannot reach {self._listed(requested) or 'this configuration'}: {text}. "
+            + (f"Nearest feasible: {self._listed(nearest)}" if nearest else "Move the request towards the middle of the workspace"),
             requested,
             nearest,
         )
 
-    def _finish(self, q: Array, requested: dict, evaluation=None) -> ClosedPose:
+    def _finish(self, q: Array, evaluation: Evaluation, requested: dict) -> ClosedPose:
         """Check limits and singularity, and freeze the pose."""
         self._check_limits(q, requested)
-        placements, jacobian, residual, wrenches, closure = evaluation or self._evaluate(q)
-        balance = self._balance(closure, jacobian, placements, requested)
-        for array in (q, placements, jacobian, wrenches, closure):
-            array.flags.writeable = False
-        coordinates = dict(zip(self.task.names, self.task.values(placements).tolist(), strict=True))
+        balance = self._balance(evaluation, requested)
+        for array in (q, evaluation.placements, evaluation.jacobian, evaluation.wrenches, evaluation.closure):
+            array.setflags(write=False)
+        if self.task.names:
+            coordinates = dict(zip(self.task.names, self.task.values(evaluation.placements).tolist(), strict=True))
+        else:
+            coordinates = requested
         return ClosedPose(
-            self.mechanism, q, placements, jacobian, closure, wrenches, balance, self._split(residual), coordinates
+            mechanism=self.mechanism,
+            q=q,
+            placements=evaluation.placements,
+            jacobian=evaluation.jacobian,
+            closure_jacobian=evaluation.closure,
+            closure_wrenches=evaluation.wrenches,
+            balance=balance,
+            closure_residual=evaluation.residual,
+            coordinates=coordinates,
         )
 
-    def _balance(self, closure: Array, jacobian: Array, placements: Array, requested: dict) -> PassiveBalance:
+    def _balance(self, evaluation: Evaluation, requested: dict) -> PassiveBalance:
         """Return how the free joints balance. Raises SingularPoseError where the tool can still move."""
         free = self.mechanism.free_dofs
         rows, columns = self._free_scales
-        scaled = closure[:, free] * columns * rows[:, None]
+        scaled = evaluation.closure[:, free] * self._free_factors
         count, size = scaled.shape
         if count == size:
             try:
@@ -372,7 +449,7 @@ class LoopKinematics:
             except np.linalg.LinAlgError:
                 inverse = None
             if inverse is not None and np.abs(inverse).max(initial=0.0) * np.abs(scaled).max(initial=0.0) < SINGULAR:
-                return PassiveBalance(inverse * rows[:, None] * columns, np.zeros((count, 0)), np.zeros((size, 0)))
+                return PassiveBalance(inverse * self._free_factors, np.zeros((count, 0)), np.zeros((size, 0)))
         u, singular_values, vt = np.linalg.svd(scaled.T)
         limit = singular_values.max(initial=0.0) / SINGULAR
         rank = int((singular_values > limit).sum())
@@ -381,30 +458,25 @@ class LoopKinematics:
         idle = u[:, rank:] * columns[:, None]
         if idle.shape[1]:
             tool = self.mechanism.tool
-            at = (placements[tool.joint] @ tool.placement)[:3, 3]
-            moved = jacobian[:, free] * self.mechanism.support[self.mechanism.dof_joint[free], tool.joint]
+            at = (evaluation.placements[tool.joint] @ tool.placement)[:3, 3]
+            moved = evaluation.jacobian[:, free] * self.mechanism.support[self.mechanism.dof_joint[free], tool.joint]
             twist = moved @ idle
             twist[:3] -= skew(at) @ twist[3:]
             size_of = np.abs(np.concatenate((twist[:3] / self.length, twist[3:]))).max(axis=0)
             if (size_of > 1e-6).any():
                 self._refuse_singular(twist[:, int(np.argmax(size_of))], idle[:, int(np.argmax(size_of))], requested)
-        return PassiveBalance(inverse * rows[:, None] * columns, self_stress, idle)
+        return PassiveBalance(inverse * self._free_factors, self_stress, idle)
 
     def _refuse_singular(self, twist: Array, motion: Array, requested: dict) -> None:
         names = [self.mechanism.dof_names[dof] for dof in self.mechanism.free_dofs]
         strongest = [names[i] for i in np.argsort(-np.abs(motion))[:3] if abs(motion[i]) > 1e-6]
         twist = twist / np.abs(twist).max()
         direction = ", ".join(f"{name} {value:+.2f}" for name, value in zip(("dx", "dy", "dz", "rx", "ry", "rz"), twist, strict=True) if abs(value) > 0.01)
-        units = self.task.units
-        nearest = None
-        if requested and set(requested) == set(self.task.names):
-            from .feasible import last_regular
-
-            nearest = last_regular(self, requested)
+        nearest = last_regular(self, requested) if self._are_tasks(requested) else None
         raise SingularPoseError(
-            f"singular pose{' ' + _listed(requested, units) if requested else ''}: with the actuators locked the tool can "
+            f"singular pose{' ' + self._listed(requested) if requested else ''}: with the actuators locked the tool can "
             f"still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
-            + (f"Nearest regular: {_listed(nearest, units)}" if nearest else "Lock or actuate one of these joints, or leave this pose"),
+            + (f"Nearest regular: {self._listed(nearest)}" if nearest else "Lock or actuate one of these joints, or leave this pose"),
             requested,
             nearest,
         )
@@ -444,14 +516,3 @@ def _limits(model: pin.Model) -> tuple[Array, Array]:
             if low < high:
                 lower[joint.idx_q], upper[joint.idx_q] = low, high
     return lower, upper
-
-
-def _listed(values: Mapping[str, float], units: Mapping[str, str]) -> str:
-    """Return 'z = 0.4 m, theta = 0.436 rad (25 deg)'."""
-    parts = []
-    for name, value in values.items():
-        unit = units.get(name, "")
-        degrees = f" ({np.degrees(value):.4g} deg)" if unit == "rad" else ""
-        parts.append(f"{name} = {value:.5g}{' ' + unit if unit else ''}{degrees}")
-    return ", ".join(parts)
-

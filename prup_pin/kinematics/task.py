@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import atan2, cos, hypot, remainder, sin, tan, tau
 
 import numpy as np
 
@@ -23,9 +24,7 @@ class TaskFrame:
         self.names = tuple(task.name for task in tasks)
         self.components = tuple("x y z rx ry rz".split().index(task.component) for task in tasks)
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
-        self._angles = np.array([component >= 3 for component in self.components], bool)
         self._moves = support[dof_joint, tool.joint] if tool else None
-        self._indices = np.array(self.components, int)
 
     def target(self, wanted: Mapping[str, float]) -> Array:
         """Return the wanted values in order. Raises on unknown, missing or non-finite ones."""
@@ -48,48 +47,46 @@ class TaskFrame:
             values.append(value)
         return np.array(values)
 
-    def pose_vector(self, placements: Array) -> Array:
+    def pose_vector(self, placements: Array) -> tuple[float, ...]:
         """Return (x, y, z, rx, ry, rz) of the tool."""
-        placed = placements[self.tool.joint] @ self.tool.placement
-        rotation = placed[:3, :3] if self.rotation == "xyz" else placed[:3, :3].T
-        sign = 1.0 if self.rotation == "xyz" else -1.0
-        ry = np.arctan2(rotation[0, 2], np.hypot(rotation[0, 0], rotation[0, 1]))
-        rx = np.arctan2(-rotation[1, 2], rotation[2, 2])
-        rz = np.arctan2(-rotation[0, 1], rotation[0, 0])
-        return np.array([*placed[:3, 3], sign * rx, sign * ry, sign * rz])
+        (r00, r01, r02, x), (r10, r11, r12, y), (r20, r21, r22, z), _ = (placements[self.tool.joint] @ self.tool.placement).tolist()
+        if self.rotation == "xyz":
+            return x, y, z, atan2(-r12, r22), atan2(r02, hypot(r00, r01)), atan2(-r01, r00)
+        return x, y, z, atan2(r21, r22), atan2(-r20, hypot(r00, r10)), atan2(r10, r00)
 
     def values(self, placements: Array) -> Array:
         """Return the task coordinates of a configuration."""
-        return self.pose_vector(placements)[self._indices] if self.names else np.zeros(0)
+        if not self.names:
+            return np.zeros(0)
+        pose = self.pose_vector(placements)
+        return np.array([pose[component] for component in self.components])
 
     def goal(self, target: Array) -> Callable:
         """Return the residual and its rows, as Newton wants them."""
+        wanted = [(component, float(value)) for component, value in zip(self.components, target, strict=True)]
 
         def residual(q, placements, jacobian):
             pose = self.pose_vector(placements)
-            error = pose[self._indices] - target
-            error = np.where(self._angles, (error + np.pi) % (2 * np.pi) - np.pi, error)
-            return error, self._rates(pose) @ (jacobian * self._moves)
+            error = [
+                pose[component] - value if component < 3 else remainder(pose[component] - value, tau)
+                for component, value in wanted
+            ]
+            return np.array(error), self._rates(pose) @ (jacobian * self._moves)
 
         return residual
 
-    def _rates(self, pose: Array) -> Array:
+    def _rates(self, pose: tuple[float, ...]) -> Array:
         """Return d(task)/d(base twist), (t, 6)."""
         x, y, z, rx, ry, rz = pose
-        rates = np.zeros((6, 6))
-        rates[0, 0] = rates[1, 1] = rates[2, 2] = 1.0
-        # velocity of the tool point: v_O + omega x p
-        rates[0, 4], rates[0, 5], rates[1, 3], rates[1, 5], rates[2, 3], rates[2, 4] = z, -y, -z, x, y, -x
-        first, last = (rx, 0) if self.rotation == "xyz" else (rz, 2)
-        c, s, t = np.cos(first), np.sin(first), np.tan(ry)
-        if last == 0:
+        t, secant = tan(ry), 1 / cos(ry)
+        if self.rotation == "xyz":
             # omega = e_x rx' + R_x e_y ry' + R_x R_y e_z rz'
-            rates[3, 3:] = 1.0, s * t, -c * t
-            rates[4, 3:] = 0.0, c, s
-            rates[5, 3:] = 0.0, -s / np.cos(ry), c / np.cos(ry)
+            c, s = cos(rx), sin(rx)
+            angles = ((0, 0, 0, 1, s * t, -c * t), (0, 0, 0, 0, c, s), (0, 0, 0, 0, -s * secant, c * secant))
         else:
             # omega = e_z rz' + R_z e_y ry' + R_z R_y e_x rx'
-            rates[5, 3:] = c * t, s * t, 1.0
-            rates[4, 3:] = -s, c, 0.0
-            rates[3, 3:] = c / np.cos(ry), s / np.cos(ry), 0.0
-        return rates[self._indices]
+            c, s = cos(rz), sin(rz)
+            angles = ((0, 0, 0, c * secant, s * secant, 0), (0, 0, 0, -s, c, 0), (0, 0, 0, c * t, s * t, 1))
+        # velocity of the tool point: v_O + omega x p
+        rows = ((1, 0, 0, 0, z, -y), (0, 1, 0, -z, 0, x), (0, 0, 1, y, -x, 0), *angles)
+        return np.array([rows[component] for component in self.components], float)

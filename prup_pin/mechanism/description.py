@@ -22,6 +22,9 @@ TASK_COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: Orders of rotation: "xyz" is R_x R_y R_z (Eq. 50), "zyx" is R_z R_y R_x (URDF's rpy).
 ROTATION_ORDERS = ("xyz", "zyx")
 
+#: Nobody reads on; and each unknown name is compared with all others.
+MAX_PROBLEMS = 100
+
 KIND_BY_NAME = {kind.kind: kind for kind in KINDS}
 
 
@@ -63,7 +66,7 @@ class ModuleDescription:
     frame: str | None = None
     root: str | None = None
     tip: str | None = None
-    axis: tuple[float, float, float] | None = None
+    axis: tuple[float, ...] | None = None
     body: str | None = None
     anchor: str = "root"
     values: Mapping[str, Parameter] = field(default_factory=dict)
@@ -76,7 +79,7 @@ class LengthDescription:
 
     parameter: Parameter
     reference: float
-    moves: tuple[tuple[str, tuple[float, float, float]], ...]
+    moves: tuple[tuple[str, tuple[float, ...]], ...]
     line: int | None = None
 
 
@@ -91,6 +94,18 @@ class VariantDescription:
 
 
 @dataclass(frozen=True)
+class CouplingDescription:
+    """A joint that follows another one (URDF's <mimic>, MJCF's <equality><joint>): harmless while it carries no load.
+
+    `what` says so in words, as the beginning of a sentence.
+    """
+
+    joint: str
+    what: str
+    line: int | None = None
+
+
+@dataclass(frozen=True)
 class RobotDescription:
     """All that a robot file says."""
 
@@ -99,7 +114,7 @@ class RobotDescription:
     source: str  # the format: "URDF" or "MJCF"
     content: bytes
     tool: str | None = None
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.80665)
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.80665)
     actuated: tuple[str, ...] | None = None
     rotation: str = "xyz"
     tasks: tuple[TaskDescription, ...] = ()
@@ -108,6 +123,7 @@ class RobotDescription:
     modules: tuple[ModuleDescription, ...] = ()
     lengths: tuple[LengthDescription, ...] = ()
     variants: Mapping[str, VariantDescription] = field(default_factory=dict)
+    coupled: tuple[CouplingDescription, ...] = ()
     notes: tuple[str, ...] = ()
     described: bool = False  # True where the file says more than a tree
     lines: Mapping[str, int | None] = field(default_factory=dict)
@@ -128,43 +144,52 @@ class RobotDescription:
 
 
 def check_references(
-    robot: RobotDescription, joints: Collection[str], frames: Collection[str], fixed_joints: Collection[str] = ()
+    robot: RobotDescription,
+    joints: Collection[str],
+    bodies: Collection[str],
+    fixed_joints: Collection[str] = (),
+    sites: Collection[str] = (),
 ) -> list[Problem]:
     """Return a problem for every name in the description that does not exist or is used twice.
 
-    `joints` are the movable joints, `frames` everything a frame can be named by.
+    `joints` are the movable joints. A frame is a body, a joint or a site.
     """
     problems: list[Problem] = []
+    frames = {*joints, *bodies, *fixed_joints, *sites}
 
     def need(kind: str, name: str | None, valid: Collection[str], line: int | None, where: str) -> None:
-        if name is not None and name not in valid:
+        if name is not None and name not in valid and len(problems) < MAX_PROBLEMS:
             problems.append(Problem(f"{where}: no {kind} named '{name}'. {nearest_names(name, sorted(valid))}", line))
 
     def unique(kind: str, named: Iterable[tuple[str, int | None]]) -> None:
         seen: dict[str, int | None] = {}
         for name, line in named:
             if name in seen:
-                first = f" (first on line {seen[name]})" if seen[name] else ""
+                first = f" (first on line {seen[name]})" if seen[name] not in (None, line) else ""
                 problems.append(Problem(f"two {kind}s are named '{name}'{first}; names must be unique", line))
-            seen[name] = line
+            seen.setdefault(name, line)
 
     lines = robot.lines
     need("frame", robot.tool, frames, lines.get("tool"), "tool")
     for name in robot.actuated or ():
         need("movable joint", name, joints, lines.get("actuated"), "actuated")
+    unique("actuated joint", ((name, lines.get("actuated")) for name in robot.actuated or ()))
     for name in robot.home:
         need("movable joint", name, joints, lines.get("home"), "home")
     unique("loop", ((loop.name, loop.line) for loop in robot.loops))
     for loop in robot.loops:
         for frame in (loop.first, loop.second):
             need("frame", frame.name, frames, loop.line, f"loop '{loop.name}'")
+        if loop.first.name == loop.second.name:
+            problems.append(Problem(f"loop '{loop.name}' joins '{loop.first.name}' to itself", loop.line))
     unique("task coordinate", ((task.name, task.line) for task in robot.tasks))
     unique("module", ((module.name, module.line) for module in robot.modules))
     for module in robot.modules:
         where = f"module '{module.name}'"
         need("movable joint", module.joint, joints, module.line, where)
-        for name in (module.frame, module.root, module.tip, module.body):
-            need("frame", name, frames, module.line, where)
+        for frame_name in (module.frame, module.root, module.tip):
+            need("frame", frame_name, frames, module.line, where)
+        need("link", module.body, bodies, module.line, where)
     for length in robot.lengths:
         for name, _ in length.moves:
             need("joint", name, {*joints, *fixed_joints}, length.line, f"length '{length.parameter.name}'")
@@ -184,18 +209,29 @@ def check_references(
 
 
 def check_modules(robot: RobotDescription) -> list[Problem]:
-    """Return a problem for every module whose kind, frames or values do not fit together."""
+    """Return a problem for every module whose kind, frames or values do not fit together, in any variant.
+
+    Names must have been checked before.
+    """
+    problems = _check_kinds(robot)
+    if not problems:
+        for variant in robot.variants.values():
+            found = _check_kinds(robot.with_variant(variant.name))
+            problems += [Problem(f"variant '{variant.name}': {problem.message}", variant.line) for problem in found]
+    return problems
+
+
+def _check_kinds(robot: RobotDescription) -> list[Problem]:
     problems: list[Problem] = []
     for module in robot.modules:
         where = f"module '{module.name}'"
         kind = KIND_BY_NAME.get(module.kind)
         if kind is None:
-            problems.append(
-                Problem(f"{where}: no kind of module named '{module.kind}'. {nearest_names(module.kind, list(KIND_BY_NAME))}", module.line)
-            )
+            near = nearest_names(module.kind, list(KIND_BY_NAME))
+            problems.append(Problem(f"{where}: no kind of module named '{module.kind}'. {near}", module.line))
             continue
         if kind.spans_frames and not (module.root and module.tip):
-            problems.append(Problem(f"{where}: a {kind.kind} needs both frames, root=\"…\" and tip=\"…\"", module.line))
+            problems.append(Problem(f'{where}: a {kind.kind} needs both frames, root="…" and tip="…"', module.line))
         problems.extend(_check_values(module))
     return problems
 
@@ -204,16 +240,16 @@ def _check_values(module: ModuleDescription) -> list[Problem]:
     try:
         resolve_values(module)
     except ModuleValuesError as error:
-        return [Problem(text, module.line) for text in error.texts]
+        return [Problem(text, module.lines.get(name) or module.line) for name, text in error.problems]
     return []
 
 
 class ModuleValuesError(Exception):
-    """All that is wrong with the values of one module."""
+    """All that is wrong with the values of one module: pairs of a parameter's name (or '') and what is wrong."""
 
-    def __init__(self, texts: list[str]):
-        self.texts = texts
-        super().__init__("; ".join(texts))
+    def __init__(self, problems: list[tuple[str, str]]):
+        self.problems = problems
+        super().__init__("; ".join(text for _, text in problems))
 
 
 def resolve_values(module: ModuleDescription) -> dict[str, Any]:
@@ -230,7 +266,9 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
     known = {quantity.name for quantity in kind.quantities}
     for name in module.values:
         if name not in known:
-            texts.append(f"module '{module.name}': a {kind.kind} has no parameter '{name}'. {nearest_names(name, sorted(known))}")
+            texts.append(
+                f"module '{module.name}': a {kind.kind} has no parameter '{name}'. {nearest_names(name, sorted(known))}"
+            )
     values: dict[str, Any] = {}
     lengths = set()
     for quantity in kind.quantities:
@@ -242,7 +280,9 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
             if value is None or (quantity.shape == () and callable(quantity.default) and np.isnan(value)):
                 sources = quantity.derived_from
                 also = f", or what it follows from ({', '.join(sources)})" if sources else ""
-                texts.append(f"module '{module.name}': parameter '{quantity.name}' [{quantity.unit}] is missing; give it{also}")
+                texts.append(
+                    f"module '{module.name}': parameter '{quantity.name}' [{quantity.unit}] is missing; give it{also}"
+                )
                 value = np.nan
             elif callable(quantity.default) and quantity.shape == ():
                 value = quantity.check(value, module.name)
@@ -255,7 +295,9 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
         except (TypeError, KeyError):
             values[quantity.name] = np.nan  # follows from a value already reported
     if len(lengths) > 1:
-        texts.append(f"module '{module.name}': its tables have {sorted(lengths)} entries; all must have as many as 'stations'")
+        texts.append(
+            f"module '{module.name}': its tables have {sorted(lengths)} entries; all must have as many as 'stations'"
+        )
     if texts:
         raise ModuleValuesError(texts)
     return values

@@ -19,7 +19,14 @@ from ..errors import InputError, Problem, RobotFileError, UnknownNameError
 from ..modules import CompliantModule, WrenchModule
 from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement
-from .description import KIND_BY_NAME, ModuleDescription, ModuleValuesError, RobotDescription, TaskDescription, resolve_values
+from .description import (
+    KIND_BY_NAME,
+    ModuleDescription,
+    ModuleValuesError,
+    RobotDescription,
+    TaskDescription,
+    resolve_values,
+)
 
 __all__ = ["Frame", "LoopClosure", "Mechanism", "Module"]
 
@@ -95,7 +102,7 @@ def _rotation_rows(free: frozenset[str]) -> Array:
         return values.ravel()
 
     if not turning:
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        for j, k in ((1, 2), (2, 0), (0, 1)):
             rows.append(row(**{f"e{k}{j}": 0.5, f"e{j}{k}": -0.5}))
     elif len(turning) == 1:
         k = turning[0]
@@ -111,7 +118,9 @@ def _rotation_rows(free: frozenset[str]) -> Array:
 class Mechanism:
     """The robot of one file. Built by `prup_pin.load`; see `Robot` for what to do with it."""
 
-    def __init__(self, description: RobotDescription, locked: frozenset[str] = frozenset(), model: pin.Model | None = None):
+    def __init__(
+        self, description: RobotDescription, locked: frozenset[str] = frozenset(), model: pin.Model | None = None
+    ):
         self.description = description
         self.name = description.name
         self.locked = locked
@@ -128,6 +137,7 @@ class Mechanism:
         self.parameters: dict[str, Parameter] = _all_parameters(description, self.modules)
         for name in locked:
             self.joint_id(name)
+        self._check_couplings()
 
     # -- names -------------------------------------------------------------------------------------------------
 
@@ -254,10 +264,27 @@ class Mechanism:
         if np.linalg.norm(line) < 1e-9:
             raise _file_error(
                 self.description,
-                f"module '{module.name}': root and tip coincide, so its axis is unknown; give axis=\"x y z\" in the tip's axes",
+                f"module '{module.name}': root and tip coincide, so its axis is unknown; "
+                'give axis="x y z" in the tip\'s axes',
                 module.line,
             )
-        return tuple(line)
+        return tuple(line.tolist())
+
+    def _check_couplings(self) -> None:
+        """Refuse joints that follow another one where they carry load: the coupling would carry it too."""
+        problems = []
+        for coupling in self.description.coupled:
+            below = self.support[self.joint_id(coupling.joint)]
+            if self.tool is not None and below[self.tool.joint]:
+                where = f"between the base and the tool '{self.tool.name}'"
+            elif any(below[loop.first.joint] != below[loop.second.joint] for loop in self.loops):
+                where = "in a loop"
+            else:
+                continue
+            text = f"{coupling.what} {where}; coupled joints can only be used where they carry no load"
+            problems.append(Problem(text, coupling.line))
+        if problems:
+            raise RobotFileError(self.description.path, problems)
 
     # -- changes -------------------------------------------------------------------------------------------------
 
@@ -268,7 +295,9 @@ class Mechanism:
         touched: dict[str, dict[str, Any]] = {}
         for name, value in changes.items():
             if name in lengths:
-                lengths[name] = replace(lengths[name], parameter=lengths[name].parameter.with_value(_number(name, value)))
+                lengths[name] = replace(
+                    lengths[name], parameter=lengths[name].parameter.with_value(_number(name, value))
+                )
             elif name in self.parameters:
                 owner, _, short = name.rpartition(".")
                 touched.setdefault(owner, {})[short] = value
@@ -333,7 +362,9 @@ def _all_parameters(description: RobotDescription, modules: tuple[Module, ...]) 
                 parameters[name] = given.values[quantity.name]
             else:
                 source = "derived" if callable(quantity.default) else "default"
-                parameters[name] = Parameter(name, module.values[quantity.name], quantity.unit, source, quantity.description, quantity)
+                parameters[name] = Parameter(
+                    name, module.values[quantity.name], quantity.unit, source, quantity.description, quantity
+                )
     return parameters
 
 
@@ -369,7 +400,7 @@ def _build_model(description: RobotDescription) -> pin.Model:
 
 def _with_lengths(content: bytes, lengths) -> bytes:
     """Return the URDF with the joints' origins moved by the changed lengths."""
-    root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False))
+    root = etree.fromstring(content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for length in lengths:
         delta = length.parameter.value - length.reference

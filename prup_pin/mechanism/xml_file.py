@@ -2,53 +2,197 @@
 
 from __future__ import annotations
 
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from pathlib import Path
 
 from lxml import etree
 
-from ..errors import Problem, RobotFileError
+from ..errors import Problem, RobotFileError, nearest_names
+from .description import MAX_PROBLEMS, RobotDescription
 
 #: Robot descriptions are text of at most a few MB; anything larger is a mistake or an attack.
 MAX_BYTES = 32 * 2**20
-#: Pinocchio's readers recurse over the tree; far beyond any robot they exhaust the stack.
+#: Far more than any robot has; the readers' time and memory stay small below it.
 MAX_ELEMENTS = 200_000
+#: The engine's matrices grow with the square of the number of joints.
+MAX_JOINTS = 2000
+#: Longer names are garbage, and would make the messages unreadable.
+MAX_NAME = 500
+#: Lengths in metres, masses in kilograms: beyond this, sums of them lose all digits.
+MAX_NUMBER = 1e9
 
 
-def read_bytes(path: Path) -> bytes:
-    """Return the file's content, or raise RobotFileError."""
-    if path.is_dir():
-        raise RobotFileError(path, [Problem("is a folder; expected a robot file (.urdf, .xml)")])
+def read_bytes(path: Path, limit: int = MAX_BYTES) -> bytes:
+    """Return the file's content, or raise RobotFileError. Files above `limit` bytes are refused unread."""
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+        if path.is_dir():
+            raise RobotFileError(path, [Problem("is a folder; expected a robot file (.urdf, .xml)")])
+        if path.exists() and not path.is_file():
+            raise RobotFileError(path, [Problem("is not a regular file; expected a robot file (.urdf, .xml)")])
+        content = b""
+        if path.stat().st_size <= limit:
+            with path.open("rb") as file:
+                content = file.read(limit + 1)
+        if not content or len(content) > limit:
+            size = "is empty" if path.stat().st_size == 0 else f"is larger than {limit / 2**20:g} MB"
+            raise RobotFileError(path, [Problem(f"{size}; expected a robot description, text of a few MB at most")])
     except FileNotFoundError as error:
-        near = sorted(other.name for other in path.parent.glob("*.urdf"))[:8] if path.parent.is_dir() else []
+        folder = path.parent
+        near = sorted(other.name for ending in ("urdf", "xml") for other in folder.glob(f"*.{ending}"))[:8]
         also = f" The folder holds: {', '.join(near)}." if near else ""
         raise RobotFileError(path, [Problem(f"file not found.{also}")]) from error
     except OSError as error:
         raise RobotFileError(path, [Problem(f"cannot be read: {error.strerror}")]) from error
-    if len(content) > MAX_BYTES:
-        raise RobotFileError(path, [Problem(f"larger than {MAX_BYTES // 2**20} MB; a robot description is text of a few MB at most")])
+    except ValueError as error:  # a NUL character in the path
+        raise RobotFileError(path, [Problem(f"cannot be read: {error}")]) from error
     return content
 
 
-def parse(content: bytes, path: Path, root_tag: str) -> etree._Element:
+def parse(content: bytes, path: Path) -> etree._Element:
     """Return the root element, or raise RobotFileError with line and reason.
 
-    No entity is expanded, no DTD loaded and nothing fetched: a document that declares a DOCTYPE is refused.
+    The document must be UTF-8 whatever it declares, because Pinocchio reads it so. No entity is expanded, no DTD
+    loaded and nothing fetched: a document that declares a DOCTYPE is refused before it is parsed.
     """
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True)
-    doctype = content.lower().find(b"<!doctype")
-    if doctype >= 0:
+    doctype = _doctype(content)
+    if doctype is not None:
         line = content.count(b"\n", 0, doctype) + 1
-        raise RobotFileError(path, [Problem("declares a DOCTYPE; entities and external definitions are not read. Remove it", line)])
+        message = "declares a DOCTYPE; entities and external definitions are not read. Remove it"
+        raise RobotFileError(path, [Problem(message, line)])
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        message = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); expected an XML file saved as UTF-8"
+        raise RobotFileError(path, [Problem(message, line)]) from error
+    parser = etree.XMLParser(
+        encoding="utf-8",
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
     try:
         root = etree.fromstring(content, parser)
     except etree.XMLSyntaxError as error:
-        line = error.lineno or None
-        raise RobotFileError(path, [Problem(f"is not well-formed XML: {error.msg}", line)]) from error
-    if root.tag != root_tag:
-        raise RobotFileError(path, [Problem(f"the root element is <{root.tag}>; expected <{root_tag}>", root.sourceline)])
+        message = f"is not well-formed XML: {(error.msg or 'unknown error')[:MAX_NAME]}"
+        if "Excessive depth" in message:
+            message = "nests its elements more than 256 deep; this is not a robot description"
+        raise RobotFileError(path, [Problem(message, error.lineno or None)]) from error
     if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
         raise RobotFileError(path, [Problem(f"has more than {MAX_ELEMENTS} elements; this is not a robot description")])
     return root
+
+
+def _doctype(content: bytes) -> int | None:
+    """Return where a DOCTYPE starts, or None. It can stand only before the root element, after comments and the like.
+
+    Looking there and nowhere else, a comment may speak of a DOCTYPE and a large file is not searched.
+    """
+    space = re.compile(rb"(?:\xef\xbb\xbf)?\s*")
+    position = 0
+    while True:
+        position = space.match(content, position).end()  # type: ignore[union-attr]
+        for start, end in ((b"<?", b"?>"), (b"<!--", b"-->")):
+            if content.startswith(start, position):
+                position = content.find(end, position + len(start)) + len(end)
+                if position < len(end):
+                    return None
+                break
+        else:
+            return position if content[position : position + 9].upper() == b"<!DOCTYPE" else None
+
+
+def _place(problem: Problem) -> tuple[str, float]:
+    return problem.file or "", math.inf if problem.line is None else problem.line
+
+
+class Document(ABC):
+    """Reads one XML document and collects problems instead of stopping at the first."""
+
+    def __init__(self, root: etree._Element, path: Path):
+        self.root, self.path = root, path
+        self.problems: list[Problem] = []
+        self.lines: dict[str, int | None] = {}
+
+    @abstractmethod
+    def read(self, content: bytes) -> RobotDescription:
+        """Return what the document says; what is wrong with it is in `problems`."""
+
+    def raise_problems(self) -> None:
+        """Raise RobotFileError where there are problems: the document's own first, in the order of its lines."""
+        if self.problems:
+            raise RobotFileError(self.path, sorted(self.problems, key=_place))
+
+    def problem(self, element: etree._Element, message: str) -> None:
+        self.problems.append(Problem(message, element.sourceline))
+        if len(self.problems) >= MAX_PROBLEMS:
+            self.problems.append(Problem(f"more than {MAX_PROBLEMS} problems; the rest is not listed"))
+            self.raise_problems()
+
+    def attribute(self, element: etree._Element, name: str, what: str) -> str | None:
+        """Return an attribute that must be there, or None after reporting."""
+        value = element.get(name) or ""
+        if not value.strip():
+            self.problem(element, f'{what}: attribute {name}="…" is missing')
+            return None
+        if len(value) > MAX_NAME:
+            self.problem(element, f"{what}: {name} has {len(value)} characters; expected at most {MAX_NAME}")
+            return None
+        return value
+
+    def numbers(
+        self,
+        element: etree._Element,
+        name: str,
+        count: int | None,
+        what: str,
+        default: Sequence[float] | None = None,
+        largest: float = math.inf,
+    ) -> tuple[float, ...] | None:
+        """Return the numbers of an attribute, each at most `largest` in size, or None after reporting."""
+        text = element.get(name)
+        if text is None:
+            if default is None:
+                self.problem(element, f'{what}: attribute {name}="…" is missing')
+            return None if default is None else tuple(default)
+        return self.parse_numbers(element, text, count, f'{what}: {name}="{text[:60]}"', largest)
+
+    def parse_numbers(
+        self, element: etree._Element, text: str, count: int | None, label: str, largest: float = math.inf
+    ) -> tuple[float, ...] | None:
+        """Return the numbers of a text, or None after reporting."""
+        try:
+            # Python also reads 1_000 and other scripts' digits; Pinocchio does not.
+            values = tuple(float(word) for word in text.split()) if text.isascii() and "_" not in text else ()
+        except ValueError:
+            values = ()
+        if not values or (count is not None and len(values) != count) or not all(map(math.isfinite, values)):
+            want = {None: "numbers", 1: "a number"}.get(count, f"{count} numbers")
+            self.problem(element, f"{label}: expected {want}, separated by spaces, with a decimal point")
+            return None
+        if max(map(abs, values)) > largest:
+            self.problem(element, f"{label}: expected numbers between {-largest:g} and {largest:g}")
+            return None
+        return values
+
+    def direction(self, element: etree._Element, name: str, what: str) -> tuple[float, ...] | None:
+        """Return the three numbers of an axis, or None after reporting; an axis of length zero has no direction."""
+        axis = self.numbers(element, name, 3, what, largest=MAX_NUMBER)
+        if axis and math.hypot(*axis) < 1 / MAX_NUMBER:
+            self.problem(element, f"{what}: its axis is zero; expected a direction")
+            return None
+        return axis
+
+    def only(self, element: etree._Element, attributes: Sequence[str], what: str) -> None:
+        """Report every attribute that is not in the list."""
+        for name in element.attrib:
+            if name not in attributes:
+                self.problem(
+                    element, f"{what}: unknown attribute '{name[:60]}'. {nearest_names(name[:60], attributes)}"
+                )

@@ -5,15 +5,21 @@ To add one: a final class in a file of its own, and one line here. The contract 
 """
 
 from .as_published import BeamAsPublished
-from .ball_nut import BallNut, PreloadedBallNut
+from .ball_nut import BallNut
 from .ball_screw import BallScrew
 from .beam import Beam
-from .bearing import Bearing, BearingPair, HertzianBearing
+from .bearing import Bearing
+from .bearing_pair import BearingPair
 from .compliance_matrix import ComplianceMatrix
-from .drive import JointSpring, Motor, SupportBearing, TimingBelt
+from .hertzian_bearing import HertzianBearing
+from .joint_spring import JointSpring
 from .module import CompliantModule, DriveModule, ModuleGeometry, WrenchModule
+from .motor import Motor
+from .preloaded_ball_nut import PreloadedBallNut
 from .section_beam import SectionBeam
+from .support_bearing import SupportBearing
 from .tapered_beam import TaperedBeam
+from .timing_belt import TimingBelt
 
 KINDS: tuple[CompliantModule, ...] = (
     Beam(),

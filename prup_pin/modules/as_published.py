@@ -7,7 +7,7 @@ import numpy as np
 from ..spatial import Array
 from .beam import Beam
 from .flexibility import BodyWeight
-from .module import ModuleGeometry, Values, WrenchModule
+from .module import Mask, ModuleGeometry, Values, WrenchModule
 
 _FLIP = np.diag([1.0, 1.0, 1.0, -1.0, 1.0, 1.0])
 
@@ -35,7 +35,7 @@ class BeamAsPublished(WrenchModule):
     def weight_deformation(self, values: Values, at: ModuleGeometry, gravity: Array) -> Array:
         return self._beam.weight_deformation(values, at, gravity)
 
-    def problems(self, values: Values, at: ModuleGeometry) -> Array:
+    def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         return self._beam.problems(values, at)
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:

@@ -1,4 +1,4 @@
-"""Ball nuts: linear from catalogue data, and nonlinear with preload."""
+"""A ball nut of constant stiffness, given or from catalogue data."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from ..parameters import Quantity
 from ..spatial import Array
-from .module import DriveModule, ModuleGeometry, Values, diagonal, required
+from .module import DriveModule, ModuleGeometry, Values, diagonal
 
 
 def catalogue_stiffness(values: Values):
@@ -42,52 +42,3 @@ class BallNut(DriveModule):
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
         return diagonal(1 / values["stiffness"])
-
-
-class PreloadedBallNut(DriveModule):
-    """Two opposed rows of balls under preload: stiff while both bear, softer when one has lifted off.
-
-    Each row carries K (delta)^(3/2) (Hertz). With the preload F_0 and the stiffness k_0 at rest,
-    K = F_0 / delta_0^(3/2) and delta_0 = 3 F_0 / k_0. The rows lift off at 2^(3/2) F_0.
-    """
-
-    kind = "preloaded_ball_nut"
-    summary = "preloaded nut that stiffens with load and softens when one row lifts off (Hertz)"
-    nonlinear = True
-    quantities = (
-        required("preload", "N", "axial preload F_a0"),
-        Quantity("rated_stiffness", "N/m", "K_n of the catalogue", np.nan),
-        Quantity("dynamic_load_rating", "N", "C_a of the catalogue", np.nan),
-        Quantity(
-            "stiffness",
-            "N/m",
-            "axial stiffness at rest",
-            lambda v: catalogue_stiffness({**v, "working_load": np.nan}),
-            derived_from=("rated_stiffness", "dynamic_load_rating", "preload"),
-        ),
-    )
-
-    @staticmethod
-    def _travel(values: Values, force: Array) -> tuple[Array, Array]:
-        """Return |x| / delta_0 under |force| and d(force)/dx, by Newton on a monotone function."""
-        preload = values["preload"]
-        target = np.abs(force) / preload
-        # Start above the root, where both rows' curve is convex: Newton then descends monotonically.
-        x = np.maximum(target ** (2 / 3), target / 3)
-        for _ in range(60):
-            value = (1 + x) ** 1.5 - np.maximum(1 - x, 0) ** 1.5 - target
-            slope = 1.5 * (np.sqrt(1 + x) + np.sqrt(np.maximum(1 - x, 0)))
-            step = value / slope
-            x = np.maximum(x - step, 0.0)
-            if np.all(np.abs(step) <= 1e-15 * (1 + x)):
-                break
-        slope = 1.5 * (np.sqrt(1 + x) + np.sqrt(np.maximum(1 - x, 0)))
-        return x, slope * values["stiffness"] / 3
-
-    def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        force = np.zeros_like(values["preload"]) if load is None else load[..., 0]
-        return diagonal(1 / self._travel(values, force)[1])
-
-    def deformation(self, values: Values, at: ModuleGeometry, load: Array) -> Array:
-        x, _ = self._travel(values, load[..., 0])
-        return (np.sign(load[..., 0]) * x * 3 * values["preload"] / values["stiffness"])[..., None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..spatial import Array
-from .module import DriveModule, ModuleGeometry, Values, diagonal, required
+from .module import DriveModule, Mask, ModuleGeometry, Values, diagonal, required
 
 
 class BallScrew(DriveModule):
@@ -15,6 +15,7 @@ class BallScrew(DriveModule):
     kind = "ball_screw"
     summary = "axial stiffness of a screw shaft fixed at both ends, at the nut's position (Eq. 108)"
     is_body = True
+    follows_joint = True
     quantities = (
         required("length", "m", "between the supports, l_BS"),
         required("area", "m^2", "root area A_r"),
@@ -25,7 +26,7 @@ class BallScrew(DriveModule):
         below = values["length"] - at.position
         return diagonal(at.position * below / (values["area"] * values["youngs_modulus"] * values["length"]))
 
-    def problems(self, values: Values, at: ModuleGeometry) -> Array:
+    def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         return (at.position <= 0) | (at.position >= values["length"])
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:

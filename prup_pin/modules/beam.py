@@ -14,50 +14,29 @@ from .flexibility import (
     tip_compliance,
     uniform_moments,
 )
-from .module import ModuleGeometry, Values, WrenchModule, required
-
-
-def circle_area(values: Values):
-    """Return the area of a solid or hollow circular section [m^2]."""
-    return np.pi / 4 * (values["diameter"] ** 2 - values["inner_diameter"] ** 2)
-
-
-def circle_second_moment(values: Values):
-    """Return the second moment of area of a solid or hollow circular section [m^4]."""
-    return np.pi / 64 * (values["diameter"] ** 4 - values["inner_diameter"] ** 4)
-
-
-def shear_flexibility(values: Values, area: Array) -> Array:
-    """Return 1/(kappa G A); zero (Euler-Bernoulli) where no shear modulus or no shear coefficient is given."""
-    kappa = np.asarray(values["shear_coefficient"], float)
-    with np.errstate(divide="ignore"):
-        return np.where(kappa > 0, 1 / (kappa * values["shear_modulus"] * area), 0.0)
-
-
-#: The breaks of a section law without jumps.
-SMOOTH = np.array([0.0, 1.0])
-
-#: Quantities every beam has, whatever its section.
-MATERIAL = (
-    required("youngs_modulus", "Pa", "modulus of elasticity E"),
-    Quantity("shear_modulus", "Pa", "shear modulus G; infinite neglects shear and torsion", default=np.inf),
-    Quantity(
-        "shear_coefficient", "1", "Timoshenko's kappa (0.886 for a steel circle); 0 is Euler-Bernoulli", 0.0, positive=False
-    ),
-)
-WEIGHT = (
-    Quantity("density", "kg/m^3", "density; 0 neglects the beam's own weight", 0.0, positive=False),
-    Quantity("body_length", "m", "length of the whole body, overhang included; 0: from root to tip", 0.0, positive=False),
-)
-CIRCLE = (
-    Quantity("diameter", "m", "outer diameter", default=np.nan),
-    Quantity("inner_diameter", "m", "bore of a hollow section", 0.0, positive=False),
+from .module import Mask, ModuleGeometry, Values, WrenchModule
+from .section import (
+    BODY_LENGTH,
+    CIRCLE,
+    DENSITY,
+    MATERIAL,
+    SMOOTH,
+    circle_area,
+    circle_second_moment,
+    constant,
+    mass_per_length,
+    shear_flexibility,
 )
 
 
-def constant(value: Array):
-    """Return the section law of a uniform beam: `value` (n,) at every distance from the tip."""
-    return lambda u: np.broadcast_to(np.asarray(value)[..., None], u.shape)
+_DIAMETERS = tuple(quantity.name for quantity in CIRCLE)
+_ROUND = ("second_moment", *_DIAMETERS)
+
+
+def _second_moment(values: Values):
+    """Return the second moment that both axes share, of a circle where only its diameters are given [m^4]."""
+    given = values["second_moment"]
+    return np.where(np.isnan(given), circle_second_moment(values), given)
 
 
 def _overhang(values: Values, at: ModuleGeometry) -> Array:
@@ -79,25 +58,20 @@ class Beam(WrenchModule):
     spans_frames = True
     quantities = (
         *CIRCLE,
-        Quantity("area", "m^2", "section area", circle_area, derived_from=("diameter", "inner_diameter")),
-        Quantity(
-            "second_moment",
-            "m^4",
-            "second moment of area, both axes",
-            circle_second_moment,
-            derived_from=("diameter", "inner_diameter"),
-        ),
-        Quantity("second_moment_x", "m^4", "about x", lambda v: v["second_moment"], derived_from=("second_moment",)),
-        Quantity("second_moment_y", "m^4", "about y", lambda v: v["second_moment"], derived_from=("second_moment",)),
+        Quantity("area", "m^2", "section area", circle_area, derived_from=_DIAMETERS),
+        Quantity("second_moment", "m^4", "second moment of area, both axes", np.nan, derived_from=_DIAMETERS),
+        Quantity("second_moment_x", "m^4", "about x", _second_moment, derived_from=_ROUND),
+        Quantity("second_moment_y", "m^4", "about y", _second_moment, derived_from=_ROUND),
         Quantity(
             "torsion_constant",
             "m^4",
-            "torsion constant J; twice the second moment for a circle",
+            "torsion constant J; by default I_x + I_y, which holds for circles",
             lambda v: v["second_moment_x"] + v["second_moment_y"],
-            derived_from=("second_moment", "second_moment_x", "second_moment_y"),
+            derived_from=("second_moment_x", "second_moment_y", *_ROUND),
         ),
         *MATERIAL,
-        *WEIGHT,
+        DENSITY,
+        BODY_LENGTH,
     )
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
@@ -128,7 +102,7 @@ class Beam(WrenchModule):
         overhang_is_inboard = at.anchored_at_tip == at.inboard_is_root
         return own_weight_deformation(
             gravity,
-            constant(values["density"] * values["area"]),
+            constant(mass_per_length(values["density"], values["area"])),
             np.where(overhang_is_inboard, _overhang(values, at), 0.0),
             at.length,
             at.inboard_is_root,
@@ -136,10 +110,10 @@ class Beam(WrenchModule):
         )
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:
-        density = constant(values["density"] * values["area"])
+        density = constant(mass_per_length(values["density"], values["area"]))
         return body_weight(density, at.length, _overhang(values, at), at.anchored_at_tip, SMOOTH)
 
-    def problems(self, values: Values, at: ModuleGeometry) -> Array:
+    def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         return at.length <= 0
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:

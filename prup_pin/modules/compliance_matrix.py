@@ -6,7 +6,7 @@ import numpy as np
 
 from ..parameters import Quantity
 from ..spatial import Array
-from .module import ModuleGeometry, Values, WrenchModule
+from .module import Mask, ModuleGeometry, Values, WrenchModule
 
 
 class ComplianceMatrix(WrenchModule):
@@ -27,7 +27,7 @@ class ComplianceMatrix(WrenchModule):
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
         return values["matrix"] * np.asarray(values["scale"])[..., None, None]
 
-    def problems(self, values: Values, at: ModuleGeometry) -> Array:
+    def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         matrix = values["matrix"]
         size = np.abs(matrix).max((-1, -2))
         asymmetry = np.abs(matrix - np.swapaxes(matrix, -1, -2)).max((-1, -2))

@@ -133,7 +133,9 @@ def own_weight_deformation(
     end = np.where(rooted, np.asarray(length)[..., None], 0.0)
     overhang = np.asarray(overhang)[..., None]
     # Mass of the piece between each section and the inboard end, and its first moment about the section.
-    edges = np.broadcast_to((np.asarray(length)[..., None] * law.breaks)[..., None, :], (*u.shape, law.breaks.shape[-1]))
+    edges = np.broadcast_to(
+        (np.asarray(length)[..., None] * law.breaks)[..., None, :], (*u.shape, law.breaks.shape[-1])
+    )
     low, high = np.minimum(u, end)[..., None], np.maximum(u, end)[..., None]
     inner, inner_w = _between(np.clip(edges[..., :-1], low, high), np.clip(edges[..., 1:], low, high))
     density = line_density(inner.reshape(*u.shape[:-1], -1)).reshape(inner.shape) * inner_w

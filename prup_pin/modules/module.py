@@ -21,12 +21,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..parameters import Quantity
 from ..spatial import Array
 from .flexibility import BodyWeight
 
 Values = Mapping[str, Any]
+Mask = NDArray[np.bool_]
 
 #: Wrench components in module axes: u, v across, w along the module's axis.
 WRENCH_LOADS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -62,7 +64,14 @@ class CompliantModule(ABC):
     spans_frames: ClassVar[bool] = False
     #: True where the compliance depends on the load.
     nonlinear: ClassVar[bool] = False
+    #: True where the compliance depends on the joint's position.
+    follows_joint: ClassVar[bool] = False
     quantities: ClassVar[tuple[Quantity, ...]] = ()
+
+    @property
+    def constant(self) -> bool:
+        """True where the compliance depends on neither pose nor load, so that it is computed once."""
+        return not (self.spans_frames or self.follows_joint or self.nonlinear)
 
     @abstractmethod
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
@@ -73,7 +82,7 @@ class CompliantModule(ABC):
         return (self.compliance(values, at, None) @ load[..., None])[..., 0]
 
     def weight_deformation(self, values: Values, at: ModuleGeometry, gravity: Array) -> Array:
-        """Return the correction (..., n, 6) for a weight that is spread along the module.
+        """Return the correction (..., n, k) for a weight that is spread along the module.
 
         `gravity` (..., n, 3) [m/s^2] in module axes. See `flexibility.own_weight_deformation`.
         """
@@ -87,7 +96,7 @@ class CompliantModule(ABC):
         """Return True where the module carries a load along its joint's own axis, so that the joint is not free."""
         return False
 
-    def problems(self, values: Values, at: ModuleGeometry) -> Array | None:
+    def problems(self, values: Values, at: ModuleGeometry) -> Mask | None:
         """Return a mask of modules whose equation does not hold at this geometry, or None."""
         return None
 

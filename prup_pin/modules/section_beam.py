@@ -9,7 +9,7 @@ import numpy as np
 from ..parameters import Quantity
 from ..spatial import Array
 from .flexibility import BodyWeight, SectionFlexibilities, body_weight, own_weight_deformation
-from .module import ModuleGeometry, Values, WrenchModule
+from .module import Mask, ModuleGeometry, Values, WrenchModule
 
 
 def _table(name: str, unit: str, description: str, default=None, **options) -> Quantity:
@@ -32,7 +32,7 @@ class SectionBeam(WrenchModule):
     is_body = True
     spans_frames = True
     quantities = (
-        _table("stations", "1", "positions from root (0) to tip (1); a repeated one is a step", positive=False, upper=1.0),
+        _table("stations", "1", "places from root (0) to tip (1); a repeated one is a step", positive=False, upper=1.0),
         _table("axial_stiffness", "N", "EA at the stations"),
         _table("bending_stiffness_x", "N m^2", "EI about x at the stations"),
         _table("bending_stiffness_y", "N m^2", "EI about y at the stations"),
@@ -54,7 +54,8 @@ class SectionBeam(WrenchModule):
         low = table[..., None, :-1]
         with np.errstate(invalid="ignore"):  # infinite minus infinite: no slope
             slope = (table[..., None, 1:] - low) / np.where(width > 0, width, np.inf)
-        slope = np.where(np.isfinite(slope), slope, 0.0)
+        steep = ~np.isfinite(slope)  # an infinite end makes the whole interval rigid
+        low, slope = np.where(steep, np.inf, low), np.where(steep, 0.0, slope)
 
         def at(u: Array) -> Array:
             fraction = np.clip(u / np.asarray(length)[..., None], 0.0, 1.0)[..., None]
@@ -94,7 +95,7 @@ class SectionBeam(WrenchModule):
         none = np.zeros_like(at.length)
         return body_weight(density, at.length, none, at.anchored_at_tip, self._from_tip(values))
 
-    def problems(self, values: Values, at: ModuleGeometry) -> Array:
+    def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         stations = values["stations"]
         ordered = (np.diff(stations) >= 0).all(-1) & (stations[..., 0] == 0) & (stations[..., -1] == 1)
         return (at.length <= 0) | ~ordered

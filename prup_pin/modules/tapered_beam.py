@@ -6,9 +6,9 @@ import numpy as np
 
 from ..parameters import Quantity
 from ..spatial import Array
-from .beam import MATERIAL, SMOOTH, WEIGHT, shear_flexibility
 from .flexibility import BodyWeight, SectionFlexibilities, body_weight, own_weight_deformation
-from .module import ModuleGeometry, Values, WrenchModule, required
+from .module import Mask, ModuleGeometry, Values, WrenchModule, required
+from .section import DENSITY, MATERIAL, SMOOTH, shear_flexibility
 
 
 class TaperedBeam(WrenchModule):
@@ -23,7 +23,7 @@ class TaperedBeam(WrenchModule):
         required("tip_diameter", "m", "outer diameter at the tip"),
         Quantity("inner_diameter", "m", "constant bore", 0.0, positive=False),
         *MATERIAL,
-        WEIGHT[0],
+        DENSITY,
     )
 
     @staticmethod
@@ -80,7 +80,7 @@ class TaperedBeam(WrenchModule):
         density = self._line_density(values, at.length)
         return body_weight(density, at.length, np.zeros_like(at.length), at.anchored_at_tip, SMOOTH)
 
-    def problems(self, values: Values, at: ModuleGeometry) -> Array:
+    def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         thin = np.minimum(values["root_diameter"], values["tip_diameter"]) <= values["inner_diameter"]
         return (at.length <= 0) | thin
 

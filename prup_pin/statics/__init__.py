@@ -1,6 +1,7 @@
-"""Wrench Jacobians, Castigliano's assembly and the weight of the robot."""
+"""Wrench Jacobians, Castigliano's theorem, the weight of the robot, and the result."""
 
-from .compliance import Compliance, assemble
+from .castigliano import Statics, solve_statics
+from .compliance import Compliance
 from .wrench_jacobians import StaticsLayout
 
-__all__ = ["Compliance", "StaticsLayout", "assemble"]
+__all__ = ["Compliance", "Statics", "StaticsLayout", "solve_statics"]

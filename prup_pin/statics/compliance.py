@@ -1,9 +1,4 @@
-"""Castigliano's assembly: C and K of the mechanism, and the part of every module.
-
-With s_m = J_m w the loads of module m and Lambda_m its compliance, the strain energy is U = 1/2 sum s_m^T Lambda_m s_m,
-and the deflection of the tool is dU/dw = (sum J_m^T Lambda_m J_m) w = C w (Eqs. 17-26). Overconstrained mechanisms
-carry self-stress besides; by the principle of least complementary energy it takes the value that minimises U.
-"""
+"""C and K of a mechanism at a pose, and the part of every module: the result a user reads."""
 
 from __future__ import annotations
 
@@ -12,20 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import InputError, NoStiffnessError, PrupPinError, UnknownNameError, UnreachablePoseError
-from ..kinematics import ClosedPose
-from ..modules import ModuleGeometry
+from ..errors import InputError, NoStiffnessError, UnknownNameError
 from ..spatial import WRENCH_NAMES, Array, as_wrench
+from .castigliano import Statics
 from .weight import weight_strains
-from .wrench_jacobians import (
-    StaticsLayout,
-    loads_at_frame,
-    module_loads,
-    self_stress_wrenches,
-    transmitted_wrenches,
-)
 
-__all__ = ["Compliance", "assemble"]
+__all__ = ["Compliance"]
 
 #: Directions softer than this share of the softest one count as rigid.
 RIGID = 1e-12
@@ -61,56 +48,58 @@ class Compliance:
     All matrices are at the tool point in base axes, SI, (force, moment) -> (translation, rotation).
     """
 
-    def __init__(self, layout, pose: ClosedPose, length: float, jacobians, stress, lambdas, geometries, load: Array | None):
-        self.pose = pose
+    def __init__(self, statics: Statics, length: float, load: Array | None):
+        self.pose = statics.pose
         self.load = load
-        self._layout: StaticsLayout = layout
+        self._statics = statics
         self._length = length
-        self._wrench_jacobians, self._drive_jacobians = jacobians
-        self._stress = stress
-        self._lambdas = lambdas
-        self._wrench_lambdas, self._drive_lambdas = lambdas
-        self._geometries: list[ModuleGeometry] = geometries
-        wrench = np.swapaxes(self._wrench_jacobians, -1, -2) @ (self._wrench_lambdas @ self._wrench_jacobians)
-        drive = np.swapaxes(self._drive_jacobians, -1, -2) @ (self._drive_lambdas @ self._drive_jacobians)
-        self._parts = np.concatenate((wrench, drive))
+        parts = [
+            np.swapaxes(jacobian, -1, -2) @ (lam @ jacobian)
+            for jacobian, lam in zip(statics.jacobians, statics.lambdas, strict=True)
+        ]
+        self._parts = np.concatenate(parts)
         c = self._parts.sum(axis=0)
         self.C: Array = (c + c.T) / 2
-        for array in (self._parts, self.C, self._wrench_jacobians, self._drive_jacobians):
-            array.flags.writeable = False
+        self._parts.setflags(write=False)
+        self.C.setflags(write=False)
 
     # -- the whole -----------------------------------------------------------------------------------------------
 
     @cached_property
-    def _spectrum(self) -> tuple[Array, Array, Array]:
-        """Eigenvalues and vectors of the dimensionless C, and the scaling."""
-        scale = np.array([1.0, 1.0, 1.0, self._length, self._length, self._length])
-        values, vectors = np.linalg.eigh(self.C * scale[:, None] * scale)
-        return values, vectors, scale
+    def _scale(self) -> Array:
+        """Factors that make C dimensionless: translations per length, rotations in radians."""
+        return np.array([1.0, 1.0, 1.0, self._length, self._length, self._length])
 
     @cached_property
     def rigid_directions(self) -> Array:
         """Wrenches that deflect nothing, (n, 6), each scaled to a largest component of 1; n = 0 where K exists."""
-        values, vectors, scale = self._spectrum
+        values, vectors = np.linalg.eigh(self.C * self._scale[:, None] * self._scale)
         rigid = values <= RIGID * max(values.max(), 0.0)
-        directions = (vectors[:, rigid] * scale[:, None]).T
+        directions = (vectors[:, rigid] * self._scale[:, None]).T
         return directions / np.abs(directions).max(axis=1, keepdims=True) if rigid.any() else np.zeros((0, 6))
 
     @cached_property
     def K(self) -> Array:  # noqa: N802 - the field's symbol
         """Stiffness, (6, 6). Raises NoStiffnessError where some directions are rigid."""
-        values, vectors, scale = self._spectrum
-        if values[0] <= RIGID * values[-1]:
+        scaling = self._scale[:, None] * self._scale
+        scaled = self.C * scaling
+        try:
+            inverse = np.linalg.inv(scaled)
+        except np.linalg.LinAlgError:
+            inverse = np.full((6, 6), np.inf)
+        # The largest entries of positive definite matrices stand on their diagonals.
+        if not 0 < inverse.diagonal().max() * scaled.diagonal().max() < 0.1 / RIGID:
             rigid = self.rigid_directions
-            listed = "; ".join(_direction(direction) for direction in rigid)
-            raise NoStiffnessError(
-                f"no K: these {len(rigid)} of 6 directions are rigid (no module yields to them): {listed}. "
-                "C is complete; give a compliance to more joints or bodies if these directions should yield",
-                rigid,
-            )
-        k = np.linalg.inv(self.C * scale[:, None] * scale) * scale[:, None] * scale
+            if len(rigid):
+                listed = "; ".join(_direction(direction) for direction in rigid)
+                raise NoStiffnessError(
+                    f"no K: these {len(rigid)} of 6 directions are rigid (no module yields to them): {listed}. "
+                    "C is complete; give a compliance to more joints or bodies if these directions should yield",
+                    rigid,
+                )
+        k = inverse * scaling
         k = (k + k.T) / 2
-        k.flags.writeable = False
+        k.setflags(write=False)
         return k
 
     def deflection(self, wrench, frame: str | None = None) -> Array:
@@ -121,22 +110,11 @@ class Compliance:
         w = as_wrench(wrench)
         if frame is None:
             return self.C @ w
-        return self._displacement(frame, [(lam @ (jac @ w)[..., None])[..., 0] for lam, jac in self._lambdas_and_jacobians()])
-
-    def _lambdas_and_jacobians(self):
-        return ((self._wrench_lambdas, self._wrench_jacobians), (self._drive_lambdas, self._drive_jacobians))
-
-    def _displacement(self, frame: str | None, strains) -> Array:
-        """Return the displacement (6,) of the tool or a frame when modules deform by `strains`: sum J_m^T e_m."""
-        if frame is None:
-            virtual = (self._wrench_jacobians, self._drive_jacobians)
-        else:
-            found = self.pose.mechanism.frame(frame)
-            loads = loads_at_frame(self.pose, found.joint, found.placement)
-            virtual = module_loads(self._layout, self.pose, transmitted_wrenches(self._layout, self.pose, loads))
-            if self._stress is not None:
-                virtual = _least_energy(virtual, self._stress, (self._wrench_lambdas, self._drive_lambdas))
-        return sum(np.einsum("nkc,nk->c", jacobian, strain) for jacobian, strain in zip(virtual, strains, strict=True))
+        strains = [
+            (lam @ (jacobian @ w)[..., None])[..., 0]
+            for jacobian, lam in zip(self._statics.jacobians, self._statics.lambdas, strict=True)
+        ]
+        return self._statics.displacement(strains, frame)
 
     # -- the parts -----------------------------------------------------------------------------------------------
 
@@ -145,31 +123,22 @@ class Compliance:
         """Names of the modules, in the order of the robot file."""
         return tuple(module.name for module in self.pose.mechanism.modules)
 
-    @property
-    def _stacked_names(self) -> tuple[str, ...]:
-        return self._layout.wrench_names + self._layout.drive_names
-
     @cached_property
     def parts(self) -> Mapping[str, Array]:
         """Compliance J_m^T Lambda_m J_m of each module, (6, 6); they sum to C."""
-        return _Named(self._stacked_names, self._parts.__getitem__)
+        return _Named(self._statics.layout.names, self._parts.__getitem__)
 
     @cached_property
     def wrench_jacobians(self) -> Mapping[str, Array]:
         """WCMJ of each module, (k, 6): loads in the module's own frame per unit wrench on the tool."""
-        count = len(self._wrench_jacobians)
-        return _Named(
-            self._stacked_names,
-            lambda i: self._wrench_jacobians[i] if i < count else self._drive_jacobians[i - count],
-        )
+        wrench, drive = self._statics.jacobians
+        return _Named(self._statics.layout.names, [*wrench, *drive].__getitem__)
 
     @cached_property
     def module_compliances(self) -> Mapping[str, Array]:
         """Lambda of each module, (k, k), in its own frame."""
-        count = len(self._wrench_jacobians)
-        return _Named(
-            self._stacked_names, lambda i: self._wrench_lambdas[i] if i < count else self._drive_lambdas[i - count]
-        )
+        wrench, drive = self._statics.lambdas
+        return _Named(self._statics.layout.names, [*wrench, *drive].__getitem__)
 
     def _sum(self, wanted) -> Array:
         chosen = [name for module in self.pose.mechanism.modules if wanted(module) for name in (module.name,)]
@@ -215,7 +184,7 @@ class Compliance:
         Weights of links act at their centres; a beam that names its body carries its weight as a continuous load.
         Small deflections; gravity is the robot file's.
         """
-        return self._displacement(frame, weight_strains(self._layout, self.pose, self._geometries, self._lambdas))
+        return self._statics.displacement(weight_strains(self._statics), frame)
 
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={value:.4g}" for name, value in self.pose.coordinates.items())
@@ -227,69 +196,3 @@ def _direction(vector: Array) -> str:
     return " ".join(
         f"{value:+.3g} {name}" for name, value in zip(WRENCH_NAMES, vector, strict=True) if abs(value) > 1e-6
     )
-
-
-def assemble(layout: StaticsLayout, pose: ClosedPose, length: float, load: Array | None = None) -> Compliance:
-    """Return the compliance at a pose; with `load` (6,) nonlinear modules are taken at that wrench.
-
-    Raises PrupPinError where no module is compliant, UnreachablePoseError where a module's equation does not hold.
-    """
-    mechanism = layout.mechanism
-    if not mechanism.modules:
-        raise PrupPinError(
-            f"'{mechanism.name}' has no compliant module: give joint stiffnesses, load(..., joint_stiffness=1e4) [N m/rad, N/m], "
-            "or describe modules in a <prup_pin> element of the robot file"
-        )
-    tool = mechanism.tool
-    transmitted = transmitted_wrenches(layout, pose, loads_at_frame(pose, tool.joint, tool.placement))
-    jacobians = module_loads(layout, pose, transmitted)
-    values = layout.joint_values(pose.q)
-    groups = (*layout.wrench_groups, *layout.drive_groups)
-    geometries = [group.geometry(pose.placements, values) for group in groups]
-    for group, at in zip(groups, geometries, strict=True):
-        bad = group.kind.problems(group.values, at)
-        if bad is not None and bad.any():
-            index = int(np.argmax(bad))
-            raise UnreachablePoseError(
-                f"module '{group.modules[index].name}' at this pose: {group.kind.problem_text(group.values, at, index)}",
-                pose.coordinates,
-            )
-    redundant = pose.balance.self_stress.shape[-1] > 0
-    stress = module_loads(layout, pose, self_stress_wrenches(layout, pose)) if redundant else None
-    nonlinear = load is not None and any(group.kind.nonlinear for group in groups)
-    loads = None
-    for _ in range(50):
-        lambdas = _lambdas(layout, geometries, loads)
-        compatible = _least_energy(jacobians, stress, lambdas) if stress is not None else jacobians
-        if not nonlinear:
-            break
-        previous, loads = loads, [jacobian @ load for jacobian in compatible]
-        if previous is not None and all(np.allclose(a, b, rtol=1e-12, atol=1e-12) for a, b in zip(previous, loads, strict=True)):
-            break
-    return Compliance(layout, pose, length, compatible, stress, lambdas, geometries, load)
-
-
-def _lambdas(layout: StaticsLayout, geometries, loads) -> tuple[Array, Array]:
-    """Return the stacked module compliances, (n, 6, 6) and (m, 1, 1)."""
-    count = len(layout.wrench_groups)
-    stacked = []
-    for index, (groups, size) in enumerate(((layout.wrench_groups, 6), (layout.drive_groups, 1))):
-        blocks = [
-            group.kind.compliance(group.values, at, None if loads is None else loads[index][group.slots])
-            for group, at in zip(groups, geometries[:count] if index == 0 else geometries[count:], strict=True)
-        ]
-        stacked.append(np.concatenate(blocks, axis=-3) if blocks else np.zeros((0, size, size)))
-    return stacked[0], stacked[1]
-
-
-def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
-    """Return the wrench Jacobians with the self-stress of least complementary energy added.
-
-    Minimising 1/2 sum (J w + B x)^T Lambda (J w + B x) over x gives x = -D^+ (sum B^T Lambda J) w, D = sum B^T Lambda B.
-    Self-stress that only rigid modules carry has no energy: it stays undetermined, and C does not depend on it.
-    """
-    d = sum((np.swapaxes(b, -1, -2) @ lam @ b).sum(axis=-3) for b, lam in zip(stress, lambdas, strict=True))
-    g = sum((np.swapaxes(b, -1, -2) @ lam @ j).sum(axis=-3) for b, lam, j in zip(stress, lambdas, jacobians, strict=True))
-    scale = 1 / np.sqrt(np.where(np.diagonal(d) > 0, np.diagonal(d), 1.0))
-    x = -scale[:, None] * (np.linalg.pinv(d * scale[:, None] * scale, rcond=1e-11, hermitian=True) @ (scale[:, None] * g))
-    return tuple(j + b @ x for j, b in zip(jacobians, stress, strict=True))

@@ -1,8 +1,9 @@
 """Sag: what the robot's own weight does to the tool.
 
 The weight of a link acts at its centre of mass. A beam that names its `body` carries that link's weight as a
-continuous load along its length instead, overhang included. The deflection follows from the loads of gravity on
-every module by Castigliano: sum J_m^T (Lambda_m s_m + e_m), with e_m the correction for a spread weight.
+continuous load along its length instead, overhang included; a beam of finite density that names none is weighed on
+top of the links. The deflection follows from the loads of gravity on every module by Castigliano:
+sum J_m^T (Lambda_m s_m + e_m), with e_m the correction for a spread weight.
 """
 
 from __future__ import annotations
@@ -10,40 +11,55 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from ..kinematics import ClosedPose
-from ..mechanism import Mechanism
-from ..modules import ModuleGeometry
-from ..spatial import Array, base_wrench_from_point
-from .wrench_jacobians import StaticsLayout, module_loads, transmitted_wrenches
+from ..mechanism import Mechanism, Module
+from ..spatial import Array, base_wrench_from_point, frame_wrench_from_base
+from .castigliano import Statics
+from .wrench_jacobians import module_loads, transmitted_wrenches
 
 
-def weight_strains(
-    layout: StaticsLayout, pose: ClosedPose, geometries: list[ModuleGeometry], lambdas: tuple[Array, Array]
-) -> tuple[Array, Array]:
+def weight_strains(statics: Statics) -> tuple[Array, Array]:
     """Return the deformations of all modules under the robot's weight, (n, 6) and (m, 1)."""
+    layout, pose = statics.layout, statics.pose
     mechanism = layout.mechanism
     loads = np.zeros((mechanism.model.njoints, 6, 1))
     own = np.zeros((len(layout.wrench_names), 6))
+    missing = np.zeros_like(own)
     carried: set[str] = set()
-    for group, at in zip(layout.wrench_groups, geometries, strict=False):
+    for group, at in zip(layout.wrench_groups, statics.geometries, strict=False):
         weight = group.kind.weight(group.values, at)
         if weight is None:
             continue
-        frames = pose.placements[group.frame_joints] @ group.frame_placements
-        gravity = (mechanism.gravity @ frames[:, :3, :3]).reshape(-1, 3)
+        frames = statics.frames[group.slots]
+        gravity = mechanism.gravity @ frames[:, :3, :3]
         own[group.slots] = group.kind.weight_deformation(group.values, at, gravity)
         centres = frames[:, :3, 3] - weight.centre_from_tip[:, None] * frames[:, :3, 2]
-        for module, mass, centre in zip(group.modules, weight.mass, centres, strict=True):
-            if mass > 0:
-                owner = mechanism.frame(module.body).joint if module.body else module.joint
-                loads[owner, :, 0] += _weight(mass * mechanism.gravity, centre)
-                if module.body:
-                    carried.add(module.body)
+        to_modules = frame_wrench_from_base(frames)
+        for index, module in enumerate(group.modules):
+            if weight.mass[index] == 0:
+                continue
+            wrench = _weight(weight.mass[index] * mechanism.gravity, centres[index])
+            owner = _owner(mechanism, module)
+            loads[owner, :, 0] += wrench
+            if module.body:
+                carried.add(module.body)
+            if owner != module.joint and mechanism.support[owner, module.joint]:
+                # The joint lies beyond the beam, so its load lacks the beam's weight; the correction expects it there.
+                missing[group.slots.start + index] = to_modules[index] @ wrench
     for joint, mass, lever in _link_masses(mechanism, carried):
         loads[joint, :, 0] += _weight(mass * mechanism.gravity, (pose.placements[joint] @ np.append(lever, 1.0))[:3])
-    gravity_loads = module_loads(layout, pose, transmitted_wrenches(layout, pose, loads))
-    wrench, drive = ((lam @ load)[..., 0] for lam, load in zip(lambdas, gravity_loads, strict=True))
-    return wrench + own, drive
+    transmitted = transmitted_wrenches(layout, pose, loads)
+    wrench_loads, drive_loads = module_loads(layout, pose, statics.frames, transmitted)
+    wrench_lambdas, drive_lambdas = statics.lambdas
+    wrench_strains = wrench_lambdas @ (wrench_loads + missing[..., None])
+    return wrench_strains[..., 0] + own, (drive_lambdas @ drive_loads)[..., 0]
+
+
+def _owner(mechanism: Mechanism, module: Module) -> int:
+    """Return the joint whose body carries a beam's weight: that of its body, or of the end that it is anchored at."""
+    if module.body:
+        return mechanism.frame(module.body).joint
+    end = module.frame if module.anchored_at_tip or module.root is None else module.root
+    return end.joint
 
 
 def _weight(force: Array, point: Array) -> Array:
@@ -61,7 +77,9 @@ def _link_masses(mechanism: Mechanism, without: set[str]):
         if parent.type == pin.FrameType.FIXED_JOINT:
             own = parent.inertia.se3Action(parent.placement)
         else:
-            others = [f for f in model.frames if f.type == pin.FrameType.FIXED_JOINT and f.parentJoint == frame.parentJoint]
+            others = [
+                f for f in model.frames if f.type == pin.FrameType.FIXED_JOINT and f.parentJoint == frame.parentJoint
+            ]
             own = _minus(model.inertias[frame.parentJoint], [f.inertia.se3Action(f.placement) for f in others])
         merged[frame.parentJoint] = _minus(merged[frame.parentJoint], [own])
     for joint, inertia in merged.items():

@@ -19,11 +19,15 @@ from functools import cached_property
 import numpy as np
 
 from ..kinematics import ClosedPose
-from ..mechanism import Mechanism, Module
+from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
 from ..spatial import Array, base_wrench_from_point, frame_wrench_from_base
 
 __all__ = ["ModuleGroup", "StaticsLayout", "transmitted_wrenches"]
+
+
+#: The geometry of kinds that need none.
+_NOWHERE = ModuleGeometry(np.zeros(()), np.zeros(()), np.zeros((), bool), np.zeros((), bool))
 
 
 @dataclass(frozen=True)
@@ -35,45 +39,6 @@ class ModuleGroup:
     slots: slice
     values: dict[str, Array]
 
-    @cached_property
-    def frame_joints(self) -> Array:
-        return np.array([module.frame.joint for module in self.modules])
-
-    @cached_property
-    def frame_placements(self) -> Array:
-        return np.array([module.frame.placement for module in self.modules])
-
-    @cached_property
-    def _roots(self) -> tuple[Array, Array]:
-        roots = [module.root for module in self.modules]
-        return np.array([root.joint for root in roots]), np.array([root.placement[:, 3] for root in roots])
-
-    @cached_property
-    def _position_index(self) -> Array:
-        model_joints = [module.joint for module in self.modules]
-        return np.array(model_joints)
-
-    @cached_property
-    def inboard_is_root(self) -> Array:
-        return np.array([module.inboard_is_root for module in self.modules])
-
-    @cached_property
-    def anchored_at_tip(self) -> Array:
-        return np.array([module.anchored_at_tip for module in self.modules])
-
-    def geometry(self, placements: Array, joint_values: Array) -> ModuleGeometry:
-        """Return lengths and positions at (..., njoints, 4, 4) placements and (..., nv) joint values."""
-        position = joint_values[..., [module.dof for module in self.modules]]
-        if self.kind.spans_frames:
-            joints, points = self._roots
-            root = (placements[..., joints, :, :] @ points[:, :, None])[..., :3, 0]
-            tip = placements[..., self.frame_joints, :, :] @ self.frame_placements
-            # along the module's axis: a negative length is a rod that has been pulled through its clamp
-            length = ((tip[..., :3, 3] - root) * tip[..., :3, 2]).sum(-1)
-        else:
-            length = np.zeros_like(position)
-        return ModuleGeometry(length, position, self.inboard_is_root, self.anchored_at_tip)
-
 
 class StaticsLayout:
     """Index arrays of one mechanism, computed once: which modules stand where in the batched load arrays."""
@@ -84,37 +49,72 @@ class StaticsLayout:
         drive = [module for module in mechanism.modules if isinstance(module.kind, DriveModule)]
         self.wrench_groups, wrench = _grouped(wrench)
         self.drive_groups, drive = _grouped(drive)
+        self.groups = (*self.wrench_groups, *self.drive_groups)
         self.wrench_names = tuple(module.name for module in wrench)
         self.drive_names = tuple(module.name for module in drive)
+        self.names = self.wrench_names + self.drive_names
         self.wrench_joints = np.array([module.joint for module in wrench], int)
-        self.frame_joints = np.array([module.frame.joint for module in wrench], int)
-        self.frame_placements = np.array([module.frame.placement for module in wrench]).reshape(-1, 4, 4)
+        self._frame_joints = np.array([module.frame.joint for module in wrench], int)
+        self._frame_placements = np.array([module.frame.placement for module in wrench]).reshape(-1, 4, 4)
         self.drive_joints = np.array([module.joint for module in drive], int)
         self.drive_dofs = np.array([module.dof for module in drive], int)
         ratios = [np.broadcast_to(group.kind.ratio(group.values), len(group.modules)) for group in self.drive_groups]
-        self.drive_ratios = np.concatenate(ratios) if ratios else np.zeros(0)
+        self.drive_ratios = np.concatenate(ratios)[:, None, None] if ratios else np.zeros((0, 1, 1))
+        # Beams: where their root is. Other modules have no length.
+        spanning = [(index, module.root) for index, module in enumerate(wrench) if module.kind.spans_frames and module.root]
+        self._beams = np.array([index for index, _ in spanning], int)
+        self._root_joints = np.array([root.joint for _, root in spanning], int)
+        self._root_points = np.array([root.placement[:, 3] for _, root in spanning]).reshape(-1, 4, 1)
         # Closure force of row r acts on the second frame's body and, reversed, on the first's.
-        self._incidence = _incidence(mechanism)
-        self.joint_incidence = mechanism.support @ self._incidence
+        self.joint_incidence = mechanism.support @ _incidence(mechanism)
         self.free = mechanism.free_dofs
-        joints, dofs = [], []
-        for index in range(1, mechanism.model.njoints):
-            joint = mechanism.model.joints[index]
-            if joint.nv == 1:
-                joints.append((joint.idx_q, joint.nq))
-                dofs.append(joint.idx_v)
-        self._value_index, self._value_dofs = joints, np.array(dofs, int)
-        self._plain = all(size == 1 for _, size in joints)
-        self._value_q = np.array([start for start, _ in joints], int)
+        self.free_joints = mechanism.dof_joint[self.free]
+        axes = [joint for joint in list(mechanism.model.joints)[1:] if joint.nv == 1]
+        self._position_q = np.array([joint.idx_q for joint in axes], int)
+        self._position_dofs = np.array([joint.idx_v for joint in axes], int)
+        self._endless = [(joint.idx_q, joint.idx_v) for joint in axes if joint.nq == 2]
+        self._module_dofs = [np.array([module.dof for module in group.modules], int) for group in self.groups]
+        self._ends = [
+            (
+                np.array([module.inboard_is_root for module in group.modules]),
+                np.array([module.anchored_at_tip for module in group.modules]),
+            )
+            for group in self.groups
+        ]
+
+    @cached_property
+    def constant_compliances(self) -> tuple[Array | None, ...]:
+        """Compliance of each group whose equation knows neither pose nor load, else None."""
+        return tuple(
+            group.kind.compliance(group.values, _NOWHERE, None) if group.kind.constant else None for group in self.groups
+        )
+
+    def frames(self, pose: ClosedPose) -> Array:
+        """Return base_from_module of all wrench modules, (..., n, 4, 4)."""
+        return pose.placements[..., self._frame_joints, :, :] @ self._frame_placements
+
+    def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
+        """Return what the pose tells each group of modules."""
+        lengths = np.zeros(frames.shape[:-2])
+        if len(self._beams):
+            roots = (pose.placements[..., self._root_joints, :, :] @ self._root_points)[..., :3, 0]
+            tips = frames[..., self._beams, :3, :]
+            # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
+            lengths[..., self._beams] = ((tips[..., 3] - roots) * tips[..., 2]).sum(-1)
+        positions = self.joint_values(pose.q)
+        return [
+            _NOWHERE
+            if group.kind.constant
+            else ModuleGeometry(lengths[..., group.slots] if group.kind.spans_frames else _NOWHERE.length, positions[..., dofs], *ends)
+            for group, dofs, ends in zip(self.groups, self._module_dofs, self._ends, strict=True)
+        ]
 
     def joint_values(self, q: Array) -> Array:
         """Return the value of every single-axis joint at its velocity index, (..., nv); nan for others."""
         values = np.full((*q.shape[:-1], self.mechanism.model.nv), np.nan)
-        if self._plain:
-            values[..., self._value_dofs] = q[..., self._value_q]
-        else:
-            for (start, size), dof in zip(self._value_index, self._value_dofs, strict=True):
-                values[..., dof] = q[..., start] if size == 1 else np.arctan2(q[..., start + 1], q[..., start])
+        values[..., self._position_dofs] = q[..., self._position_q]
+        for start, dof in self._endless:
+            values[..., dof] = np.arctan2(q[..., start + 1], q[..., start])
         return values
 
 
@@ -149,14 +149,13 @@ def transmitted_wrenches(layout: StaticsLayout, pose: ClosedPose, loads: Array) 
     `loads` (..., nj, 6, c) are base wrenches on the joints' bodies, c load cases at once. The free joints' balance
     gives the closure forces; the subtree sums do the rest.
     """
-    mechanism = layout.mechanism
-    carried = _subtree_sums(mechanism.support, loads)
+    flat = loads.reshape(*loads.shape[:-2], -1)
+    carried = (layout.mechanism.support @ flat).reshape(loads.shape)
     if not len(layout.free):
         return carried
-    free = layout.free
-    along = (np.swapaxes(pose.jacobian, -1, -2)[..., free, None, :] @ carried[..., mechanism.dof_joint[free], :, :])[..., 0, :]
-    forces = -pose.balance.inverse @ along
-    return carried + _closure_wrenches(layout, pose, forces)
+    axes = np.swapaxes(pose.jacobian, -1, -2)[..., layout.free, None, :]
+    along = (axes @ carried[..., layout.free_joints, :, :])[..., 0, :]
+    return carried + _closure_wrenches(layout, pose, -pose.balance.inverse @ along)
 
 
 def self_stress_wrenches(layout: StaticsLayout, pose: ClosedPose) -> Array:
@@ -168,26 +167,20 @@ def _closure_wrenches(layout: StaticsLayout, pose: ClosedPose, forces: Array) ->
     """Return the subtree sums of closure forces (..., rows, c) as joint wrenches (..., nj, 6, c)."""
     on_bodies = pose.closure_wrenches[..., :, :, None] * forces[..., :, None, :]
     flat = on_bodies.reshape(*on_bodies.shape[:-2], -1)
-    return (layout.joint_incidence @ flat).reshape(*flat.shape[:-2], layout.joint_incidence.shape[0], *on_bodies.shape[-2:])
+    sums = layout.joint_incidence @ flat
+    return sums.reshape(*sums.shape[:-1], *on_bodies.shape[-2:])
 
 
-def _subtree_sums(support: Array, loads: Array) -> Array:
-    flat = loads.reshape(*loads.shape[:-2], -1)
-    return (support @ flat).reshape(loads.shape)
-
-
-def loads_at_frame(pose: ClosedPose, joint: int, placement: Array) -> Array:
+def loads_at_frame(pose: ClosedPose, frame: Frame) -> Array:
     """Return unit wrenches about a frame's origin in base axes, as loads on bodies, (..., nj, 6, 6)."""
-    point = (pose.placements[..., joint, :, :] @ placement)[..., :3, 3]
-    loads = np.zeros((*point.shape[:-1], pose.placements.shape[-3], 6, 6))
-    loads[..., joint, :, :] = base_wrench_from_point(point)
+    point = (pose.placements[..., frame.joint, :, :] @ frame.placement)[..., :3, 3]
+    loads = np.zeros((*pose.placements.shape[:-2], 6, 6))
+    loads[..., frame.joint, :, :] = base_wrench_from_point(point)
     return loads
 
 
-def module_loads(layout: StaticsLayout, pose: ClosedPose, transmitted: Array) -> tuple[Array, Array]:
+def module_loads(layout: StaticsLayout, pose: ClosedPose, frames: Array, transmitted: Array) -> tuple[Array, Array]:
     """Return the loads of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
-    frames = pose.placements[..., layout.frame_joints, :, :] @ layout.frame_placements
     wrench = frame_wrench_from_base(frames) @ transmitted[..., layout.wrench_joints, :, :]
     axes = np.swapaxes(pose.jacobian, -1, -2)[..., layout.drive_dofs, None, :]
-    drive = axes @ transmitted[..., layout.drive_joints, :, :] * layout.drive_ratios[:, None, None]
-    return wrench, drive
+    return wrench, axes @ transmitted[..., layout.drive_joints, :, :] * layout.drive_ratios

@@ -1,0 +1,333 @@
+"""The command `prup-pin`: stiffness, info, robots, kinds.
+
+Options are read here, answers are computed by `Robot` and shown by `views`. Every error of the package ends as one
+message on stderr and exit code 2; any other exception is a bug and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from . import __version__, load
+from .errors import InputError, JointLimitWarning, PrupPinError, UnknownNameError
+from .kinematics import ClosedPose
+from .modules import KINDS
+from .robot import Robot
+from .spatial import as_wrench
+from .views import robot_text, terminal
+from .views.answer import Answer
+from .views.answer_text import print_answer
+from .views.as_json import answer_as_json, dump
+from .views.joints import coordinate_dimensions, dimension
+from .views.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+
+__all__ = ["app", "main"]
+
+
+class _Group(TyperGroup):
+    """Turns the package's own errors into one message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except PrupPinError as error:
+            width = terminal.console(stderr=True).width
+            typer.echo(terminal.error_text(f"Error: {terminal.in_options(str(error))}", width), err=True)
+            raise typer.Exit(2) from None
+
+
+app = typer.Typer(
+    name="prup-pin",
+    cls=_Group,
+    help="Stiffness of robots with closed loops: how stiff, here, in this direction, and which part is soft.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
+Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="Frame of the tool.")]
+Springs = Annotated[
+    str | None,
+    typer.Option(metavar="1e4|J=1e4,…", help="Springs on actuated joints, N m/rad or N/m."),
+]
+Variant = Annotated[str | None, typer.Option(metavar="NAME", help="A variant that the robot file describes.")]
+Actuated = Annotated[str | None, typer.Option(metavar="J,J,…", help="Actuated joints, if the file does not say.")]
+Home = Annotated[str | None, typer.Option(metavar="J=0.1,…", help="Joint values near which the loops close.")]
+Packages = Annotated[
+    list[Path] | None, typer.Option("--package-folder", metavar="DIR", help="Where package:// paths point. Repeatable.")
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter; * matches several. Repeatable."),
+]
+Locks = Annotated[list[str] | None, typer.Option("--lock", metavar="JOINT", help="Put a brake on a joint. Repeatable.")]
+
+
+@app.command()
+def stiffness(
+    robot: RobotName = "3prup",
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="z=0.4,theta=25deg,…", help="Task coordinates; a tree's joints. Default: home."),
+    ] = None,
+    actuators: Annotated[
+        str | None, typer.Option(metavar="0.35,0.51,…", help="Actuator positions, instead of --at.")
+    ] = None,
+    wrench: Annotated[
+        str | None,
+        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Default: softest direction."),
+    ] = None,
+    frame: Annotated[str | None, typer.Option(metavar="FRAME", help="Also show the deflection of this frame.")] = None,
+    as_json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE|-", help="Write all numbers in SI; - is stdout, without text.")
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (needs prup_pin[figures]).")
+    ] = None,
+    at_load: Annotated[
+        bool, typer.Option("--at-load", help="Take modules that stiffen with load at --wrench, not at rest.")
+    ] = False,
+    set_parameters: Changes = None,
+    lock: Locks = None,
+    variant: Variant = None,
+    tool: Tool = None,
+    joint_stiffness: Springs = None,
+    actuated: Actuated = None,
+    home: Home = None,
+    package_folder: Packages = None,
+) -> None:
+    """K, C, deflection and each module's share at one pose."""
+    if at is not None and actuators is not None:
+        raise InputError("--at and --actuators both set the pose; give one of them")
+    load_on_tool = None
+    if wrench is not None:
+        load_on_tool = as_wrench(parse_assignments(wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
+    if at_load and load_on_tool is None:
+        raise InputError("--at-load needs the load: --wrench fx=300")
+    notes: list[str] = []
+    with _limits_as_notes(notes):
+        subject = _load(robot, tool, joint_stiffness, variant, actuated, home, package_folder)
+        changes = _changes(subject, set_parameters or [])
+        if changes:
+            subject = subject.with_parameters(changes)
+        if lock:
+            subject = subject.with_locked_joints(lock)
+        if frame is not None:
+            subject.mechanism.frame(frame)
+        pose, source = _pose(subject, at, actuators)
+        answer = Answer(subject.compliance(pose, load=load_on_tool if at_load else None), load_on_tool, frame)
+    written = [] if pictures is None else _draw(pictures, subject, answer)
+    if as_json == "-":
+        typer.echo(dump(answer_as_json(subject, answer, source, changes, notes, __version__)))
+        return
+    out = terminal.console()
+    print_answer(out, subject, answer, source, changes, notes)
+    if as_json is not None:
+        _write(Path(as_json), dump(answer_as_json(subject, answer, source, changes, notes, __version__)) + "\n")
+        written.append(Path(as_json))
+    if written:
+        typer.echo("\nWritten: " + "\n         ".join(map(str, written)))
+
+
+@app.command()
+def info(
+    robot: RobotName = "3prup",
+    variant: Variant = None,
+    tool: Tool = None,
+    joint_stiffness: Springs = None,
+    actuated: Actuated = None,
+    home: Home = None,
+    package_folder: Packages = None,
+) -> None:
+    """Joints, loops, mobility, modules and parameters of a robot."""
+    with _limits_as_notes([]):
+        robot_text.print_info(
+            terminal.console(), _load(robot, tool, joint_stiffness, variant, actuated, home, package_folder)
+        )
+
+
+@app.command()
+def robots() -> None:
+    """Robots that can be loaded by name."""
+    robot_text.print_robots(terminal.console())
+
+
+@app.command()
+def kinds(
+    kind: Annotated[str | None, typer.Argument(metavar="[KIND]", help="One kind only.", show_default=False)] = None,
+) -> None:
+    """Kinds of compliant modules and their parameters."""
+    chosen = [known for known in KINDS if kind in (None, known.kind)]
+    if not chosen:
+        raise UnknownNameError("kind of module", str(kind), [known.kind for known in KINDS])
+    robot_text.print_kinds(terminal.console(), chosen)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"prup_pin {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal without µ prints a question mark
+    app()
+
+
+@contextmanager
+def _limits_as_notes(notes: list[str]) -> Iterator[None]:
+    """Collect warnings about joint limits; others go their way."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+        warnings.simplefilter("always", JointLimitWarning)
+
+        def show(message, category, *place, **more) -> None:
+            if issubclass(category, JointLimitWarning):
+                notes.append(str(message))
+            else:
+                usual(message, category, *place, **more)
+
+        warnings.showwarning = show
+        yield
+
+
+# -- options -----------------------------------------------------------------------------------------------------------
+
+
+def _load(name: str, tool, joint_stiffness, variant, actuated, home, package_folder) -> Robot:
+    springs: Any = None
+    if joint_stiffness is not None:
+        if "=" in joint_stiffness:
+            springs = parse_assignments(joint_stiffness, {}, "--joint-stiffness", "joint", default_dimension="number")
+        else:
+            springs = parse_quantity(joint_stiffness, "number", "--joint-stiffness")
+    return load(
+        name,
+        tool=tool,
+        joint_stiffness=springs,
+        variant=variant,
+        actuated=None if actuated is None else [joint.strip() for joint in actuated.split(",") if joint.strip()],
+        home=None if home is None else parse_assignments(home, {}, "--home", "joint", default_dimension="joint"),
+        package_folders=package_folder,
+    )
+
+
+def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str]:
+    """Return the pose asked for and where it comes from."""
+    if actuators is not None:
+        names = robot.mechanism.actuated
+        dimensions = {name: dimension(robot.mechanism, name) for name in names}
+        if "=" in actuators:
+            given = parse_assignments(actuators, dimensions, "--actuators", "actuated joint")
+            missing = [name for name in names if name not in given]
+            if missing:
+                raise InputError(f"--actuators: missing {', '.join(missing)}; give all of {', '.join(names)}")
+            values = [given[name] for name in names]
+        else:
+            values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
+        return robot.pose_from_actuators(values), "actuators"
+    if at is None:
+        return robot.home, "home"
+    dimensions = dict(coordinate_dimensions(robot))
+    if not dimensions:
+        order = ", ".join(robot.mechanism.actuated)
+        raise InputError(
+            f"--at: the file of '{robot.name}' defines no task coordinates; use --actuators, in the order {order}"
+        )
+    wanted = parse_assignments(at, dimensions, "--at", "coordinate")
+    for name, value in wanted.items():
+        hint = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}.get(dimensions[name])
+        if hint and abs(value) > hint[0] and not _has_unit(at, name):
+            raise InputError(
+                f"--at: {name}={value:g} would be {value:g} {hint[1]}; write {name}={value:g}{hint[2]}, "
+                f"or {name}={value:g}{hint[1]} if it is meant"
+            )
+    return robot.pose(**wanted), "task coordinates"
+
+
+def _has_unit(at: str, name: str) -> bool:
+    """Return True where the value of a coordinate was typed with a unit."""
+    for item in at.replace(";", ",").split(","):
+        key, _, value = item.partition("=")
+        if key.strip() == name:
+            return not value.strip()[-1:].isdigit() and not value.strip().endswith(".")
+    return False
+
+
+def _changes(robot: Robot, settings: list[str]) -> dict[str, Any]:
+    """Return parameter values by full name of `--set name=value`; * in a name matches several."""
+    changes: dict[str, Any] = {}
+    for setting in settings:
+        pattern, equals, value = setting.partition("=")
+        pattern = pattern.strip()
+        if not equals:
+            raise InputError(f"--set {setting}: expected NAME=VALUE, for example leg1/linear_rod.diameter=0.022")
+        names = [pattern]
+        if any(sign in pattern for sign in "*?["):
+            names = fnmatch.filter(robot.parameters, pattern)
+            if not names:
+                raise UnknownNameError("parameter", pattern, list(robot.parameters))
+        for name in names:
+            changes[name] = _parameter_value(robot, name, value, setting)
+    return changes
+
+
+def _parameter_value(robot: Robot, name: str, value: str, setting: str) -> Any:
+    """Return a number, or an array typed as JSON; lengths and angles may carry a unit."""
+    if value.strip().startswith("["):
+        try:
+            return json.loads(value)
+        except json.JSONDecodeError as error:
+            raise InputError(f"--set {setting}: not a list of numbers ({error})") from None
+    unit = robot.parameters[name].unit if name in robot.parameters else ""
+    kind = next((known for known, units in UNITS.items() if unit in units), "number")
+    return parse_quantity(value, kind, "--set", setting, len(setting) - len(value))
+
+
+def _draw(folder: Path, robot: Robot, answer: Answer) -> list[Path]:
+    """Write the pictures of an answer and return where they are."""
+    from .views.figures import pose_figure, shares_figure
+
+    wrench = answer.load.wrench
+    figures = {"pose": pose_figure(robot, answer.compliance.pose, answer.compliance, wrench)}
+    if answer.shares is not None:
+        figures["shares"] = shares_figure(answer.compliance, wrench)
+    paths = [folder / f"{name}.png" for name in figures]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, figure in zip(paths, figures.values(), strict=True):
+            figure.savefig(path)
+    except OSError as error:
+        raise InputError(f"--pictures: cannot write to '{folder}': {error.strerror}") from error
+    return paths
+
+
+def _write(path: Path, content: str) -> None:
+    try:
+        path.write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--json: cannot write '{path}': {error.strerror}") from error

@@ -1,0 +1,217 @@
+"""The <prup_pin> element of a URDF: loops, tool, task coordinates, modules, lengths and variants.
+
+docs/robot_file.md describes it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from lxml import etree
+
+from ..errors import nearest_names
+from ..parameters import Parameter
+from .description import (
+    KIND_BY_NAME,
+    LOOP_AXES,
+    ROTATION_ORDERS,
+    TASK_COMPONENTS,
+    FrameDescription,
+    LengthDescription,
+    LoopDescription,
+    ModuleDescription,
+    TaskDescription,
+    VariantDescription,
+)
+from .xml_file import MAX_NUMBER, Document
+
+EXTENSION = "prup_pin"
+
+
+class ExtensionDocument(Document):
+    """A document that may hold a <prup_pin> element."""
+
+    def extension(self, extension: etree._Element) -> dict:
+        fields: dict = {"loops": [], "modules": [], "lengths": [], "notes": [], "variants": {}}
+        if extension.get("version") != "1":
+            self.problem(extension, f'<{EXTENSION} version="{extension.get("version")}">: this reader knows version 1')
+        handlers = {
+            "gravity": self._gravity,
+            "tool": self._tool,
+            "actuated": self._actuated,
+            "task_coordinates": self._tasks,
+            "home": self._home,
+            "loop": self._loop,
+            "note": self._note,
+            "length": self._length,
+            "module": self._module,
+            "variant": self._variant,
+        }
+        for element in extension:
+            handler = handlers.get(element.tag)
+            if handler is None:
+                near = nearest_names(element.tag[:60], list(handlers))
+                self.problem(element, f"unknown element <{element.tag[:60]}> in <{EXTENSION}>. {near}")
+            else:
+                handler(element, fields)
+        return {key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()}
+
+    def _gravity(self, element, fields) -> None:
+        value = self.numbers(element, "xyz", 3, "<gravity>")
+        if value:
+            fields["gravity"] = value
+
+    def _tool(self, element, fields) -> None:
+        self.lines["tool"] = element.sourceline
+        fields["tool"] = self.attribute(element, "frame", "<tool>")
+
+    def _actuated(self, element, fields) -> None:
+        self.lines["actuated"] = element.sourceline
+        fields["actuated"] = tuple((self.attribute(element, "joints", "<actuated>") or "").split())
+
+    def _tasks(self, element, fields) -> None:
+        order = element.get("rotation", "xyz")
+        if order not in ROTATION_ORDERS:
+            self.problem(element, f'<task_coordinates rotation="{order}">. {nearest_names(order, ROTATION_ORDERS)}')
+        tasks = []
+        for item in element.findall("coordinate"):
+            name = self.attribute(item, "name", "<coordinate>")
+            component = item.get("component", "")
+            if component not in TASK_COMPONENTS:
+                self.problem(
+                    item, f"coordinate '{name}': component=\"{component}\". {nearest_names(component, TASK_COMPONENTS)}"
+                )
+            elif name:
+                tasks.append(TaskDescription(name, component, item.sourceline))
+        fields["rotation"], fields["tasks"] = order, tuple(tasks)
+
+    def _home(self, element, fields) -> None:
+        self.lines["home"] = element.sourceline
+        home = {}
+        for name in element.attrib:
+            value = self.numbers(element, name, 1, "<home>")
+            if value:
+                home[name] = value[0]
+        fields["home"] = home
+
+    def _loop(self, element, fields) -> None:
+        self.only(element, ("name", "frame1", "frame2", "free"), "<loop>")
+        name = self.attribute(element, "name", "<loop>")
+        first, second = (self.attribute(element, key, f"loop '{name}'") for key in ("frame1", "frame2"))
+        free = (element.get("free") or "").split()
+        for word in free:
+            if word not in LOOP_AXES:
+                self.problem(element, f"loop '{name}': free=\"{word}\". {nearest_names(word, LOOP_AXES)}")
+        if name and first and second:
+            fields["loops"].append(
+                LoopDescription(
+                    name,
+                    FrameDescription(first),
+                    FrameDescription(second),
+                    frozenset(free) & set(LOOP_AXES),
+                    element.sourceline,
+                )
+            )
+
+    def _note(self, element, fields) -> None:
+        fields["notes"].append(" ".join((element.text or "").split()))
+
+    def _length(self, element, fields) -> None:
+        name = self.attribute(element, "name", "<length>")
+        value = self.numbers(element, "value", 1, f"length '{name}'", largest=MAX_NUMBER)
+        moves = []
+        for item in element.findall("moves"):
+            joint = self.attribute(item, "joint", f"length '{name}'")
+            direction = self.numbers(item, "direction", 3, f"length '{name}'", largest=MAX_NUMBER)
+            if joint and direction:
+                moves.append((joint, direction))
+        if element.get("unit", "m") != "m":
+            self.problem(element, f"length '{name}': unit=\"{element.get('unit')}\"; expected m")
+        if name and "." not in name:
+            self.problem(
+                element,
+                f"length '{name}': expected a name like 'leg1/base.radius' (what it belongs to, a dot, what it is)",
+            )
+        elif name and value:
+            parameter = Parameter(name, value[0], "m", element.get("source", ""), "length that places joints")
+            fields["lengths"].append(LengthDescription(parameter, value[0], tuple(moves), element.sourceline))
+
+    def _module(self, element, fields) -> None:
+        self.only(element, ("name", "type", "joint", "frame", "root", "tip", "axis", "body", "anchor"), "<module>")
+        name = self.attribute(element, "name", "<module>")
+        kind = self.attribute(element, "type", f"module '{name}'")
+        joint = self.attribute(element, "joint", f"module '{name}'")
+        axis = self.direction(element, "axis", f"module '{name}'") if element.get("axis") else None
+        anchor = element.get("anchor", "root")
+        if anchor not in ("root", "tip"):
+            self.problem(element, f"module '{name}': anchor=\"{anchor}\"; expected root or tip")
+        values: dict[str, Parameter] = {}
+        quantities = {q.name: q for q in KIND_BY_NAME[kind].quantities} if kind in KIND_BY_NAME else {}
+        for item in element:
+            if item.tag != "parameter":
+                self.problem(item, f"module '{name}': unknown element <{item.tag}>; expected <parameter>")
+                continue
+            short = self.attribute(item, "name", f"module '{name}', <parameter>")
+            if short is None:
+                continue
+            quantity = quantities.get(short)
+            shape = quantity.shape if quantity else None
+            count = 1 if shape == () else None if shape in (None, (-1,)) else int(np.prod(shape))
+            number = self._parameter_numbers(item, name, short, count)
+            if number is None:
+                continue
+            if short in values:
+                self.problem(item, f"module '{name}': parameter '{short}' is given twice")
+            unit = item.get("unit")
+            if quantity and unit not in (None, quantity.unit, *quantity.unit.split(" or ")):
+                self.problem(
+                    item, f"module '{name}': parameter '{short}' has unit=\"{unit[:60]}\"; expected {quantity.unit}"
+                )
+            value = number[0] if shape in (None, ()) else np.array(number).reshape(shape)
+            values[short] = Parameter(
+                f"{name}.{short}",
+                value,
+                quantity.unit if quantity else "",
+                item.get("source", ""),
+                quantity.description if quantity else "",
+                quantity,
+            )
+        if name and kind and joint:
+            fields["modules"].append(
+                ModuleDescription(
+                    name,
+                    kind,
+                    joint,
+                    element.get("frame"),
+                    element.get("root"),
+                    element.get("tip"),
+                    axis,
+                    element.get("body"),
+                    anchor,
+                    values,
+                    element.sourceline,
+                )
+            )
+
+    def _parameter_numbers(self, item, module: str | None, short: str, count: int | None):
+        text = item.get("value")
+        if text is None:
+            text = item.text or ""
+        return self.parse_numbers(item, text, count, f"module '{module}': parameter {short}=\"{text.strip()[:60]}\"")
+
+    def _variant(self, element, fields) -> None:
+        name = self.attribute(element, "name", "<variant>")
+        kinds, values = {}, {}
+        for item in element:
+            target = self.attribute(item, "name", f"variant '{name}'")
+            if target is None:
+                continue
+            if item.tag == "module":
+                kinds[target] = self.attribute(item, "type", f"variant '{name}'") or ""
+            elif item.tag == "parameter":
+                value = self.numbers(item, "value", 1, f"variant '{name}', parameter '{target}'")
+                if value:
+                    values[target] = (value[0], item.get("source", f"variant {name}"))
+            else:
+                self.problem(item, f"variant '{name}': unknown element <{item.tag}>; expected <module> or <parameter>")
+        if name:
+            fields["variants"][name] = VariantDescription(name, kinds, values, element.sourceline)

@@ -1,0 +1,43 @@
+#!/usr/bin/env bash
+# All checks: ruff, mypy, pytest. Options: --slow runs the slow tests too; everything else goes to pytest.
+# Needs bash, Python 3.10 or newer and pip; installs into .venv in this folder and nowhere else.
+set -euo pipefail
+
+source "$(dirname "${BASH_SOURCE[0]}")/_venv.sh"
+
+selection=(-m "not slow")
+rest=()
+for argument in "$@"; do
+  if [ "$argument" = "--slow" ]; then
+    selection=()
+  else
+    rest+=("$argument")
+  fi
+done
+
+use_venv test
+cd "$(project_folder)"
+failed=()
+
+check() {
+  local name="$1"
+  shift
+  printf '== %s\n' "$name"
+  "$VENV_PYTHON" -m "$@" || failed+=("$name")
+}
+
+check "ruff check" ruff check .
+check "ruff format" ruff format --check .
+check "mypy" mypy
+if [ "${#failed[@]}" -gt 0 ]; then
+  printf '== failed: %s\n' "${failed[*]}"
+fi
+# pytest comes last, so that its closing line is the last one; OpenSees would say goodbye after it, on stderr.
+printf '== pytest\n'
+status=0
+"$VENV_PYTHON" -m pytest ${selection[@]+"${selection[@]}"} ${rest[@]+"${rest[@]}"} \
+  2> >(grep -v '^Process 0 Terminating$' >&2) || status=$?
+if [ "$status" -eq 0 ] && [ "${#failed[@]}" -gt 0 ]; then
+  status=1
+fi
+exit "$status"

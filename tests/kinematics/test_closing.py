@@ -1,0 +1,150 @@
+"""Closing the loops of the 3-PRUP: closed form, round trips, refusals."""
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.robot import random_poses
+from prup_pin.spatial import rotation_xyz
+
+BOX = {"z": (0.25, 0.5), "theta": (-0.6, 0.6), "phi": (-0.6, 0.6)}
+A = 0.181
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return prup_pin.load("3prup")
+
+
+@pytest.fixture(scope="module")
+def poses(robot):
+    return random_poses(robot, BOX, 60, seed=1)
+
+
+def closed_form(z, theta, phi):
+    """x, y, lambda, b (3,), q (3,) of the 3-PRUP from the symmetry of R's upper block."""
+    twist = np.arctan2(-np.sin(theta) * np.sin(phi), np.cos(theta) + np.cos(phi))
+    r = rotation_xyz(theta, phi, twist)
+    a, b, d = r[0, 0], r[0, 1], r[1, 1]
+    delta = a * d - b * b
+    x, y = A * (a * (a - d) / 2 - b * b) / delta, A * b * (a - 3 * d) / (2 * delta)
+    lengths, slides = [], []
+    for alpha in np.radians([0, 120, 240]):
+        e = np.array([np.cos(alpha), np.sin(alpha)])
+        s = r[:2, :2] @ e
+        length = (A * e - [x, y]) @ s / (s @ s)
+        lengths.append(length)
+        slides.append(z + length * r[2, :2] @ e)
+    return x, y, twist, lengths, slides
+
+
+def test_agrees_with_the_closed_form(poses):
+    for pose in poses:
+        x, y, twist, lengths, slides = closed_form(*(pose.coordinates[name] for name in ("z", "theta", "phi")))
+        tool = pose.base_from_tool
+        np.testing.assert_allclose(tool[:2, 3], (x, y), atol=1e-11)
+        np.testing.assert_allclose(np.arctan2(-tool[0, 1], tool[0, 0]), twist, atol=1e-11)
+        np.testing.assert_allclose([pose.joints[f"leg{leg}_branch"] for leg in (1, 2, 3)], lengths, atol=1e-11)
+        np.testing.assert_allclose(list(pose.actuators.values()), slides, atol=1e-11)
+
+
+def test_residual_in_metres_and_radians(poses):
+    for pose in poses:
+        metres, radians = pose.residual
+        assert metres < 2e-12
+        assert radians < 2e-12
+
+
+def test_actuators_lead_back_to_the_task_coordinates(robot, poses):
+    for pose in poses:
+        again = robot.pose_from_actuators(list(pose.actuators.values()))
+        for name, value in pose.coordinates.items():
+            assert again.coordinates[name] == pytest.approx(value, abs=1e-10)
+
+
+def test_a_configuration_leads_back_to_itself(robot, poses):
+    again = robot.pose_from_configuration(poses[0].q)
+    np.testing.assert_allclose(again.q, poses[0].q, atol=1e-11)
+
+
+def test_an_open_configuration_is_refused(robot, poses):
+    q = poses[0].q.copy()
+    q[3] += 0.01
+    with pytest.raises(prup_pin.UnreachablePoseError, match="leaves the loops open by"):
+        robot.pose_from_configuration(q)
+
+
+def test_the_learned_start_changes_nothing_but_the_speed(poses):
+    fresh = prup_pin.load("3prup")
+    for pose in random_poses(fresh, BOX, 130, seed=3):
+        pass
+    assert fresh._kinematics._seed._seen is None, "the polynomial has been fitted"
+    for pose in poses:
+        again = fresh.pose(**pose.coordinates)
+        np.testing.assert_allclose(again.q, pose.q, atol=1e-11)
+
+
+def test_pose_arrays_are_read_only(poses):
+    for array in (poses[0].q, poses[0].placements, poses[0].jacobian):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+
+
+def test_mobility(robot, poses):
+    mobility = robot.mobility(poses[0])
+    assert (mobility.velocities, mobility.closures, mobility.rank, mobility.mobility) == (15, 12, 12, 3)
+    assert mobility.redundant == 0
+    assert mobility.idle_joints == ()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "joint"),
+    [({"z": 2.0, "theta": 0, "phi": 0}, "slide"), ({"z": -0.4, "theta": 0, "phi": 0}, "slide"), ({"z": 0.4, "theta": 1.5, "phi": 0}, "branch")],
+)
+def test_outside_the_workspace_names_the_joint_and_the_nearest_pose(robot, wanted, joint):
+    with pytest.raises(prup_pin.UnreachablePoseError, match=rf"joint 'leg\d_{joint}' would stand at") as caught:
+        robot.pose(**wanted)
+    assert caught.value.requested == pytest.approx(wanted)
+    nearest = caught.value.nearest
+    assert "Nearest feasible: z = " in str(caught.value)
+    reached = robot.pose(**nearest)
+    assert reached.coordinates == pytest.approx(nearest, abs=1e-6)
+    # Nearest: no feasible pose drawn at random is nearer in the same metric.
+    scale = {"z": 1 / robot.characteristic_length, "theta": 1.0, "phi": 1.0}
+
+    def distance(pose):
+        return sum(((pose[name] - wanted[name]) * scale[name]) ** 2 for name in scale)
+
+    span = {"z": (0.12, 0.6), "theta": (-1.0, 1.0), "phi": (-0.6, 0.6)}
+    assert all(distance(pose.coordinates) >= distance(nearest) - 1e-6 for pose in random_poses(robot, span, 60, seed=5))
+
+
+def test_beyond_a_right_angle_the_reason_is_given(robot):
+    with pytest.raises(prup_pin.UnreachablePoseError, match="Nearest feasible: z"):
+        robot.pose(z=0.4, theta=np.pi / 2, phi=0)
+
+
+def test_actuators_beyond_their_limits(robot):
+    with pytest.raises(prup_pin.UnreachablePoseError, match=r"leg2_slide' would stand at 0.71 m.*0.101 … 0.609 m") as caught:
+        robot.pose_from_actuators([0.35, 0.71, 0.36])
+    assert caught.value.nearest == {"leg1_slide": 0.35, "leg2_slide": 0.609, "leg3_slide": 0.36}
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda robot: robot.pose(z=0.4, theta=0), "missing task coordinate: phi; give all of z, theta, phi"),
+        (lambda robot: robot.pose(z=0.4, teta=0, phi=0), "no task coordinate named 'teta'. Did you mean 'theta'"),
+        (lambda robot: robot.pose(z=np.nan, theta=0, phi=0), r"z = nan: expected a finite number \[m\]"),
+        (lambda robot: robot.pose(z="0,4", theta=0, phi=0), "z = '0,4': expected a finite number"),
+        (lambda robot: robot.pose_from_actuators([0.3, 0.3]), r"expected 3 actuator positions \(leg1_slide"),
+        (lambda robot: robot.pose_from_actuators([0.3, 0.3, np.inf]), "must be finite"),
+        (lambda robot: robot.pose_from_configuration([0.0]), "expected a configuration of 15 finite numbers"),
+        (lambda robot: robot.compliance(prup_pin.load("3prup").home), "belongs to another robot"),
+        (lambda robot: robot.home.placement("leg1_rodd"), "no frame named 'leg1_rodd'. Did you mean 'leg1_rod'"),
+        (lambda robot: robot.with_locked_joints("leg1_lambda"), "no movable joint named 'leg1_lambda'"),
+    ],
+)
+def test_bad_input_says_what_and_what_was_expected(robot, call, message):
+    with pytest.raises(prup_pin.InputError, match=message):
+        call(robot)

@@ -1,0 +1,88 @@
+"""Writes small robot files for tests: links, joints and a <prup_pin> element, one call each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import prup_pin
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def words(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in np.ravel(values))
+
+
+class RobotFile:
+    """A URDF in the making. `held` joints are actuated slides: they weld, and modules are loaded through them."""
+
+    def __init__(self, gravity: Sequence[float] = ORIGIN, mount_rpy: Sequence[float] | None = None):
+        self._tree: list[str] = []
+        self._extension = [f'<gravity xyz="{words(gravity)}"/>']
+        self._actuated: list[str] = []
+        self._home: dict[str, float] = {}
+        self.link("base")
+        if mount_rpy is not None:
+            self.link("world")
+            self.fixed("mount", "world", "base", rpy=mount_rpy)
+
+    def link(self, name: str, mass: float = 0.0, centre: Sequence[float] = ORIGIN) -> str:
+        inertia = ""
+        if mass:
+            moments = " ".join(
+                f'{key}="{0.01 if key[1] == key[2] else 0}"' for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+            )
+            inertia = (
+                f'<inertial><origin xyz="{words(centre)}"/><mass value="{mass!r}"/><inertia {moments}/></inertial>'
+            )
+        self._tree.append(f'<link name="{name}">{inertia}</link>')
+        return name
+
+    def joint(self, name: str, kind: str, parent: str, child: str, xyz=ORIGIN, rpy=ORIGIN, axis=(0, 0, 1)) -> str:
+        limits = '<limit lower="-3" upper="3" effort="1" velocity="1"/>' if kind != "fixed" else ""
+        self._tree.append(
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{words(xyz)}" rpy="{words(rpy)}"/><axis xyz="{words(axis)}"/>{limits}</joint>'
+        )
+        return name
+
+    def fixed(self, name: str, parent: str, child: str, xyz=ORIGIN, rpy=ORIGIN) -> str:
+        return self.joint(name, "fixed", parent, child, xyz, rpy)
+
+    def frame(self, name: str, parent: str, xyz=ORIGIN, rpy=ORIGIN) -> str:
+        """Add a massless link fixed to another one."""
+        self.link(name)
+        self.fixed(f"{name}_mount", parent, name, xyz, rpy)
+        return name
+
+    def held(self, name: str, parent: str, child: str, xyz=ORIGIN, rpy=ORIGIN, axis=(0, 0, 1)) -> str:
+        self._actuated.append(name)
+        return self.joint(name, "prismatic", parent, child, xyz, rpy, axis)
+
+    def loop(self, name: str, first: str, second: str, free: str = "") -> None:
+        self._extension.append(f'<loop name="{name}" frame1="{first}" frame2="{second}" free="{free}"/>')
+
+    def module(self, name: str, kind: str, joint: str, parameters: dict[str, Any], **places: Any) -> None:
+        places = {key: value if isinstance(value, str) else words(value) for key, value in places.items()}
+        attributes = " ".join(f'{key}="{value}"' for key, value in places.items())
+        values = "".join(f'<parameter name="{key}" value="{words(value)}"/>' for key, value in parameters.items())
+        self._extension.append(f'<module name="{name}" type="{kind}" joint="{joint}" {attributes}>{values}</module>')
+
+    def text(self, tool: str) -> str:
+        actuated = f'<actuated joints="{" ".join(self._actuated)}"/>'
+        extension = "".join((f'<tool frame="{tool}"/>', actuated, *self._extension))
+        return f'<robot name="test">{"".join(self._tree)}<prup_pin version="1">{extension}</prup_pin></robot>'
+
+    def load(self, folder: Path, tool: str = "tool") -> prup_pin.Robot:
+        path = folder / "robot.urdf"
+        path.write_text(self.text(tool))
+        return prup_pin.load(path)
+
+
+def at_rest(robot: prup_pin.Robot) -> prup_pin.Compliance:
+    """Return the compliance where all actuators stand at zero."""
+    return robot.compliance(robot.pose_from_actuators([0.0] * len(robot.mechanism.actuated)))

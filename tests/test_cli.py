@@ -1,0 +1,387 @@
+"""The command line, as a user at a terminal or a script meets it."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import prup_pin
+from prup_pin.cli import app
+from prup_pin.errors import InputError
+from prup_pin.modules import KINDS
+from prup_pin.views.quantities import fixed, number, parse_assignments, parse_list, parse_quantity
+
+POSE = "z=0.4,theta=25deg,phi=15deg"
+SI_POSE = {"z": 0.4, "theta": np.radians(25), "phi": np.radians(15)}
+WRENCH = np.array([300, 0, 0, 0, 0, 100.0])
+
+
+@pytest.fixture
+def run(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, list(arguments))
+
+
+@pytest.fixture(scope="module")
+def compliance():
+    robot = prup_pin.load("3prup")
+    return robot.compliance(robot.pose(**SI_POSE))
+
+
+def answer_as_json(run, *arguments):
+    done = run("stiffness", *arguments, "--json", "-")
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+
+
+def shell(*arguments, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "prup_pin", *arguments],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        env={**os.environ, "COLUMNS": "80", "PYTHONIOENCODING": "utf-8", **environment},
+    )
+
+
+# -- stiffness: text -------------------------------------------------------------------------------------------------
+
+
+def test_stiffness_prints_pose_matrices_shares_sag_and_assumptions(run, compliance):
+    done = run("stiffness", "--at", POSE, "--wrench", "fx=300,mz=100")
+    assert done.exit_code == 0, done.output
+    text = done.stdout
+    assert "z 400 mm   theta 25 deg   phi 15 deg" in text
+    assert re.search(r"leg1_slide 352\.66\d mm", text)
+    first = next(line for line in text.splitlines() if line.strip().startswith("fx N "))
+    shown = [float(word) for word in re.findall(r"-?\d+\.?\d*", first)]
+    np.testing.assert_allclose(shown, compliance.K[0] / 1e3, rtol=5e-3, atol=0.05)
+    softest = max(compliance.shares(WRENCH).items(), key=lambda item: item[1])
+    assert re.search(rf"{softest[0]} +█+ +{100 * softest[1]:.2f} ", text)
+    for word in (
+        "N/mm",
+        "µm/N",
+        "Deflection under fx 300 N, mz 100 N m",
+        "by leg",
+        "bodies",
+        "Sag",
+        "Assumed",
+        "frictionless",
+    ):
+        assert word in text
+    for module in compliance.names:
+        assert module in text
+
+
+def test_printed_shares_sum_to_the_whole(run, compliance):
+    text = run("stiffness", "--at", POSE, "--wrench", "fx=300,mz=100").stdout
+    rows = [line.split() for line in text.splitlines() if re.match(r"  leg\d/", line)]
+    assert len(rows) == 30
+    percent = sum(0.0 if row[-2].startswith("<") else float(row[-2]) for row in rows)
+    moved = sum(float(row[-1]) for row in rows)
+    assert percent == pytest.approx(100, abs=0.2)
+    assert moved == pytest.approx(1e6 * np.linalg.norm((compliance.C @ WRENCH)[:3]), abs=20)
+
+
+def test_without_pose_the_home_is_taken_and_said(run):
+    done = run("stiffness")
+    assert done.exit_code == 0
+    assert "the robot's home" in done.stdout
+    assert "softest translation" in done.stdout
+
+
+def test_actuators_and_task_coordinates_agree(run):
+    by_task = answer_as_json(run, "--at", POSE)
+    positions = ",".join(repr(value) for value in by_task["pose"]["actuators"].values())
+    by_actuators = answer_as_json(run, "--actuators", positions)
+    np.testing.assert_allclose(by_actuators["C"], by_task["C"], rtol=1e-7, atol=1e-14)
+    named = ",".join(f"{name}={value * 1e3!r}mm" for name, value in reversed(by_task["pose"]["actuators"].items()))
+    np.testing.assert_allclose(answer_as_json(run, "--actuators", named)["C"], by_task["C"], rtol=1e-7, atol=1e-14)
+
+
+def test_another_frame(run, compliance):
+    done = run("stiffness", "--at", POSE, "--wrench", "fx=300,mz=100", "--frame", "leg1_rod_tip")
+    row = next(line for line in done.stdout.splitlines() if line.strip().startswith("leg1_rod_tip"))
+    want = compliance.deflection(WRENCH, frame="leg1_rod_tip")[:3] * 1e6
+    np.testing.assert_allclose([float(word) for word in row.split()[1:4]], want, atol=0.51)
+
+
+def test_rigid_directions_are_named_and_c_is_printed(run):
+    done = run("stiffness", "double_pendulum", "--joint-stiffness", "1e4")
+    assert done.exit_code == 0, done.output
+    assert "K does not exist" in done.stdout
+    assert "Compliance C" in done.stdout
+    document = answer_as_json(run, "double_pendulum", "--joint-stiffness", "joint1=1e4,joint2=2e4")
+    assert document["K"] is None
+    assert len(document["rigid_directions"]) == 4
+    assert document["sag"]["link2"][3] is not None
+
+
+def test_serial_arm_with_joints_in_degrees(run):
+    at = (
+        "shoulder_pan_joint=10deg,shoulder_lift_joint=-60deg,elbow_joint=80deg,"
+        "wrist_1_joint=5deg,wrist_2_joint=40deg,wrist_3_joint=0"
+    )
+    document = answer_as_json(run, "ur5", "--joint-stiffness", "1e4", "--tool", "tool0", "--at", at)
+    assert document["pose"]["joints"]["elbow_joint"] == pytest.approx(np.radians(80))
+    assert document["K"] is not None
+
+
+def test_changes_locks_and_variants(run):
+    base = answer_as_json(run, "--at", POSE)
+    stiffer = answer_as_json(run, "--at", POSE, "--set", "leg*/linear_rod.diameter=22mm", "--lock", "leg1_branch")
+    assert stiffer["robot"]["changed_parameters"] == dict.fromkeys(
+        [f"leg{leg}/linear_rod.diameter" for leg in (1, 2, 3)], pytest.approx(0.022)
+    )
+    assert stiffer["robot"]["locked"] == ["leg1_branch"]
+    assert np.all(np.diag(stiffer["C"]) < np.diag(base["C"]))
+    by_option = answer_as_json(run, "--at", POSE, "--variant", "as_published")
+    by_name = answer_as_json(run, "3prup_as_published", "--at", POSE)
+    assert by_option["C"] == by_name["C"] != base["C"]
+
+
+# -- stiffness: JSON -------------------------------------------------------------------------------------------------
+
+
+def test_json_agrees_with_the_library(run, compliance):
+    document = answer_as_json(run, "--at", POSE, "--wrench", "fx=0.3kN,mz=100Nm", "--frame", "star_2")
+    np.testing.assert_allclose(document["C"], compliance.C, rtol=1e-12)
+    np.testing.assert_allclose(document["K"], compliance.K, rtol=1e-9, atol=1e-6)
+    assert document["load"] == {"wrench": WRENCH.tolist(), "source": "given"}
+    shares = {name: module["share"] for name, module in document["modules"].items()}
+    assert shares == pytest.approx(compliance.shares(WRENCH))
+    np.testing.assert_allclose(
+        sum(np.array(module["C"]) for module in document["modules"].values()), compliance.C, rtol=1e-9, atol=1e-18
+    )
+    assert sum(leg["share"] for leg in document["legs"].values()) == pytest.approx(1)
+    assert document["bodies"]["share"] + document["joints"]["share"] == pytest.approx(1)
+    np.testing.assert_allclose(
+        document["deflection"]["star_2"], compliance.deflection(WRENCH, frame="star_2"), rtol=1e-12
+    )
+    np.testing.assert_allclose(document["sag"]["tool"], compliance.sag(), rtol=1e-12)
+    assert document["units"]["task_coordinates"] == {"z": "m", "theta": "rad", "phi": "rad"}
+
+
+def test_json_to_a_file_keeps_the_text(run, tmp_path):
+    path = tmp_path / "answer.json"
+    done = run("stiffness", "--json", str(path))
+    assert done.exit_code == 0
+    assert "Stiffness K" in done.stdout
+    assert json.loads(path.read_text(encoding="utf-8"))["pose"]["source"] == "home"
+    refused = run("stiffness", "--json", str(tmp_path / "none" / "answer.json"))
+    assert refused.exit_code == 2
+    assert "cannot write" in refused.stderr
+
+
+def test_documented_json_keys_are_the_ones_written(run):
+    from pathlib import Path
+
+    documented = Path(__file__).parent.parent / "docs" / "command_line.md"
+    keys = set(re.findall(r"^\| `([a-zA-Z_]+)`", documented.read_text(encoding="utf-8"), re.MULTILINE))
+    assert keys == set(answer_as_json(run))
+
+
+# -- the other commands ----------------------------------------------------------------------------------------------
+
+
+def test_info_names_joints_loops_mobility_modules_and_variants(run):
+    text = run("info").stdout
+    for word in (
+        "leg2_R_theta",
+        "prismatic",
+        "actuated",
+        "passive",
+        "leg3_closure",
+        "rank 12 of 12",
+        "Table 1, D_LR",
+        "as_published",
+    ):
+        assert word in text
+    assert re.search(r"torsional_stiffness +6875.5 +N m/rad +Appendix D.5", text)
+
+
+def test_info_of_a_robot_without_tool_still_answers(run):
+    done = run("info", "z1")
+    assert done.exit_code == 0, done.output
+    assert "--tool" in done.stdout
+
+
+def test_info_shows_sprung_joints(run):
+    assert "sprung" in run("info", "double_pendulum", "--joint-stiffness", "1e4").stdout
+
+
+def test_robots_and_kinds(run):
+    text = run("robots").stdout
+    assert "3prup_as_published" in text
+    assert "ur5_robot.urdf" in text
+    text = run("kinds").stdout
+    for kind in KINDS:
+        assert f"\n{kind.kind}\n" in f"\n{text}"
+    one = run("kinds", "beam").stdout
+    assert "youngs_modulus" in one
+    assert "required" in one
+    assert "section_beam" not in one
+    assert "'ball_nut'" in run("kinds", "bal_nut").stderr
+
+
+# -- errors ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--at", "z=0,4,theta=25deg,phi=0"], ["decimal point", "character 4"]),
+        (["--at", "z=0.4,theta=25dgr,phi=0"], ["'dgr'", "character 15", "'deg'"]),
+        (["--at", "z=0.4,teta=25deg,phi=0"], ["'teta'", "'theta'", "character 7"]),
+        (["--at", "z=25deg,theta=0,phi=0"], ["angle", "mm", "character 5"]),
+        (["--at", "z=0.4,theta=25,phi=0"], ["25deg"]),
+        (["--at", "z=0.4"], ["theta", "phi"]),
+        (["--at", ""], ["nothing"]),
+        (["--at", "z=0.4,theta=nan,phi=0"], ["'nan'"]),
+        (["--at", "z=0.4,z=0.4,theta=0,phi=0"], ["twice"]),
+        (["--at", "z=5,theta=0,phi=0"], ["cannot reach", "Nearest"]),
+        (["--at", POSE, "--actuators", "1,2,3"], ["one of them"]),
+        (["--actuators", "0,35,0,51,0,36"], ["decimal"]),
+        (["--actuators", "0.35,0.51"], ["3 values", "leg3_slide"]),
+        (["--wrench", "fx=300,mq=1"], ["'mq'", "mz"]),
+        (["--wrench", "mz=100N"], ["Nm"]),
+        (["--wrench", "fx"], ["component=value"]),
+        (["--at-load"], ["--wrench"]),
+        (["--set", "leg1/linear_rod.diametr=0.02"], ["leg1/linear_rod.diameter"]),
+        (["--set", "leg1/linear_rod.diameter=-2mm"], ["> 0 m"]),
+        (["--set", "leg9*=1"], ["leg9*"]),
+        (["--set", "leg1/linear_rod.diameter"], ["NAME=VALUE"]),
+        (["--lock", "leg1_brunch"], ["'leg1_branch'"]),
+        (["--frame", "star2"], ["'star_2'"]),
+        (["--variant", "published"], ["as_published"]),
+        (["--joint-stiffness", "stiff"], ["not a number"]),
+        (["3prp"], ["'3prup'"]),
+        (["no/such/robot.urdf"], ["robot.urdf"]),
+        (["ur5"], ["--joint-stiffness"]),
+        (["z1", "--joint-stiffness", "1"], ["--tool"]),
+    ],
+)
+def test_errors_are_one_message_and_exit_code_two(run, arguments, words):
+    done = run("stiffness", *arguments)
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("Error: ")
+    message = " ".join(done.stderr.split())
+    assert "Traceback" not in message
+    assert "load(" not in message
+    for word in words:
+        assert word in message
+    assert all(len(line) <= 80 for line in done.stderr.splitlines())
+
+
+def test_bugs_keep_their_traceback(monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr("prup_pin.cli.load", broken)
+    assert isinstance(CliRunner().invoke(app, ["info"]).exception, ZeroDivisionError)
+
+
+# -- in a pipe -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["stiffness", "--at", POSE, "--wrench", "fx=300,my=-20", "--frame", "leg1_rod_tip"],
+        ["stiffness", "kinova", "--joint-stiffness", "1e4"],
+        ["info"],
+        ["info", "panda"],
+        ["robots"],
+        ["kinds"],
+        ["--help"],
+        ["stiffness", "--help"],
+    ],
+)
+def test_a_pipe_gets_80_columns_without_colour(arguments):
+    done = shell(*arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "\x1b" not in done.stdout
+    assert max(len(line) for line in done.stdout.splitlines()) <= 80
+    assert "…" not in re.sub(r"[,=]\S*…|…,", "", done.stdout) or "--help" in arguments
+
+
+def test_json_on_stdout_is_alone_and_version_is_printed():
+    done = shell("stiffness", "--json", "-", PYTHONIOENCODING="ascii")
+    assert json.loads(done.stdout)["robot"]["name"] == "3prup"
+    assert done.stderr == ""
+    assert shell("--version").stdout == f"prup_pin {prup_pin.__version__}\n"
+
+
+def test_a_terminal_without_unicode_is_served():
+    done = shell("stiffness", PYTHONIOENCODING="ascii")
+    assert done.returncode == 0, done.stderr
+
+
+def test_error_in_a_shell():
+    done = shell("stiffness", "--at", "z=0.4,theta=25dgr,phi=0")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    caret = done.stderr.splitlines()[-1]
+    assert done.stderr.splitlines()[-2][caret.index("^") :].startswith("dgr")
+
+
+def test_pictures_are_written(run, tmp_path):
+    done = run("stiffness", "--at", POSE, "--wrench", "fx=300", "--pictures", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.output
+    for name in ("pose.png", "shares.png"):
+        assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
+        assert name in done.stdout
+
+
+# -- quantities ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("0.4", "length", 0.4),
+        (" 400 mm", "length", 0.4),
+        ("-2e2um", "length", -2e-4),
+        ("180°", "angle", np.pi),
+        ("+.5rad", "angle", 0.5),
+        ("1.5kN", "force", 1500),
+        ("3 N m", "moment", 3),
+        ("3N*m", "moment", 3),
+    ],
+)
+def test_quantities(text, dimension, value):
+    assert parse_quantity(text, dimension, "--at") == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["", "inf", "nan", "1_000", "0x10", "1e999", "1,5", "--1", "1 2"])
+def test_what_is_no_quantity(text):
+    with pytest.raises(InputError, match="--at"):
+        parse_quantity(text, "length", "--at")
+
+
+def test_lists_and_assignments():
+    assert parse_list("1, 20mm;3", ["length"] * 3, "abc", "--x") == [1, 0.02, 3]
+    assert parse_assignments("a = 1 ; b=2mm", {"a": "number", "b": "length"}, "--x", "name") == {"a": 1, "b": 0.002}
+    with pytest.raises(InputError, match=r"1\^|\^"):
+        parse_assignments("x" * 200 + "=1", {"a": "number"}, "--x", "name")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0, "0"), (1234.5, "1234"), (0.1, "0.1"), (-2.5e11, "-2.5e11"), (np.inf, "infinite"), (7.854e-9, "7.854e-9")],
+)
+def test_numbers(value, text):
+    assert number(value) == text
+
+
+def test_fixed_keeps_decimals_alike():
+    assert fixed([123.4, 0.5, 1e-9]) == ["123.4", "0.5", "0"]
+    assert fixed([0, 0]) == ["0", "0"]

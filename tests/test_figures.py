@@ -1,0 +1,188 @@
+"""Pictures are drawn, differ where they should, and say what they show."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.views.figures import pose_figure, shares_figure
+from prup_pin.views.skeleton import BodyMotions, skeleton
+
+WRENCH = np.array([300, 0, 0, 0, 0, 100.0])
+GHOST = np.array([0xE8, 0x59, 0x0C])
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return prup_pin.load("3prup")
+
+
+@pytest.fixture(scope="module")
+def compliance(robot):
+    return robot.compliance(robot.pose(z=0.4, theta=0.436, phi=0.262))
+
+
+def pixels(figure):
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int)
+
+
+def drawing_of(image):
+    """The part with the mechanism, without title and legend."""
+    height, width, _ = image.shape
+    return image[int(0.16 * height) : int(0.95 * height), int(0.12 * width) : int(0.69 * width)]
+
+
+def ghost_pixels(image):
+    return (np.abs(drawing_of(image) - GHOST).max(axis=-1) < 30).sum()
+
+
+def texts(figure):
+    found = [
+        text
+        for axes in figure.axes
+        for text in (*axes.texts, axes.title, *(axes.get_yticklabels() if axes.axison else ()))
+    ]
+    found += figure.texts
+    return [text for text in found if text.get_text() and text.get_visible()]
+
+
+def test_deflected_mechanism_is_drawn(robot, compliance):
+    without = pixels(pose_figure(robot, compliance.pose, compliance))
+    deflected = pixels(pose_figure(robot, compliance.pose, compliance, WRENCH, scale=10))
+    more = pixels(pose_figure(robot, compliance.pose, compliance, WRENCH, scale=20))
+    assert without.shape == deflected.shape
+    assert len(np.unique(without.reshape(-1, 3), axis=0)) > 50
+    assert ghost_pixels(without) == 0
+    assert ghost_pixels(deflected) > 500
+    assert (drawing_of(deflected) != drawing_of(more)).any(axis=-1).sum() > 1000
+
+
+def test_title_states_pose_load_and_scale(robot, compliance):
+    said = " ".join(
+        text.get_text() for text in texts(pose_figure(robot, compliance.pose, compliance, WRENCH, scale=25))
+    )
+    for word in ("3prup", "z 400 mm", "fx 300 N", "mz 100 N m", "× 25", "300 N", "leg1", "leg2", "leg3", "gravity"):
+        assert word in said
+    for value in np.linalg.eigvalsh(compliance.C[:3, :3]) * 1e6:
+        assert f"{value:.3g} µm/N" in said
+
+
+@pytest.mark.parametrize("wrench", [None, WRENCH, [0, 0, 500, 0, 0, 0], [0, 0, 0, 20, 0, 0]])
+def test_labels_do_not_overlap(robot, wrench):
+    for pose in (robot.home, robot.pose(z=0.4, theta=0.436, phi=0.262), robot.pose(z=0.3, theta=-0.3, phi=0.2)):
+        figure = pose_figure(robot, pose, robot.compliance(pose), wrench)
+        figure.canvas.draw()
+        renderer = figure.canvas.get_renderer()
+        boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in texts(figure)]
+        for index, (one, box) in enumerate(boxes):
+            assert box.x0 >= 0
+            assert box.x1 <= figure.bbox.width
+            for other, second in boxes[index + 1 :]:
+                assert not box.overlaps(second), f"'{one}' covers '{other}'"
+
+
+def test_gravity_points_down(robot):
+    """The 3-PRUP's z axis points down: its base is drawn above its tool."""
+    figure = pose_figure(robot, robot.home, robot.compliance(robot.home))
+    place = {text.get_text(): text.get_window_extent().y0 for text in texts(figure)}
+    assert min(place[leg] for leg in ("leg1", "leg2", "leg3")) > place["z"]
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "double_pendulum", "double_pendulum_continuous"])
+def test_other_robots(name):
+    robot = prup_pin.load(name, joint_stiffness=1e4)
+    compliance = robot.compliance(robot.home)
+    image = pixels(pose_figure(robot, robot.home, compliance, [5, 10, 20, 0, 0, 0]))
+    assert len(np.unique(drawing_of(image).reshape(-1, 3), axis=0)) > 20
+
+
+def test_pose_alone_can_be_drawn(robot):
+    assert pixels(pose_figure(robot, robot.home)).min() < 100
+
+
+def test_pictures_need_what_they_show(robot, compliance):
+    with pytest.raises(prup_pin.InputError, match="another pose"):
+        pose_figure(robot, robot.home, compliance)
+    with pytest.raises(prup_pin.InputError, match="compliance"):
+        pose_figure(robot, robot.home, None, WRENCH)
+    with pytest.raises(prup_pin.InputError, match="deflects nothing"):
+        shares_figure(compliance, np.zeros(6))
+
+
+def test_shares_are_bars_in_order(compliance):
+    figure = shares_figure(compliance, WRENCH)
+    bars = [bar.get_width() for bar in figure.axes[0].patches]
+    shares = sorted(compliance.shares(WRENCH).values(), reverse=True)
+    np.testing.assert_allclose(bars[:5], 100 * np.array(shares[:5]))
+    assert sum(bars) == pytest.approx(100)
+    said = " ".join(text.get_text() for text in texts(figure))
+    for word in ("leg3/linear_rod", "others", "µm", "35.1 %"):
+        assert word in said
+
+
+def test_shares_without_wrench_and_without_legs():
+    robot = prup_pin.load("ur5", joint_stiffness=1e4)
+    figure = shares_figure(robot.compliance(robot.home))
+    assert "softest direction" in " ".join(text.get_text() for text in texts(figure))
+
+
+def test_files_are_readable(robot, compliance, tmp_path):
+    from matplotlib.image import imread
+
+    for name, figure in (
+        ("pose", pose_figure(robot, compliance.pose, compliance)),
+        ("shares", shares_figure(compliance)),
+    ):
+        figure.savefig(tmp_path / f"{name}.png")
+        assert imread(tmp_path / f"{name}.png").shape[2] == 4
+        figure.savefig(tmp_path / f"{name}.svg")
+        assert "<svg" in (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
+
+
+def test_pyplot_stays_untouched():
+    code = "import prup_pin.views.figures, sys; assert 'matplotlib.pyplot' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_missing_matplotlib_names_the_extra():
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "try:\n    import prup_pin.views.figures\n"
+        "except ImportError as error:\n    print(type(error).__name__, error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("MissingExtraError")
+    assert "prup_pin[figures]" in done.stdout
+
+
+# -- the skeleton ----------------------------------------------------------------------------------------------------
+
+
+def test_skeleton_of_the_3prup(robot, compliance):
+    parts = skeleton(compliance.pose)
+    kinds = [segment.kind for segment in parts.segments]
+    assert kinds.count("beam") == 6
+    assert kinds.count("link") == 3  # the yokes
+    assert len(parts.closures) == 2
+    np.testing.assert_allclose(parts.anchors[:, 2], 0, atol=1e-12)
+    assert set(parts.legs) == {"leg1", "leg2", "leg3"}
+
+
+def test_motions_are_those_of_the_compliance(robot, compliance):
+    """A small scale moves every drawn end as `deflection` says; the loops of the deflected mechanism stay closed."""
+    pose = compliance.pose
+    motions = BodyMotions(compliance, WRENCH)
+    tool = pose.mechanism.tool
+    at = pose.base_from_tool[:3, 3]
+    np.testing.assert_allclose(
+        motions.move(tool.joint, at) - at, compliance.deflection(WRENCH)[:3], rtol=1e-9, atol=1e-15
+    )
+    for first, second, one, other in skeleton(pose).closures:
+        np.testing.assert_allclose(motions.move(one, first), motions.move(other, second), atol=1e-9)
+    for segment in skeleton(pose).segments:
+        curve = motions.curve(segment)
+        np.testing.assert_allclose(curve[0], motions.move(segment.bodies[0], segment.start), atol=1e-15)
+        np.testing.assert_allclose(curve[-1], motions.move(segment.bodies[1], segment.end), atol=1e-15)
