@@ -108,7 +108,11 @@ class MissingExtraError(PrupPinError, ImportError):
     """An optional dependency is not installed; the message holds the command that installs it."""
 
     def __init__(self, package: str, extra: str):
-        super().__init__(f"this needs the package '{package}', which is not installed: pip install 'prup_pin[{extra}]'")
+        self.package, self.extra = package, extra
+        super().__init__(
+            f"this needs the package '{package}', which is not installed: pip install {package} "
+            f"(it is part of prup_pin's extra '{extra}')"
+        )
 
 
 class JointLimitWarning(UserWarning):

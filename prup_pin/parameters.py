@@ -58,7 +58,9 @@ class Quantity:
             want in (-1, have) for want, have in zip(self.shape, array.shape, strict=True)
         )
         if not fits:
-            want = "a number" if not self.shape else " x ".join("n" if n < 0 else str(n) for n in self.shape) + " numbers"
+            want = (
+                "a number" if not self.shape else " x ".join("n" if n < 0 else str(n) for n in self.shape) + " numbers"
+            )
             raise ParameterError(f"{label} = {value!r}: expected {want}")
         inside = (array > self.lower if self.positive else array >= self.lower) & (array <= self.upper)
         if np.isnan(array).any() or not inside.all():

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from .errors import InputError, PrupPinError
+from .errors import InputError, UnreachablePoseError
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .mechanism import Mechanism
 from .parameters import Parameter
-from .spatial import Array, as_wrench
+from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, solve_statics
 
 __all__ = ["Robot"]
@@ -50,15 +51,6 @@ class Robot:
 
     @cached_property
     def _kinematics(self) -> LoopKinematics:
-        if self.mechanism.tool is None:
-            model = self.model
-            parents = {int(model.parents[i]) for i in range(1, model.njoints)}
-            ends = {i for i in range(1, model.njoints) if i not in parents}
-            tips = [f.name for f in model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
-            raise PrupPinError(
-                f"'{self.name}' has no tool frame: load(..., tool=\"frame\"). Frames at the ends of its chains: "
-                f"{', '.join(tips[:12])}"
-            )
         return LoopKinematics(self.mechanism)
 
     @cached_property
@@ -158,17 +150,24 @@ class Robot:
 
     def __repr__(self) -> str:
         m = self.mechanism
-        return f"<Robot {m.name}: {m.model.njoints - 1} joints, {len(m.loops)} loops, {len(m.modules)} compliant modules>"
+        return (
+            f"<Robot {m.name}: {m.model.njoints - 1} joints, {len(m.loops)} loops, {len(m.modules)} compliant modules>"
+        )
 
 
-def random_poses(robot: Robot, bounds: Mapping[str, tuple[float, float]], count: int, seed: int = 0) -> list[ClosedPose]:
-    """Return `count` feasible poses drawn uniformly from a box of task coordinates; infeasible draws are redrawn."""
+def random_poses(
+    robot: Robot, bounds: Mapping[str, tuple[float, float]], count: int, seed: int = 0
+) -> list[ClosedPose]:
+    """Return `count` feasible poses drawn uniformly from a box of task coordinates; infeasible draws are redrawn.
+
+    Raises InputError where fewer than one draw in a hundred is feasible.
+    """
     generator = np.random.default_rng(seed)
     poses: list[ClosedPose] = []
-    while len(poses) < count:
-        drawn: dict[str, Array] = {name: generator.uniform(*span) for name, span in bounds.items()}
-        try:
+    for _ in range(100 * count):
+        if len(poses) == count:
+            return poses
+        drawn = {name: float(generator.uniform(*span)) for name, span in bounds.items()}
+        with suppress(UnreachablePoseError):
             poses.append(robot.pose(**drawn))
-        except PrupPinError:
-            continue
-    return poses
+    raise InputError(f"only {len(poses)} of {100 * count} poses drawn from {dict(bounds)} are feasible")

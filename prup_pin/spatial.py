@@ -24,10 +24,9 @@ WRENCH_NAMES = ("fx", "fy", "fz", "mx", "my", "mz")
 TWIST_NAMES = ("dx", "dy", "dz", "rx", "ry", "rz")
 
 # v @ _CROSS is the skew matrix of v, row by row.
-_CROSS = np.zeros((3, 3, 3))
+_CROSS = np.zeros((3, 9))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    _CROSS[_i, _k, _j], _CROSS[_i, _j, _k] = 1.0, -1.0
-_CROSS = _CROSS.reshape(3, 9)
+    _CROSS[_i, 3 * _k + _j], _CROSS[_i, 3 * _j + _k] = 1.0, -1.0
 _IDENTITY = np.eye(6)
 
 

@@ -68,7 +68,9 @@ def main() -> None:
         return r.K, r.parts
 
     ours_time = timed(ours, cases, warm_up)
-    print(f"{'prup_pin: task coordinates to C, K, parts':52s}{ours_time * 1e6:10.0f} us   median of {len(cases)} poses, one core")
+    print(
+        f"{'prup_pin: task coordinates to C, K, parts':52s}{ours_time * 1e6:10.0f} us   median of {len(cases)} poses, one core"
+    )
     print(f"{'  of which closing the loops':52s}{timed(kinematics_only, cases, []) * 1e6:10.0f} us")
     print(f"{'  without the learned start (first 100 poses)':52s}{timed(cold, cases, warm_up[:20]) * 1e6:10.0f} us")
 
@@ -88,7 +90,9 @@ def main() -> None:
         peer_time = timed(lambda case, peer=peer: peer(**case), some, some[:3])
         difference = np.abs(robot.compliance(robot.pose(**some[0])).C - c).max() / np.abs(c).max()
         largest = max(largest, difference)
-        print(f"{name:52s}{peer_time * 1e6:10.0f} us   {peer_time / ours_time:6.1f} x ours, C differs by {difference:.1e}")
+        print(
+            f"{name:52s}{peer_time * 1e6:10.0f} us   {peer_time / ours_time:6.1f} x ours, C differs by {difference:.1e}"
+        )
     print(f"target 200 us: {'met' if ours_time <= 200e-6 else 'missed'}")
 
 

@@ -9,7 +9,20 @@ import prup_pin
 
 ROOT = Path(prup_pin.__file__).parent
 #: Lower layers know nothing of higher ones.
-LAYERS = ["errors", "spatial", "parameters", "modules", "mechanism", "kinematics", "statics", "robots", "robot", "loading", "views", "cli"]
+LAYERS = [
+    "errors",
+    "spatial",
+    "parameters",
+    "modules",
+    "mechanism",
+    "kinematics",
+    "statics",
+    "robots",
+    "robot",
+    "loading",
+    "views",
+    "cli",
+]
 LEAVES = {"views", "cli", "__main__"}
 
 

@@ -58,7 +58,7 @@ class ClosedPose:
     @property
     def base_from_tool(self) -> Array:
         """Placement of the tool, (4, 4)."""
-        return self.placement(self.mechanism.tool.name)
+        return self.placement(self.mechanism.need_tool().name)
 
     def placement(self, frame: str) -> Array:
         """Return base_from_frame (4, 4) of a named frame. Raises UnknownNameError."""

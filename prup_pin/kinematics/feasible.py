@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from .loop_kinematics import LoopKinematics
 
 
-def nearest_feasible(kinematics: LoopKinematics, requested: Mapping[str, float], start: Array) -> dict[str, float] | None:
+def nearest_feasible(
+    kinematics: LoopKinematics, requested: Mapping[str, float], start: Array
+) -> dict[str, float] | None:
     """Return the feasible task coordinates nearest to the requested ones, or None.
 
     Nearest in the sum of squares of angles [rad] and distances over the characteristic length, within joint limits
@@ -55,7 +57,9 @@ def nearest_feasible(kinematics: LoopKinematics, requested: Mapping[str, float],
             ],
             options={"maxiter": 300, "ftol": 1e-12},
         )
-        residual = np.abs(kinematics.evaluate(found.x).residual).max(initial=0.0) if np.isfinite(found.x).all() else np.inf
+        residual = (
+            np.abs(kinematics.evaluate(found.x).residual).max(initial=0.0) if np.isfinite(found.x).all() else np.inf
+        )
         if residual < 1e-5 and (best is None or found.fun < best[0]):
             best = (found.fun, found.x)
     if best is None:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
 from ..mechanism import Mechanism
@@ -31,7 +32,7 @@ _ITERATIONS = 40
 _GENERATORS = np.stack([skew(axis) for axis in np.eye(3)])
 
 
-class _NotConverged(Exception):
+class _NotConvergedError(Exception):
     def __init__(self, q: Array, residual: tuple[float, float]):
         self.q, self.residual = q, residual
 
@@ -62,10 +63,14 @@ class LoopKinematics:
         model = self.model = mechanism.model
         self.data = model.createData()
         self._oMi = list(self.data.oMi)  # references into data, refreshed by every forward pass
-        self.task = TaskFrame(mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint)
+        self.task = TaskFrame(
+            mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
+        )
         loops = mechanism.loops
         self._ends = np.array([end.joint for loop in loops for end in (loop.first, loop.second)], int)
-        self._end_placements = np.array([end.placement for loop in loops for end in (loop.first, loop.second)]).reshape(-1, 4, 4)
+        self._end_placements = np.array([end.placement for loop in loops for end in (loop.first, loop.second)]).reshape(
+            -1, 4, 4
+        )
         # Each loop has room for three translational and three rotational rows; `_rows` picks those that constrain.
         self._rotation_rows = np.zeros((len(loops), 3, 9))
         self._aligned = np.zeros((len(loops), 3, 3))
@@ -93,10 +98,12 @@ class LoopKinematics:
         """Return placements, Jacobian and closure at a configuration."""
         pin.computeJointJacobians(self.model, self.data, q)
         placements = np.array([placement.homogeneous for placement in self._oMi])
-        jacobian = self.data.J.copy()
+        jacobian = self.data.J.reshape(6, -1).copy()  # one joint alone comes as a vector
         count = len(self._ends) // 2
         if not count:
-            return Evaluation(placements, jacobian, np.zeros(0), np.zeros((0, 6)), np.zeros((0, self.model.nv)), np.zeros((0, 3, 3)))
+            return Evaluation(
+                placements, jacobian, np.zeros(0), np.zeros((0, 6)), np.zeros((0, self.model.nv)), np.zeros((0, 3, 3))
+            )
         ends = placements[self._ends] @ self._end_placements
         points = ends[1::2, :3, 3]
         to_first = ends[::2, :3, :3].transpose(0, 2, 1)
@@ -111,16 +118,15 @@ class LoopKinematics:
         wrenches[:, :3, :3] = to_first
         wrenches[:, :3, 3:] = to_first @ skew(-points)
         wrenches[:, 3:, 3:] = self._rotation_rows @ turned @ to_first
-        residual, wrenches = residual.ravel(), wrenches.reshape(-1, 6)
-        if not self._all_rows:
-            residual, wrenches = residual[self._rows], wrenches[self._rows]
-        return Evaluation(placements, jacobian, residual, wrenches, (wrenches @ jacobian) * self._row_sign, turn)
+        rows = slice(None) if self._all_rows else self._rows
+        errors, forces = residual.ravel()[rows], wrenches.reshape(-1, 6)[rows]
+        return Evaluation(placements, jacobian, errors, forces, (forces @ jacobian) * self._row_sign, turn)
 
     def _split(self, residual: Array) -> tuple[float, float]:
         return split_residual(self.mechanism, residual)
 
     def _newton(self, q: Array, goal: Goal, first: Evaluation | None = None) -> tuple[Array, Evaluation]:
-        """Return the solution and its evaluation. Raises _NotConverged.
+        """Return the solution and its evaluation. Raises _NotConvergedError.
 
         `goal(q, placements, jacobian)` returns residual and rows of the wanted coordinates; `first` is the evaluation
         at the start where it is known.
@@ -142,7 +148,9 @@ class LoopKinematics:
                 step *= 0.6 / longest
             q = pin.integrate(self.model, q, -step)
             evaluation = None
-        raise _NotConverged(q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf))
+        raise _NotConvergedError(
+            q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
+        )
 
     # -- home ------------------------------------------------------------------------------------------------------
 
@@ -160,8 +168,10 @@ class LoopKinematics:
 
         held = self.mechanism.actuated_dofs
 
-        def hold_actuators(q, placements, jacobian, at=q.copy()):
-            return pin.difference(self.model, at, q)[held], np.eye(self.model.nv)[held]
+        given = q.copy()
+
+        def hold_actuators(q, placements, jacobian):
+            return pin.difference(self.model, given, q)[held], np.eye(self.model.nv)[held]
 
         # Near the file's home first, actuators held; then from anywhere, since far off Newton may end in a branch
         # where two frames meet half a turn apart.
@@ -173,7 +183,7 @@ class LoopKinematics:
         for start, goal in starts:
             try:
                 closed, evaluation = self._newton(start, goal)
-            except _NotConverged as failure:
+            except _NotConvergedError as failure:
                 if max(failure.residual) < max(metres, radians):
                     metres, radians = failure.residual
                 continue
@@ -184,7 +194,7 @@ class LoopKinematics:
         raise UnreachablePoseError(
             f"the loops of '{self.mechanism.name}' do not close from its home position: the best that was found leaves "
             f"{metres:.3g} m and {radians:.3g} rad; loop '{worst}' is farthest open at the start. "
-            "Check the frames of this loop, or give a start near closure with <home joint=\"value\"/> (or home={...})",
+            'Check the frames of this loop, or give a start near closure with <home joint="value"/> (or home={...})',
             residual=(metres, radians),
         )
 
@@ -205,12 +215,15 @@ class LoopKinematics:
 
     @cached_property
     def length(self) -> float:
-        """Characteristic length [m]: root mean square distance of the joints from the tool at home."""
+        """Characteristic length [m]: root mean square distance of the joints from the tool at home.
+
+        Of a robot without a tool frame, from their own centre.
+        """
         placements = self._home.placements
+        joints = placements[1:, :3, 3]
         tool = self.mechanism.tool
-        at = (placements[tool.joint] @ tool.placement)[:3, 3]
-        distances = np.linalg.norm(placements[1:, :3, 3] - at, axis=1)
-        size = float(np.sqrt(np.mean(distances**2))) if len(distances) else 0.0
+        centre = joints.mean(axis=0) if tool is None else (placements[tool.joint] @ tool.placement)[:3, 3]
+        size = float(np.sqrt(((joints - centre) ** 2).sum(axis=1).mean())) if len(joints) else 0.0
         return size if size > 1e-6 else 1.0
 
     def scales(self, dofs: Array) -> tuple[Array, Array]:
@@ -240,7 +253,7 @@ class LoopKinematics:
                 q, evaluation = self._newton(pin.integrate(self.model, self.home, offset), self.task.goal(target))
                 if self._assembled(evaluation) and self._outside(q) is None:
                     return self._finish(q, evaluation, requested)
-            except _NotConverged:
+            except _NotConvergedError:
                 pass
         return self.reach(target, requested, self.task.goal)
 
@@ -249,13 +262,13 @@ class LoopKinematics:
         def offset(target: Array) -> Array | None:
             try:
                 q, evaluation = self._newton(self.home, self.task.goal(target), self._home)
-            except _NotConverged:
+            except _NotConvergedError:
                 return None
             return pin.difference(self.model, self.home, q) if self._assembled(evaluation) else None
 
         return PoseSeed(offset)
 
-    def pose_from_actuators(self, values: Sequence[float], near: ClosedPose | None = None) -> ClosedPose:
+    def pose_from_actuators(self, values: Sequence[float] | Array, near: ClosedPose | None = None) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""
         model, mechanism = self.model, self.mechanism
         names, dofs = mechanism.actuated, mechanism.actuated_dofs
@@ -293,7 +306,7 @@ class LoopKinematics:
 
         return self.reach(array, requested, goal, start, here)
 
-    def pose_from_configuration(self, q: Sequence[float]) -> ClosedPose:
+    def pose_from_configuration(self, q: Sequence[float] | Array) -> ClosedPose:
         """Return the pose at a full Pinocchio configuration that already closes the loops."""
         array = np.asarray(q, float).ravel()
         if array.shape != (self.model.nq,) or not np.isfinite(array).all():
@@ -301,8 +314,8 @@ class LoopKinematics:
         metres, radians = self._split(self.evaluate(array).residual)
         if max(metres, radians) > 1e-6:
             raise UnreachablePoseError(
-                f"this configuration leaves the loops open by {metres:.3g} m and {radians:.3g} rad; expected a closed one. "
-                "Use pose(...) or pose_from_actuators(...), which close the loops",
+                f"this configuration leaves the loops open by {metres:.3g} m and {radians:.3g} rad; expected closed "
+                "ones. Use pose(...) or pose_from_actuators(...), which close the loops",
                 residual=(metres, radians),
             )
 
@@ -311,7 +324,9 @@ class LoopKinematics:
 
         return self._finish(*self._newton(array, stay), {})
 
-    def reach(self, target: Array, requested: dict, goal_of, start: Array | None = None, here: Array | None = None) -> ClosedPose:
+    def reach(
+        self, target: Array, requested: dict, goal_of, start: Array | None = None, here: Array | None = None
+    ) -> ClosedPose:
         """Return the pose at `target`: Newton straight there, or along the line from home in shrinking steps.
 
         `goal_of(target)` makes the rows for Newton; `requested` names the target in messages (empty: no suggestions).
@@ -321,7 +336,7 @@ class LoopKinematics:
             q, evaluation = self._newton(origin, goal_of(target), self._home if start is None else None)
             if self._assembled(evaluation) and self._outside(q) is None:
                 return self._finish(q, evaluation, requested)
-        except _NotConverged:
+        except _NotConvergedError:
             pass
         if here is None:
             here = self.task.values(self._home.placements)
@@ -339,9 +354,9 @@ class LoopKinematics:
                 candidate, evaluation = self._newton(q, goal_of(here + share * (target - here)))
                 jump = np.abs(pin.difference(self.model, q, candidate)).max(initial=0.0)
                 if not self._assembled(evaluation) or jump > 0.5:
-                    raise _NotConverged(candidate, self._split(evaluation.residual))
+                    raise _NotConvergedError(candidate, self._split(evaluation.residual))
                 q, reached, step = candidate, share, step * 2
-            except _NotConverged as failure:
+            except _NotConvergedError as failure:
                 residual = failure.residual
                 step /= 2
         return q, reached, residual
@@ -410,7 +425,11 @@ class LoopKinematics:
             nearest = {**requested, name: min(max(value, lower), upper)}
         raise UnreachablePoseError(
             f"'{self.mechanism.name}' cannot reach {self._listed(requested) or 'this configuration'}: {text}. "
-            + (f"Nearest feasible: {self._listed(nearest)}" if nearest else "Move the request towards the middle of the workspace"),
+            + (
+                f"Nearest feasible: {self._listed(nearest)}"
+                if nearest
+                else "Move the request towards the middle of the workspace"
+            ),
             requested,
             nearest,
         )
@@ -456,8 +475,8 @@ class LoopKinematics:
         inverse = (vt[:rank].T / singular_values[:rank]) @ u[:, :rank].T
         self_stress = vt[rank:].T * rows[:, None]
         idle = u[:, rank:] * columns[:, None]
-        if idle.shape[1]:
-            tool = self.mechanism.tool
+        tool = self.mechanism.tool
+        if idle.shape[1] and tool is not None:
             at = (evaluation.placements[tool.joint] @ tool.placement)[:3, 3]
             moved = evaluation.jacobian[:, free] * self.mechanism.support[self.mechanism.dof_joint[free], tool.joint]
             twist = moved @ idle
@@ -471,18 +490,26 @@ class LoopKinematics:
         names = [self.mechanism.dof_names[dof] for dof in self.mechanism.free_dofs]
         strongest = [names[i] for i in np.argsort(-np.abs(motion))[:3] if abs(motion[i]) > 1e-6]
         twist = twist / np.abs(twist).max()
-        direction = ", ".join(f"{name} {value:+.2f}" for name, value in zip(("dx", "dy", "dz", "rx", "ry", "rz"), twist, strict=True) if abs(value) > 0.01)
+        direction = ", ".join(
+            f"{name} {value:+.2f}"
+            for name, value in zip(("dx", "dy", "dz", "rx", "ry", "rz"), twist, strict=True)
+            if abs(value) > 0.01
+        )
         nearest = last_regular(self, requested) if self._are_tasks(requested) else None
         raise SingularPoseError(
-            f"singular pose{' ' + self._listed(requested) if requested else ''}: with the actuators locked the tool can "
-            f"still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
-            + (f"Nearest regular: {self._listed(nearest)}" if nearest else "Lock or actuate one of these joints, or leave this pose"),
+            f"singular pose{' ' + self._listed(requested) if requested else ''}: with the actuators locked the tool "
+            f"can still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
+            + (
+                f"Nearest regular: {self._listed(nearest)}"
+                if nearest
+                else "Lock or actuate one of these joints, or leave this pose"
+            ),
             requested,
             nearest,
         )
 
 
-def _solve(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Array, right: Array) -> NDArray[np.floating]:
     """Return the solution, or the least one where rows are redundant or motions free."""
     if matrix.shape[0] == matrix.shape[1]:
         try:

@@ -11,6 +11,8 @@ from ..errors import InputError, UnknownNameError
 from ..mechanism import Frame
 from ..spatial import Array
 
+_COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+
 
 class TaskFrame:
     """The tool's task coordinates.
@@ -20,11 +22,13 @@ class TaskFrame:
     """
 
     def __init__(self, tool: Frame | None, tasks: Sequence, rotation: str, support: Array, dof_joint):
-        self.tool, self.rotation = tool, rotation
+        self.rotation = rotation
+        self._joint = tool.joint if tool else 0
+        self._placement = tool.placement if tool else np.eye(4)
         self.names = tuple(task.name for task in tasks)
-        self.components = tuple("x y z rx ry rz".split().index(task.component) for task in tasks)
+        self.components = tuple(_COMPONENTS.index(task.component) for task in tasks)
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
-        self._moves = support[dof_joint, tool.joint] if tool else None
+        self._moves = support[dof_joint, self._joint]
 
     def target(self, wanted: Mapping[str, float]) -> Array:
         """Return the wanted values in order. Raises on unknown, missing or non-finite ones."""
@@ -35,7 +39,10 @@ class TaskFrame:
                 raise UnknownNameError("task coordinate", name, self.names)
         missing = [name for name in self.names if name not in wanted]
         if missing:
-            raise InputError(f"missing task coordinate{'s' if len(missing) > 1 else ''}: {', '.join(missing)}; give all of {', '.join(self.names)}")
+            raise InputError(
+                f"missing task coordinate{'s' if len(missing) > 1 else ''}: {', '.join(missing)}; "
+                f"give all of {', '.join(self.names)}"
+            )
         values = []
         for name in self.names:
             try:
@@ -49,7 +56,8 @@ class TaskFrame:
 
     def pose_vector(self, placements: Array) -> tuple[float, ...]:
         """Return (x, y, z, rx, ry, rz) of the tool."""
-        (r00, r01, r02, x), (r10, r11, r12, y), (r20, r21, r22, z), _ = (placements[self.tool.joint] @ self.tool.placement).tolist()
+        placed = placements[self._joint] @ self._placement
+        (r00, r01, r02, x), (r10, _, r12, y), (r20, r21, r22, z), _ = placed.tolist()
         if self.rotation == "xyz":
             return x, y, z, atan2(-r12, r22), atan2(r02, hypot(r00, r01)), atan2(-r01, r00)
         return x, y, z, atan2(r21, r22), atan2(-r20, hypot(r00, r10)), atan2(r10, r00)
@@ -82,7 +90,7 @@ class TaskFrame:
         if self.rotation == "xyz":
             # omega = e_x rx' + R_x e_y ry' + R_x R_y e_z rz'
             c, s = cos(rx), sin(rx)
-            angles = ((0, 0, 0, 1, s * t, -c * t), (0, 0, 0, 0, c, s), (0, 0, 0, 0, -s * secant, c * secant))
+            angles: tuple = ((0, 0, 0, 1, s * t, -c * t), (0, 0, 0, 0, c, s), (0, 0, 0, 0, -s * secant, c * secant))
         else:
             # omega = e_z rz' + R_z e_y ry' + R_z R_y e_x rx'
             c, s = cos(rz), sin(rz)

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import Problem, nearest_names
+import numpy as np
+
+from ..errors import ParameterError, Problem, nearest_names
 from ..modules import KINDS
 from ..parameters import Parameter
 from ..spatial import Array
@@ -71,6 +73,7 @@ class ModuleDescription:
     anchor: str = "root"
     values: Mapping[str, Parameter] = field(default_factory=dict)
     line: int | None = None
+    lines: Mapping[str, int | None] = field(default_factory=dict)  # of the values
 
 
 @dataclass(frozen=True)
@@ -257,18 +260,14 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
 
     Raises ModuleValuesError with all unknown names, values out of range and missing quantities.
     """
-    import numpy as np
-
-    from ..errors import ParameterError
-
     kind = KIND_BY_NAME[module.kind]
-    texts = []
+    problems: list[tuple[str, str]] = []
+    failed: set[str] = set()
     known = {quantity.name for quantity in kind.quantities}
     for name in module.values:
         if name not in known:
-            texts.append(
-                f"module '{module.name}': a {kind.kind} has no parameter '{name}'. {nearest_names(name, sorted(known))}"
-            )
+            near = nearest_names(name, sorted(known))
+            problems.append((name, f"module '{module.name}': a {kind.kind} has no parameter '{name}'. {near}"))
     values: dict[str, Any] = {}
     lengths = set()
     for quantity in kind.quantities:
@@ -278,26 +277,31 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
             else:
                 value = quantity.default(values) if callable(quantity.default) else quantity.default
             if value is None or (quantity.shape == () and callable(quantity.default) and np.isnan(value)):
+                failed.add(quantity.name)
+                values[quantity.name] = np.nan
+                if failed & set(quantity.derived_from):
+                    continue  # follows from a value already reported
                 sources = quantity.derived_from
                 also = f", or what it follows from ({', '.join(sources)})" if sources else ""
-                texts.append(
+                text = (
                     f"module '{module.name}': parameter '{quantity.name}' [{quantity.unit}] is missing; give it{also}"
                 )
-                value = np.nan
-            elif callable(quantity.default) and quantity.shape == ():
+                problems.append(("", text))
+                continue
+            if callable(quantity.default) and quantity.shape == ():
                 value = quantity.check(value, module.name)
             values[quantity.name] = value
             if quantity.shape == (-1,) and np.ndim(value) == 1:
                 lengths.add(len(value))
         except ParameterError as error:
-            texts.append(str(error))
+            problems.append((quantity.name, str(error)))
+            failed.add(quantity.name)
             values[quantity.name] = np.nan
         except (TypeError, KeyError):
             values[quantity.name] = np.nan  # follows from a value already reported
     if len(lengths) > 1:
-        texts.append(
-            f"module '{module.name}': its tables have {sorted(lengths)} entries; all must have as many as 'stations'"
-        )
-    if texts:
-        raise ModuleValuesError(texts)
+        text = f"module '{module.name}': its tables have {sorted(lengths)} entries; all must have as many as 'stations'"
+        problems.append(("", text))
+    if problems:
+        raise ModuleValuesError(problems)
     return values

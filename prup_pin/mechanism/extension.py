@@ -25,6 +25,8 @@ from .description import (
 from .xml_file import MAX_NUMBER, Document
 
 EXTENSION = "prup_pin"
+#: Products and fourth powers of values up to this size, and their inverses, stay finite.
+_MAX_VALUE = 1e50
 
 
 class ExtensionDocument(Document):
@@ -56,7 +58,7 @@ class ExtensionDocument(Document):
         return {key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()}
 
     def _gravity(self, element, fields) -> None:
-        value = self.numbers(element, "xyz", 3, "<gravity>")
+        value = self.numbers(element, "xyz", 3, "<gravity>", largest=MAX_NUMBER)
         if value:
             fields["gravity"] = value
 
@@ -88,7 +90,7 @@ class ExtensionDocument(Document):
         self.lines["home"] = element.sourceline
         home = {}
         for name in element.attrib:
-            value = self.numbers(element, name, 1, "<home>")
+            value = self.numbers(element, name, 1, "<home>", largest=MAX_NUMBER)
             if value:
                 home[name] = value[0]
         fields["home"] = home
@@ -145,6 +147,7 @@ class ExtensionDocument(Document):
         if anchor not in ("root", "tip"):
             self.problem(element, f"module '{name}': anchor=\"{anchor}\"; expected root or tip")
         values: dict[str, Parameter] = {}
+        lines: dict[str, int | None] = {}
         quantities = {q.name: q for q in KIND_BY_NAME[kind].quantities} if kind in KIND_BY_NAME else {}
         for item in element:
             if item.tag != "parameter":
@@ -167,6 +170,7 @@ class ExtensionDocument(Document):
                     item, f"module '{name}': parameter '{short}' has unit=\"{unit[:60]}\"; expected {quantity.unit}"
                 )
             value = number[0] if shape in (None, ()) else np.array(number).reshape(shape)
+            lines[short] = item.sourceline
             values[short] = Parameter(
                 f"{name}.{short}",
                 value,
@@ -189,6 +193,7 @@ class ExtensionDocument(Document):
                     anchor,
                     values,
                     element.sourceline,
+                    lines,
                 )
             )
 
@@ -196,7 +201,15 @@ class ExtensionDocument(Document):
         text = item.get("value")
         if text is None:
             text = item.text or ""
-        return self.parse_numbers(item, text, count, f"module '{module}': parameter {short}=\"{text.strip()[:60]}\"")
+        label = f"module '{module}': parameter {short}=\"{text.strip()[:60]}\""
+        return self._physical(item, self.parse_numbers(item, text, count, label, _MAX_VALUE), label)
+
+    def _physical(self, item, values: tuple[float, ...] | None, label: str) -> tuple[float, ...] | None:
+        """Return the values, or None after reporting one that is too small to be divided by."""
+        if values and any(0 < abs(value) < 1 / _MAX_VALUE for value in values):
+            self.problem(item, f"{label}: expected zero, or a size of at least {1 / _MAX_VALUE:g}")
+            return None
+        return values
 
     def _variant(self, element, fields) -> None:
         name = self.attribute(element, "name", "<variant>")
@@ -208,7 +221,8 @@ class ExtensionDocument(Document):
             if item.tag == "module":
                 kinds[target] = self.attribute(item, "type", f"variant '{name}'") or ""
             elif item.tag == "parameter":
-                value = self.numbers(item, "value", 1, f"variant '{name}', parameter '{target}'")
+                label = f"variant '{name}', parameter '{target}'"
+                value = self._physical(item, self.numbers(item, "value", 1, label, largest=_MAX_VALUE), label)
                 if value:
                     values[target] = (value[0], item.get("source", f"variant {name}"))
             else:

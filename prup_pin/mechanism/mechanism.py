@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from ..errors import InputError, Problem, RobotFileError, UnknownNameError
+from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError
 from ..modules import CompliantModule, WrenchModule
 from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement
@@ -147,6 +147,18 @@ class Mechanism:
             return self._frames[name]
         except KeyError:
             raise UnknownNameError("frame", name, list(self._frames)) from None
+
+    def need_tool(self) -> Frame:
+        """Return the tool frame, or raise PrupPinError with the frames that could be meant."""
+        if self.tool is not None:
+            return self.tool
+        parents = {int(parent) for parent in list(self.model.parents)[1:]}
+        ends = set(range(1, self.model.njoints)) - parents
+        tips = [f.name for f in self.model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
+        raise PrupPinError(
+            f"'{self.name}' has no tool frame: load(..., tool=\"frame\"). Frames at the ends of its chains: "
+            f"{', '.join(tips[:12])}"
+        )
 
     @property
     def frame_names(self) -> tuple[str, ...]:

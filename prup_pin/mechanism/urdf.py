@@ -116,7 +116,7 @@ class UrdfDocument(ExtensionDocument):
             if joint is None:
                 hint = nearest_names(name, [str(known) for known in joints])
                 sidecar.problem(line, f"joint_name: no joint named '{name}', or it is listed twice. {hint}")
-            elif joint.find("parent") is not None:  # else reported with the tree
+            elif joint.find("parent[@link]") is not None:  # else reported with the tree
                 replace_joint(joint, JOINT_TYPES[kind])
 
     def _take_sidecar(self, sidecar: Sidecar, frames, joints, loops, fields: dict, notes: list[str]) -> tuple:
@@ -254,6 +254,10 @@ class UrdfDocument(ExtensionDocument):
                 low, high = (self.numbers(limit, key, 1, f"{what}, limit", (0,)) for key in ("lower", "upper"))
                 for key in ("effort", "velocity"):
                     self.numbers(limit, key, 1, f"{what}, limit")
+                if low and high and (low[0] > MAX_NUMBER or high[0] < -MAX_NUMBER):
+                    self.problem(
+                        limit, f"{what}: limits {low[0]:g} … {high[0]:g} leave out zero and all that is near it"
+                    )
                 if low and high and low[0] > high[0]:
                     self.problem(limit, f"{what}: lower limit {low[0]:g} is above the upper limit {high[0]:g}")
 

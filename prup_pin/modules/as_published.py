@@ -6,7 +6,7 @@ import numpy as np
 
 from ..spatial import Array
 from .beam import Beam
-from .flexibility import BodyWeight
+from .flexibility import BodyWeight, SectionFlexibilities
 from .module import Mask, ModuleGeometry, Values, WrenchModule
 
 _FLIP = np.diag([1.0, 1.0, 1.0, -1.0, 1.0, 1.0])
@@ -28,6 +28,9 @@ class BeamAsPublished(WrenchModule):
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
         return _FLIP @ self._beam.compliance(values, at, load) @ _FLIP
+
+    def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities:
+        return self._beam.section_law(values, at)
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:
         return self._beam.weight(values, at)

@@ -28,7 +28,6 @@ from .section import (
     shear_flexibility,
 )
 
-
 _DIAMETERS = tuple(quantity.name for quantity in CIRCLE)
 _ROUND = ("second_moment", *_DIAMETERS)
 
@@ -85,7 +84,7 @@ class Beam(WrenchModule):
             bending_y=uniform_moments(1 / (e * values["second_moment_y"]), length),
         )
 
-    def _flexibilities(self, values: Values) -> SectionFlexibilities:
+    def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities:
         e = values["youngs_modulus"]
         shear = constant(shear_flexibility(values, values["area"]))
         return SectionFlexibilities(
@@ -106,7 +105,7 @@ class Beam(WrenchModule):
             np.where(overhang_is_inboard, _overhang(values, at), 0.0),
             at.length,
             at.inboard_is_root,
-            self._flexibilities(values),
+            self.section_law(values, at),
         )
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:

@@ -92,6 +92,38 @@ def _between(start: Array, end: Array) -> tuple[Array, Array]:
     return (start[..., None] + width * NODES).reshape(flat), (width * WEIGHTS).reshape(flat)
 
 
+def centre_line(law: SectionFlexibilities, length: Array, load: Array, fractions: Array) -> Array:
+    """Return the displacement of sections relative to the clamped root under a tip load, (..., p, 6).
+
+    `load` (..., 6) acts at the tip; `fractions` (p,) of the length from the root. A section moves by what the
+    sections between it and the root do: int kappa(v) (v - u) dv and the like, u the distance from the tip.
+    """
+    u = np.asarray(length)[..., None] * (1 - fractions)
+    edges = np.broadcast_to(
+        (np.asarray(length)[..., None] * law.breaks)[..., None, :], (*u.shape, law.breaks.shape[-1])
+    )
+    v, w = _between(np.maximum(edges[..., :-1], u[..., None]), np.maximum(edges[..., 1:], u[..., None]))
+    flat = v.reshape(*u.shape[:-1], -1)
+
+    def weighted(flexibility: Callable[[Array], Array]) -> Array:
+        return flexibility(flat).reshape(v.shape) * w
+
+    fx, fy, fz, mx, my, mz = (load[..., i, None, None] for i in range(6))
+    kx, ky = weighted(law.bending_x) * (mx - v * fy), weighted(law.bending_y) * (my + v * fx)
+    arm = v - u[..., None]
+    return np.stack(
+        [
+            (weighted(law.shear_x) * fx + ky * arm).sum(-1),
+            (weighted(law.shear_y) * fy - kx * arm).sum(-1),
+            (weighted(law.axial) * fz).sum(-1),
+            kx.sum(-1),
+            ky.sum(-1),
+            (weighted(law.torsion) * mz).sum(-1),
+        ],
+        axis=-1,
+    )
+
+
 @dataclass(frozen=True)
 class BodyWeight:
     """The weight of a beam's body: mass [kg] and its centre's distance from the tip towards the root [m]."""

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..parameters import Quantity
 from ..spatial import Array
-from .flexibility import BodyWeight
+from .flexibility import BodyWeight, SectionFlexibilities
 
 Values = Mapping[str, Any]
 Mask = NDArray[np.bool_]
@@ -90,6 +90,10 @@ class CompliantModule(ABC):
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight | None:
         """Return mass and centre of the body whose weight this module carries, or None for a weightless kind."""
+        return None
+
+    def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities | None:
+        """Return a beam's flexibilities along its length, from which its elastic line follows, or None."""
         return None
 
     def holds_joint(self, values: Values) -> bool:

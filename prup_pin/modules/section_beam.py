@@ -67,7 +67,9 @@ class SectionBeam(WrenchModule):
 
         return at
 
-    def _law(self, values: Values, length: Array) -> SectionFlexibilities:
+    def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities:
+        length = at.length
+
         def flexibility(name: str) -> Callable[[Array], Array]:
             stiffness = self._profile(values, length, name)
             return lambda u: 1 / stiffness(u)
@@ -83,11 +85,11 @@ class SectionBeam(WrenchModule):
         )
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        return self._law(values, at.length).tip_compliance(at.length)
+        return self.section_law(values, at).tip_compliance(at.length)
 
     def weight_deformation(self, values: Values, at: ModuleGeometry, gravity: Array) -> Array:
         density = self._profile(values, at.length, "line_density")
-        law = self._law(values, at.length)
+        law = self.section_law(values, at)
         return own_weight_deformation(gravity, density, np.zeros_like(at.length), at.length, at.inboard_is_root, law)
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:

@@ -36,7 +36,8 @@ class TaperedBeam(WrenchModule):
     def _area(self, values: Values, length: Array):
         return lambda u: self._section(values, length, u)[0]
 
-    def _flexibilities(self, values: Values, length: Array) -> SectionFlexibilities:
+    def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities:
+        length = at.length
         column = {name: values[name][..., None] for name in ("youngs_modulus", "shear_modulus", "shear_coefficient")}
         e, g, area = column["youngs_modulus"], column["shear_modulus"], self._area(values, length)
 
@@ -60,7 +61,7 @@ class TaperedBeam(WrenchModule):
         )
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        return self._flexibilities(values, at.length).tip_compliance(at.length)
+        return self.section_law(values, at).tip_compliance(at.length)
 
     def _line_density(self, values: Values, length: Array):
         area = self._area(values, length)
@@ -73,7 +74,7 @@ class TaperedBeam(WrenchModule):
             np.zeros_like(at.length),
             at.length,
             at.inboard_is_root,
-            self._flexibilities(values, at.length),
+            self.section_law(values, at),
         )
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:

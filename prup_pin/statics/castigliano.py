@@ -26,6 +26,8 @@ from .wrench_jacobians import (
 __all__ = ["Statics", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
+#: Loads below this share of the closure forces that cause them are rounding.
+_NOISE = 1e-11
 
 
 @dataclass(frozen=True)
@@ -74,31 +76,67 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the robot file"
         )
     frames = layout.frames(pose)
-    transmitted = transmitted_wrenches(layout, pose, loads_at_frame(pose, mechanism.tool))
+    transmitted = transmitted_wrenches(layout, pose, loads_at_frame(pose, mechanism.need_tool()))
     jacobians = module_loads(layout, pose, frames, transmitted)
     geometries = layout.geometries(pose, frames)
     _refuse_impossible(layout, pose, geometries)
-    stress = None
+    stress: tuple[Array, Array] | None = None
     if pose.balance.self_stress.shape[-1]:
-        stress = module_loads(layout, pose, frames, self_stress_wrenches(layout, pose))
-    nonlinear = load is not None and any(group.kind.nonlinear for group in layout.groups)
-    compatible, loads = jacobians, None
+        # Forces that cancel between closures leave rounding noise in the modules; it must not pass for a load.
+        least = _NOISE * np.abs(pose.balance.self_stress).max()
+        wrench, drive = module_loads(layout, pose, frames, self_stress_wrenches(layout, pose))
+        stress = np.where(np.abs(wrench) > least, wrench, 0.0), np.where(np.abs(drive) > least, drive, 0.0)
+    loads = None
+    if load is not None and any(group.kind.nonlinear for group in layout.groups):
+        loads = _loads_under(layout, geometries, [jacobian @ load for jacobian in jacobians], stress)
+    lambdas = _lambdas(layout, geometries, loads)
+    if stress is not None:
+        jacobians = _least_energy(jacobians, stress, lambdas)
+    return Statics(layout, pose, frames, geometries, jacobians, lambdas, stress)
+
+
+def _loads_under(layout: StaticsLayout, geometries, loads: list[Array], stress) -> list[Array]:
+    """Return the modules' loads with the self-stress of least complementary energy, nonlinear modules included.
+
+    The energy's gradient over the self-stress x is sum B^T e(s), its Hessian sum B^T Lambda(s) B: Newton, with steps
+    halved where they overshoot (a nut that lifts off has a kink in its compliance).
+    """
+    if stress is None:
+        return loads
+    gradient = _gap(layout, geometries, loads, stress)
     for _ in range(_LOAD_ITERATIONS):
         lambdas = _lambdas(layout, geometries, loads)
-        if stress is not None:
-            compatible = _least_energy(jacobians, stress, lambdas)
-        if not nonlinear:
-            break
-        previous, loads = loads, [jacobian @ load for jacobian in compatible]
-        if previous is not None and all(
-            np.allclose(a, b, rtol=1e-12, atol=1e-12) for a, b in zip(previous, loads, strict=True)
-        ):
-            break
-    else:
-        raise PrupPinError(
-            f"the loads of nonlinear modules did not settle in {_LOAD_ITERATIONS} rounds at this wrench; try a smaller load"
-        )
-    return Statics(layout, pose, frames, geometries, compatible, lambdas, stress)
+        hessian = np.zeros((len(gradient), len(gradient)))
+        for unit, lam in zip(stress, lambdas, strict=True):
+            hessian += (np.swapaxes(unit, -1, -2) @ lam @ unit).sum(axis=0)
+        step = -_solve_semidefinite(hessian, gradient)
+        slope, share = abs(gradient @ step), 1.0
+        if slope == 0.0:
+            return loads
+        while True:
+            trial = [load + share * (unit @ step) for load, unit in zip(loads, stress, strict=True)]
+            ahead = _gap(layout, geometries, trial, stress)
+            if abs(ahead @ step) <= slope or share < 1e-6:
+                break
+            share /= 2
+        change = max(np.abs(new - old).max(initial=0.0) for new, old in zip(trial, loads, strict=True))
+        loads, gradient = trial, ahead
+        if change <= 1e-12 * max(np.abs(load).max(initial=0.0) for load in loads):
+            return loads
+    raise PrupPinError(
+        f"the self-stress of nonlinear modules did not settle in {_LOAD_ITERATIONS} steps at this load; try a smaller one"
+    )
+
+
+def _gap(layout: StaticsLayout, geometries, loads, stress) -> Array:
+    """Return sum B^T e(s): how far the modules' deformations are from fitting together, (h,)."""
+    count = len(layout.wrench_groups)
+    total = np.zeros(stress[0].shape[-1])
+    for index, (group, at) in enumerate(zip(layout.groups, geometries, strict=True)):
+        half = int(index >= count)
+        deformation = group.kind.deformation(group.values, at, loads[half][group.slots])
+        total += (np.swapaxes(stress[half][group.slots], -1, -2) @ deformation[..., None])[..., 0].sum(axis=0)
+    return total
 
 
 def _refuse_impossible(layout: StaticsLayout, pose: ClosedPose, geometries: list[ModuleGeometry]) -> None:
@@ -133,12 +171,19 @@ def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
     Minimising 1/2 sum (J w + B x)^T Lambda (J w + B x) over x gives x = -D^+ (sum B^T Lambda J) w, D = sum B^T Lambda B.
     Self-stress that only rigid modules carry has no energy: it stays undetermined, and C does not depend on it.
     """
-    d, g = 0.0, 0.0
+    count = stress[0].shape[-1]
+    d, g = np.zeros((count, count)), np.zeros((count, 6))
     for jacobian, unit, lam in zip(jacobians, stress, lambdas, strict=True):
         weighted = np.swapaxes(unit, -1, -2) @ lam
-        d = d + (weighted @ unit).sum(axis=-3)
-        g = g + (weighted @ jacobian).sum(axis=-3)
-    diagonal = np.diagonal(d)
+        d += (weighted @ unit).sum(axis=-3)
+        g += (weighted @ jacobian).sum(axis=-3)
+    x = -_solve_semidefinite(d, g)
+    return jacobians[0] + stress[0] @ x, jacobians[1] + stress[1] @ x
+
+
+def _solve_semidefinite(matrix: Array, right: Array) -> Array:
+    """Return the least solution of a symmetric positive semidefinite system, whatever its rows' units."""
+    diagonal = np.diagonal(matrix)
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    x = -scale[:, None] * (np.linalg.pinv(d * scale[:, None] * scale, rcond=1e-11, hermitian=True) @ (scale[:, None] * g))
-    return tuple(jacobian + unit @ x for jacobian, unit in zip(jacobians, stress, strict=True))
+    inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-11, hermitian=True)
+    return (inverse * scale[:, None] * scale) @ right

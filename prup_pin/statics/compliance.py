@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InputError, NoStiffnessError, UnknownNameError
 from ..spatial import WRENCH_NAMES, Array, as_wrench
 from .castigliano import Statics
+from .elastic_line import ElasticLine, elastic_line
 from .weight import weight_strains
 
 __all__ = ["Compliance"]
@@ -115,6 +116,17 @@ class Compliance:
             for jacobian, lam in zip(self._statics.jacobians, self._statics.lambdas, strict=True)
         ]
         return self._statics.displacement(strains, frame)
+
+    def elastic_line(self, name: str, wrench, count: int = 25) -> ElasticLine:
+        """Return the bent centre line of a beam module under a wrench (6,) on the tool, `count` sections root to tip.
+
+        Linear and unscaled, in base axes. Raises UnknownNameError, and InputError where the module is no beam.
+        """
+        w = as_wrench(wrench)
+        module = next((module for module in self.pose.mechanism.modules if module.name == name), None)
+        root = module.root.name if module is not None and module.root is not None else None
+        start = self.deflection(w, frame=root) if root is not None else np.zeros(6)
+        return elastic_line(self._statics, name, w, start, count)
 
     # -- the parts -----------------------------------------------------------------------------------------------
 

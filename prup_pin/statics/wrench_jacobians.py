@@ -58,10 +58,16 @@ class StaticsLayout:
         self._frame_placements = np.array([module.frame.placement for module in wrench]).reshape(-1, 4, 4)
         self.drive_joints = np.array([module.joint for module in drive], int)
         self.drive_dofs = np.array([module.dof for module in drive], int)
-        ratios = [np.broadcast_to(group.kind.ratio(group.values), len(group.modules)) for group in self.drive_groups]
+        ratios = [
+            np.broadcast_to(group.kind.ratio(group.values), len(group.modules))
+            for group in self.drive_groups
+            if isinstance(group.kind, DriveModule)
+        ]
         self.drive_ratios = np.concatenate(ratios)[:, None, None] if ratios else np.zeros((0, 1, 1))
         # Beams: where their root is. Other modules have no length.
-        spanning = [(index, module.root) for index, module in enumerate(wrench) if module.kind.spans_frames and module.root]
+        spanning = [
+            (index, module.root) for index, module in enumerate(wrench) if module.kind.spans_frames and module.root
+        ]
         self._beams = np.array([index for index, _ in spanning], int)
         self._root_joints = np.array([root.joint for _, root in spanning], int)
         self._root_points = np.array([root.placement[:, 3] for _, root in spanning]).reshape(-1, 4, 1)
@@ -86,7 +92,8 @@ class StaticsLayout:
     def constant_compliances(self) -> tuple[Array | None, ...]:
         """Compliance of each group whose equation knows neither pose nor load, else None."""
         return tuple(
-            group.kind.compliance(group.values, _NOWHERE, None) if group.kind.constant else None for group in self.groups
+            group.kind.compliance(group.values, _NOWHERE, None) if group.kind.constant else None
+            for group in self.groups
         )
 
     def frames(self, pose: ClosedPose) -> Array:
@@ -105,7 +112,9 @@ class StaticsLayout:
         return [
             _NOWHERE
             if group.kind.constant
-            else ModuleGeometry(lengths[..., group.slots] if group.kind.spans_frames else _NOWHERE.length, positions[..., dofs], *ends)
+            else ModuleGeometry(
+                lengths[..., group.slots] if group.kind.spans_frames else _NOWHERE.length, positions[..., dofs], *ends
+            )
             for group, dofs, ends in zip(self.groups, self._module_dofs, self._ends, strict=True)
         ]
 
@@ -124,7 +133,8 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
     for module in modules:
         shapes = tuple(np.shape(module.values[quantity.name]) for quantity in module.kind.quantities)
         gathered.setdefault((module.kind.kind, shapes), []).append(module)
-    groups, order = [], []
+    groups: list[ModuleGroup] = []
+    order: list[Module] = []
     for members in gathered.values():
         names = [quantity.name for quantity in members[0].kind.quantities]
         values = {name: np.array([module.values[name] for module in members]) for name in names}

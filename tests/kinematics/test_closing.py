@@ -99,7 +99,11 @@ def test_mobility(robot, poses):
 
 @pytest.mark.parametrize(
     ("wanted", "joint"),
-    [({"z": 2.0, "theta": 0, "phi": 0}, "slide"), ({"z": -0.4, "theta": 0, "phi": 0}, "slide"), ({"z": 0.4, "theta": 1.5, "phi": 0}, "branch")],
+    [
+        ({"z": 2.0, "theta": 0, "phi": 0}, "slide"),
+        ({"z": -0.4, "theta": 0, "phi": 0}, "slide"),
+        ({"z": 0.4, "theta": 1.5, "phi": 0}, "branch"),
+    ],
 )
 def test_outside_the_workspace_names_the_joint_and_the_nearest_pose(robot, wanted, joint):
     with pytest.raises(prup_pin.UnreachablePoseError, match=rf"joint 'leg\d_{joint}' would stand at") as caught:
@@ -125,7 +129,9 @@ def test_beyond_a_right_angle_the_reason_is_given(robot):
 
 
 def test_actuators_beyond_their_limits(robot):
-    with pytest.raises(prup_pin.UnreachablePoseError, match=r"leg2_slide' would stand at 0.71 m.*0.101 … 0.609 m") as caught:
+    with pytest.raises(
+        prup_pin.UnreachablePoseError, match=r"leg2_slide' would stand at 0.71 m.*0.101 … 0.609 m"
+    ) as caught:
         robot.pose_from_actuators([0.35, 0.71, 0.36])
     assert caught.value.nearest == {"leg1_slide": 0.35, "leg2_slide": 0.609, "leg3_slide": 0.36}
 

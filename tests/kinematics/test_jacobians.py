@@ -29,12 +29,18 @@ def two_chains(tmp_path, free, rotation="xyz"):
         for index in range(7):
             numbers = [" ".join(f"{x:.6f}" for x in generator.uniform(-0.5, 0.5, 3)) for _ in range(3)]
             kind = "prismatic" if index == 3 else "revolute"
-            parts.append(CHAIN.format(side=side, index=index, kind=kind, parent=parent, xyz=numbers[0], rpy=numbers[1], axis=numbers[2]))
+            parts.append(
+                CHAIN.format(
+                    side=side, index=index, kind=kind, parent=parent, xyz=numbers[0], rpy=numbers[1], axis=numbers[2]
+                )
+            )
             parent = f"{side}{index}"
     path = tmp_path / "chains.urdf"
     path.write_text(
         '<robot name="chains"><link name="base"/>' + "".join(parts) + '<prup_pin version="1"><tool frame="left4"/>'
-        '<actuated joints="left_joint0 right_joint0"/><task_coordinates rotation="' + rotation + '">'
+        '<actuated joints="left_joint0 right_joint0"/><task_coordinates rotation="'
+        + rotation
+        + '">'
         + "".join(f'<coordinate name="{axis}" component="{axis}"/>' for axis in AXES)
         + f'</task_coordinates><loop name="loop" frame1="left6" frame2="right6" free="{" ".join(free)}"/></prup_pin></robot>'
     )
@@ -44,7 +50,10 @@ def two_chains(tmp_path, free, rotation="xyz"):
 def differences(function, model, q, step=1e-6):
     columns = []
     for unit in np.eye(model.nv):
-        columns.append((function(pin.integrate(model, q, step * unit)) - function(pin.integrate(model, q, -step * unit))) / (2 * step))
+        columns.append(
+            (function(pin.integrate(model, q, step * unit)) - function(pin.integrate(model, q, -step * unit)))
+            / (2 * step)
+        )
     return np.array(columns).T
 
 
@@ -59,7 +68,9 @@ def test_closure_jacobian_is_exact_off_closure_too(tmp_path, free):
     np.testing.assert_allclose(evaluation.closure, numeric, atol=2e-9)
 
 
-@pytest.mark.parametrize("free", [(), ("rz",), ("rx",), ("rx", "ry", "rz"), ("z",), ("x", "rx"), ("rx", "rz"), ("ry", "rz")], ids="+".join)
+@pytest.mark.parametrize(
+    "free", [(), ("rz",), ("rx",), ("rx", "ry", "rz"), ("z",), ("x", "rx"), ("rx", "rz"), ("ry", "rz")], ids="+".join
+)
 def test_newton_closes_and_leaves_only_the_free_motions(tmp_path, free):
     robot = two_chains(tmp_path, free)
     kinematics = robot._kinematics

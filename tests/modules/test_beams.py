@@ -113,7 +113,7 @@ def stepped(line_density: bool = False) -> dict:
         "stations": [0.0, at, at, 1.0],
         "axial_stiffness": [9e7, 9e7, 3e7, 3e7],
         "bending_stiffness_x": [STEP["EI_root"]] * 2 + [STEP["EI_tip"]] * 2,
-        "bending_stiffness_y": [STEP["EI_root"]] * 2 + [STEP["EI_tip"]] * 2,
+        "bending_stiffness_y": [2 * STEP["EI_root"]] * 2 + [2 * STEP["EI_tip"]] * 2,  # twice as stiff along x
         "torsional_stiffness": [700.0, 700.0, 100.0, 100.0],
         "shear_stiffness_x": [8e6, 8e6, 2e6, 2e6],
     }
@@ -123,6 +123,8 @@ def stepped(line_density: bool = False) -> dict:
 @pytest.mark.parametrize(("plane", "sign"), PLANES)
 def test_stepped_beam_is_two_beams_one_on_the_other(plane, sign):
     a, b, EI_root, EI_tip = (STEP[key] for key in ("a", "b", "EI_root", "EI_tip"))
+    if plane[0] == 0:
+        EI_root, EI_tip = 2 * EI_root, 2 * EI_tip
     matrix = one("section_beam", a + b, **stepped())
     shear = a / 8e6 + b / 2e6 if plane[0] == 0 else 0.0
     # The step carries the tip's force F and moment M + b F; its deflection and slope are carried to the tip.
@@ -240,11 +242,14 @@ def test_rod_that_hangs_stretches_by_half(inboard_is_root):
 
 
 @HUNG
-def test_shear_under_own_weight(inboard_is_root):
+@pytest.mark.parametrize("across", [0, 1])
+def test_shear_under_own_weight(inboard_is_root, across):
     given = {"diameter": D, "density": RHO, **STEEL}
-    gravity = np.array([9.81, 0, 0])
+    gravity = 9.81 * np.eye(3)[across]
     with_shear, without = (
-        deflection_under_weight("beam", given | {"shear_coefficient": k}, gravity, inboard_is_root=inboard_is_root)[0]
+        deflection_under_weight("beam", given | {"shear_coefficient": k}, gravity, inboard_is_root=inboard_is_root)[
+            across
+        ]
         for k in (KAPPA, 0.0)
     )
     assert with_shear - without == pytest.approx(RHO * A * 9.81 * L**2 / (2 * KAPPA * G * A), rel=1e-9)

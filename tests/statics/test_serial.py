@@ -9,7 +9,6 @@ import pytest
 import prup_pin
 from prup_pin.errors import InputError, JointLimitWarning, NoStiffnessError, UnknownNameError
 
-pytest.importorskip("prup_pin.robots")
 pytestmark = [
     pytest.mark.skipif(prup_pin.robots.example_folder() is None, reason="example-robot-data is not installed"),
     pytest.mark.filterwarnings(f"ignore::{JointLimitWarning.__module__}.{JointLimitWarning.__name__}"),

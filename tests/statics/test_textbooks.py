@@ -198,7 +198,7 @@ def portal(
         file.frame(f"{name}_end", name, reach)
         table = {
             "stations": [0, 1],
-            "axial_stiffness": [E * 1e-4] * 2 if stretch else [1e300] * 2,
+            "axial_stiffness": [E * 1e-4] * 2 if stretch else [1e40] * 2,
             "bending_stiffness_x": [E * second] * 2,
             "bending_stiffness_y": [E * second] * 2,
             "line_density": [mass] * 2,

@@ -103,6 +103,21 @@ def test_overhang_of_a_slender_body(tmp_path, anchor):
     assert sag == pytest.approx(UNDER_OWN_WEIGHT + beyond, rel=1e-12, abs=1e-18)
 
 
+@pytest.mark.parametrize("anchor", ["tip", "root"])
+def test_a_beam_that_names_no_body_belongs_to_the_end_it_is_anchored_at(tmp_path, anchor):
+    file = RobotFile((0, 0, G))
+    file.link("rod")
+    file.held("slide", "base", "rod")
+    file.frame("tip", "rod", (0, 0, L))
+    file.module("rod", "beam", "slide", BEAM, root="base", tip="tip", anchor=anchor)
+    file.module("drive", "joint_spring", "slide", {"stiffness": 2e6})
+    file.link("end")
+    file.held("grip", "rod", "end", (0, 0, L))
+    drive = W * L / 2e6 if anchor == "tip" else 0.0  # anchored at the ground it hangs there
+    sag = at_rest(file.load(tmp_path, "end")).sag()
+    assert sag[2] == pytest.approx(drive + W * L**2 / (2 * E * A), rel=1e-12)
+
+
 def test_a_drive_carries_the_whole_moving_weight(tmp_path):
     file, out = RobotFile((0, 0, G)), 0.25
     file.link("rod", mass=9.0)

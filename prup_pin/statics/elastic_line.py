@@ -1,0 +1,50 @@
+"""The elastic line of a beam: where its sections go under a load on the tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError, UnknownNameError
+from ..modules.flexibility import centre_line
+from ..spatial import Array
+from .castigliano import Statics
+
+__all__ = ["ElasticLine", "elastic_line"]
+
+
+@dataclass(frozen=True)
+class ElasticLine:
+    """Sections of a beam from root to tip, base axes: undeformed `points` [m], their `displacement` [m] and
+    `rotation` [rad], each (p, 3)."""
+
+    points: Array
+    displacement: Array
+    rotation: Array
+
+
+def elastic_line(statics: Statics, name: str, wrench: Array, root: Array, count: int) -> ElasticLine:
+    """Return the elastic line of beam `name` under `wrench` (6,), given the deflection (6,) of its root frame."""
+    layout = statics.layout
+    if name not in layout.names:
+        raise UnknownNameError("module", name, layout.names)
+    beams = [group for group in layout.wrench_groups if group.kind.spans_frames]
+    group = next((group for group in beams if any(module.name == name for module in group.modules)), None)
+    if group is None:
+        raise InputError(f"module '{name}' is not a beam; only beams have an elastic line")
+    index = [module.name for module in group.modules].index(name)
+    at = statics.geometries[layout.groups.index(group)]
+    load = (statics.jacobians[0][group.slots] @ wrench) * np.where(at.inboard_is_root, 1.0, -1.0)[:, None]
+    # A module's load is what the outboard side exerts: on the tip where the root is inboard, else on the root.
+    fractions = np.linspace(0.0, 1.0, count)
+    law = group.kind.section_law(group.values, at)
+    if law is None:
+        raise InputError(f"module '{name}' is a {group.kind.kind}, which has no section law, so no elastic line")
+    local = centre_line(law, at.length, load, fractions)[index]
+    frame = statics.frames[group.slots][index]
+    axes, length = frame[:3, :3], at.length[index]
+    points = frame[:3, 3] + np.outer(fractions - 1, length * axes[:, 2])
+    arms = np.outer(fractions * length, axes[:, 2])
+    displacement = root[:3] + np.cross(root[3:], arms) + local[:, :3] @ axes.T
+    return ElasticLine(points, displacement, root[3:] + local[:, 3:] @ axes.T)
