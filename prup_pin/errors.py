@@ -97,7 +97,7 @@ class SingularPoseError(UnreachablePoseError):
 
 
 class NoStiffnessError(PrupPinError):
-    """K does not exist: in some directions the model is rigid. `directions` is (n, 6), unit twists."""
+    """K does not exist: some wrenches deflect nothing. `directions` is (n, 6), those wrenches, largest component 1."""
 
     def __init__(self, message: str, directions):
         self.directions = directions
@@ -121,6 +121,8 @@ class JointLimitWarning(UserWarning):
 
 def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:
     """Return 'Did you mean …' where something is close, else the valid names."""
+    if len(valid) > 2000:  # comparing would take longer than reading
+        return f"There are {len(valid)} names, for example {', '.join(list(valid)[:4])}."
     lowered = {candidate.lower(): candidate for candidate in valid}
     close = difflib.get_close_matches(name.lower(), list(lowered), n=count, cutoff=0.6)
     if close:

@@ -31,12 +31,13 @@ def load(
     """Load a robot by name or from a file.
 
     robot: a packaged name ('3prup', '3prup_as_published'), a robot of example-robot-data ('ur5'), or a path to a URDF
-        or MJCF file. Loop closures come from <prup_pin>, <loop_joint>, a `robot.yaml` beside the file, frames named
-        closing_<name>_1 and _2, or MJCF's connect and weld.
-    tool: name of the tool frame, where the file does not say.
+        or MJCF file; its root element says which. Loop closures of a URDF come from <prup_pin> and <loop_joint>, else
+        from '<stem>.yaml' or 'robot.yaml' beside it (closed_loop, type, name_mot, joint_name, joint_type), else from
+        links named closing_<name>_1 and _2, which close a point; those of MJCF from connect and weld.
+    tool: name of the tool frame (a link, body, joint or site), where the file does not say.
     joint_stiffness: stiffness of the actuated joints [N m/rad or N/m], one number or one per joint name. A joint
         named here that is not actuated becomes a sprung joint.
-    actuated: names of the actuated joints, where the file does not say; of a tree all joints are.
+    actuated: names of the actuated joints, where the file does not say (MJCF: with <actuator>); of a tree all are.
     home: joint values near which the loops close, where the file does not say.
     variant: a <variant> of the file.
     package_folders: folders that package:// paths may point into besides the robot's own.

@@ -55,7 +55,15 @@ class Robot:
 
     @cached_property
     def _statics(self) -> StaticsLayout:
-        return StaticsLayout(self.mechanism)
+        layout = StaticsLayout(self.mechanism)
+        layout.check_beams(self.home)
+        return layout
+
+    @cached_property
+    def _scaling(self) -> np.ndarray:
+        """Factors that make C dimensionless, (6, 6)."""
+        scale = np.array([1.0, 1.0, 1.0] + 3 * [self._kinematics.length])
+        return np.outer(scale, scale)
 
     def pose(self, **coordinates: float) -> ClosedPose:
         """Return the closed pose at task coordinates of the robot file [m, rad].
@@ -109,7 +117,7 @@ class Robot:
                 f"this pose belongs to another robot or to other parameters ('{pose.mechanism.name}'); ask this robot for it: robot.pose(...)"
             )
         wrench = None if load is None else as_wrench(load, "load")
-        return Compliance(solve_statics(self._statics, pose, wrench), self._kinematics.length, wrench)
+        return Compliance(solve_statics(self._statics, pose, wrench), self._scaling, wrench)
 
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""

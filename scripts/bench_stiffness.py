@@ -59,9 +59,7 @@ def main() -> None:
         return robot.pose(**case)
 
     cold_robot = prup_pin.load("3prup")
-    cold_robot._kinematics._seed._seen = None
-    cold_robot._kinematics._seed._coefficients = None
-    cold_robot._kinematics._seed._middle = cold_robot._kinematics._seed._half = np.ones(3)
+    cold_robot._kinematics._seed.fitted = True
 
     def cold(case):
         r = cold_robot.compliance(cold_robot.pose(**case))

@@ -155,7 +155,7 @@ def test_missing_matplotlib_names_the_extra():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("MissingExtraError")
-    assert "prup_pin[figures]" in done.stdout
+    assert "pip install matplotlib" in done.stdout
 
 
 # -- the skeleton ----------------------------------------------------------------------------------------------------

@@ -35,7 +35,8 @@ def nearest_feasible(
 
     def distance(q):
         evaluation = kinematics.evaluate(q)
-        error, rows = goal(q, evaluation.placements, evaluation.jacobian)
+        error, rows_of = goal(q, evaluation.placements)
+        rows = rows_of(evaluation.jacobian)
         return float(((error * scale) ** 2).sum()), 2 * (error * scale**2) @ rows
 
     best = None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +53,8 @@ class Evaluation(NamedTuple):
     turn: Array
 
 
-Goal = Callable[[Array, Array, Array], tuple[Array, Array]]
+#: From (q, placements) to the residual of what is wanted, and to its rows as a function of the Jacobian.
+Goal = Callable[[Array, Array], tuple[Array, Callable[[Array], Array]]]
 
 
 class LoopKinematics:
@@ -90,7 +92,7 @@ class LoopKinematics:
         support, dof_joint = mechanism.support, mechanism.dof_joint
         sign = [support[dof_joint, loop.second.joint] - support[dof_joint, loop.first.joint] for loop in loops]
         self._row_sign = np.array(sign).reshape(-1, model.nv)[self.row_loop]
-        self.lower, self.upper = _limits(model)
+        self.lower, self.upper = mechanism.limits
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 
@@ -128,21 +130,20 @@ class LoopKinematics:
     def _newton(self, q: Array, goal: Goal, first: Evaluation | None = None) -> tuple[Array, Evaluation]:
         """Return the solution and its evaluation. Raises _NotConvergedError.
 
-        `goal(q, placements, jacobian)` returns residual and rows of the wanted coordinates; `first` is the evaluation
-        at the start where it is known.
+        `first` is the evaluation at the start where it is known.
         """
         evaluation = first
         for _ in range(_ITERATIONS):
             if evaluation is None:
                 evaluation = self.evaluate(q)
-            wanted, wanted_rows = goal(q, evaluation.placements, evaluation.jacobian)
+            wanted, wanted_rows = goal(q, evaluation.placements)
             error = np.concatenate((evaluation.residual, wanted))
             size = np.abs(error).max(initial=0.0)
             if size < TOLERANCE:
                 return q, evaluation
             if not size < np.inf:
                 break
-            step = _solve(np.concatenate((evaluation.closure, wanted_rows)), error)
+            step = _solve(np.concatenate((evaluation.closure, wanted_rows(evaluation.jacobian))), error)
             longest = np.abs(step).max(initial=0.0)
             if longest > 0.6:
                 step *= 0.6 / longest
@@ -152,33 +153,32 @@ class LoopKinematics:
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
 
+    def _nothing(self, q: Array, placements: Array) -> tuple[Array, Callable[[Array], Array]]:
+        """The goal of closing the loops and nothing else."""
+        return np.zeros(0), lambda jacobian: np.zeros((0, self.model.nv))
+
     # -- home ------------------------------------------------------------------------------------------------------
 
     @cached_property
     def home(self) -> Array:
         """A configuration near the file's home position with closed loops. Raises UnreachablePoseError."""
-        q = np.clip(pin.neutral(self.model), self.lower, self.upper)
-        for name, value in self.mechanism.description.home.items():
-            _set_joint(self.model, q, self.mechanism.joint_id(name), value)
+        q = self.mechanism.home_configuration()
         if not len(self.row_loop):
             return q
-
-        def nothing(q, placements, jacobian):
-            return np.zeros(0), np.zeros((0, self.model.nv))
 
         held = self.mechanism.actuated_dofs
 
         given = q.copy()
 
-        def hold_actuators(q, placements, jacobian):
-            return pin.difference(self.model, given, q)[held], np.eye(self.model.nv)[held]
+        def hold_actuators(q, placements):
+            return pin.difference(self.model, given, q)[held], lambda jacobian: np.eye(self.model.nv)[held]
 
         # Near the file's home first, actuators held; then from anywhere, since far off Newton may end in a branch
         # where two frames meet half a turn apart.
         generator = np.random.default_rng(0)
-        starts = [(q, hold_actuators), (q, nothing)]
+        starts = [(q, hold_actuators), (q, self._nothing)]
         for size in np.repeat((0.1, 0.3, 1.0, 3.0), 8):
-            starts.append((pin.integrate(self.model, q, size * generator.uniform(-1, 1, self.model.nv)), nothing))
+            starts.append((pin.integrate(self.model, q, size * generator.uniform(-1, 1, self.model.nv)), self._nothing))
         metres, radians = np.inf, np.inf
         for start, goal in starts:
             try:
@@ -252,7 +252,7 @@ class LoopKinematics:
             try:
                 q, evaluation = self._newton(pin.integrate(self.model, self.home, offset), self.task.goal(target))
                 if self._assembled(evaluation) and self._outside(q) is None:
-                    return self._finish(q, evaluation, requested)
+                    return self._freeze(q, evaluation, requested)
             except _NotConvergedError:
                 pass
         return self.reach(target, requested, self.task.goal)
@@ -287,7 +287,7 @@ class LoopKinematics:
         requested = dict(zip(names, array.tolist(), strict=True))
         reference = self.home.copy()
         for name, value in requested.items():
-            _set_joint(model, reference, mechanism.joint_id(name), value)
+            mechanism.set_joint(reference, name, value)
         if not mechanism.loops:
             return self._finish(reference, self.evaluate(reference), requested)
         self._check_limits(reference, requested, only=set(names))
@@ -297,10 +297,10 @@ class LoopKinematics:
         def goal(target):
             at = start.copy()
             for name, value in zip(names, target, strict=True):
-                _set_joint(model, at, mechanism.joint_id(name), value)
+                mechanism.set_joint(at, name, value)
 
-            def residual(q, placements, jacobian):
-                return pin.difference(model, at, q)[dofs], rows
+            def residual(q, placements):
+                return pin.difference(model, at, q)[dofs], lambda jacobian: rows
 
             return residual
 
@@ -319,10 +319,7 @@ class LoopKinematics:
                 residual=(metres, radians),
             )
 
-        def stay(at, placements, jacobian):
-            return np.zeros(0), np.zeros((0, self.model.nv))
-
-        return self._finish(*self._newton(array, stay), {})
+        return self._finish(*self._newton(array, self._nothing), {})
 
     def reach(
         self, target: Array, requested: dict, goal_of, start: Array | None = None, here: Array | None = None
@@ -335,7 +332,7 @@ class LoopKinematics:
         try:
             q, evaluation = self._newton(origin, goal_of(target), self._home if start is None else None)
             if self._assembled(evaluation) and self._outside(q) is None:
-                return self._finish(q, evaluation, requested)
+                return self._freeze(q, evaluation, requested)
         except _NotConvergedError:
             pass
         if here is None:
@@ -380,7 +377,7 @@ class LoopKinematics:
 
     def _are_tasks(self, requested: Mapping[str, float]) -> bool:
         """Return True where task coordinates were requested, False for actuator positions or nothing."""
-        return bool(requested) and set(requested) == set(self.task.names)
+        return bool(requested) and tuple(requested) == self.task.names
 
     def _listed(self, values: Mapping[str, float]) -> str:
         """Return 'z = 0.4 m, theta = 0.436 rad (25 deg)'."""
@@ -437,13 +434,16 @@ class LoopKinematics:
     def _finish(self, q: Array, evaluation: Evaluation, requested: dict) -> ClosedPose:
         """Check limits and singularity, and freeze the pose."""
         self._check_limits(q, requested)
+        return self._freeze(q, evaluation, requested)
+
+    def _freeze(self, q: Array, evaluation: Evaluation, requested: dict) -> ClosedPose:
+        """Return the pose as a value. Raises SingularPoseError."""
         balance = self._balance(evaluation, requested)
         for array in (q, evaluation.placements, evaluation.jacobian, evaluation.wrenches, evaluation.closure):
             array.setflags(write=False)
-        if self.task.names:
+        coordinates = requested
+        if self.task.names and not self._are_tasks(requested):
             coordinates = dict(zip(self.task.names, self.task.values(evaluation.placements).tolist(), strict=True))
-        else:
-            coordinates = requested
         return ClosedPose(
             mechanism=self.mechanism,
             q=q,
@@ -467,7 +467,8 @@ class LoopKinematics:
                 inverse = np.linalg.inv(scaled.T)
             except np.linalg.LinAlgError:
                 inverse = None
-            if inverse is not None and np.abs(inverse).max(initial=0.0) * np.abs(scaled).max(initial=0.0) < SINGULAR:
+            # The product of Frobenius norms bounds the condition number from above.
+            if inverse is not None and _frobenius(inverse) * _frobenius(scaled) < SINGULAR:
                 return PassiveBalance(inverse * self._free_factors, np.zeros((count, 0)), np.zeros((size, 0)))
         u, singular_values, vt = np.linalg.svd(scaled.T)
         limit = singular_values.max(initial=0.0) / SINGULAR
@@ -509,6 +510,11 @@ class LoopKinematics:
         )
 
 
+def _frobenius(matrix: Array) -> float:
+    flat = matrix.ravel(order="K")
+    return sqrt(flat @ flat)
+
+
 def _solve(matrix: Array, right: Array) -> NDArray[np.floating]:
     """Return the solution, or the least one where rows are redundant or motions free."""
     if matrix.shape[0] == matrix.shape[1]:
@@ -521,25 +527,5 @@ def _solve(matrix: Array, right: Array) -> NDArray[np.floating]:
     return np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
 
 
-def _set_joint(model: pin.Model, q: Array, index: int, value: float) -> None:
-    """Set a joint with one degree of freedom; an endless one is stored as cosine and sine."""
-    joint = model.joints[index]
-    if joint.nv != 1:
-        raise InputError(f"joint '{model.names[index]}' has {joint.nv} degrees of freedom; expected a joint with one")
-    q[joint.idx_q : joint.idx_q + joint.nq] = (value,) if joint.nq == 1 else (np.cos(value), np.sin(value))
-
-
 def _joint_values(model: pin.Model, q: Array, dofs) -> Array:
     return pin.difference(model, pin.neutral(model), q)[dofs]
-
-
-def _limits(model: pin.Model) -> tuple[Array, Array]:
-    """Return limits on q; none where a joint has no plain coordinate."""
-    lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
-    for index in range(1, model.njoints):
-        joint = model.joints[index]
-        if joint.nq == joint.nv == 1:
-            low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            if low < high:
-                lower[joint.idx_q], upper[joint.idx_q] = low, high
-    return lower, upper

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import atan2, cos, hypot, remainder, sin, tan, tau
+from math import atan2, cos, hypot, isfinite, nan, remainder, sin, tan, tau
 
 import numpy as np
 
@@ -48,8 +48,8 @@ class TaskFrame:
             try:
                 value = float(wanted[name])
             except (TypeError, ValueError):
-                value = np.nan
-            if not np.isfinite(value):
+                value = nan
+            if not isfinite(value):
                 raise InputError(f"{name} = {wanted[name]!r}: expected a finite number [{self.units[name]}]")
             values.append(value)
         return np.array(values)
@@ -70,16 +70,16 @@ class TaskFrame:
         return np.array([pose[component] for component in self.components])
 
     def goal(self, target: Array) -> Callable:
-        """Return the residual and its rows, as Newton wants them."""
+        """Return a function of (q, placements) that gives the residual, and its rows as a function of the Jacobian."""
         wanted = [(component, float(value)) for component, value in zip(self.components, target, strict=True)]
 
-        def residual(q, placements, jacobian):
+        def residual(q, placements):
             pose = self.pose_vector(placements)
             error = [
                 pose[component] - value if component < 3 else remainder(pose[component] - value, tau)
                 for component, value in wanted
             ]
-            return np.array(error), self._rates(pose) @ (jacobian * self._moves)
+            return np.array(error), lambda jacobian: self._rates(pose) @ (jacobian * self._moves)
 
         return residual
 

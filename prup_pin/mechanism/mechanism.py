@@ -209,8 +209,7 @@ class Mechanism:
     def free_dofs(self) -> np.ndarray:
         """Velocity indices that carry no load along themselves: neither driven, nor sprung, nor locked."""
         held = np.zeros(self.model.nv, bool)
-        held[self.actuated_dofs] = True
-        for name in self.locked:
+        for name in (*self.actuated, *self.locked):
             joint = self.model.joints[self.joint_id(name)]
             held[joint.idx_v : joint.idx_v + joint.nv] = True
         for module in self.modules:
@@ -255,22 +254,36 @@ class Mechanism:
             root=root,
             body=module.body,
             anchored_at_tip=module.anchor == "tip",
-            inboard_is_root=root is None or self._root_is_inboard(joint, root.joint, base.joint),
+            inboard_is_root=root is None or self._root_is_inboard(joint, root, base),
             values=resolve_values(module),
         )
 
-    def _root_is_inboard(self, joint: int, root: int, tip: int) -> bool:
+    def _root_is_inboard(self, joint: int, root: Frame, tip: Frame) -> bool:
         """Return True where a beam's root is the end on the ground's side of the joint that it is loaded through."""
-        if self.support[joint, root] != self.support[joint, tip]:
-            return bool(self.support[joint, tip])
-        if self.support[root, joint] != self.support[tip, joint]:
-            return bool(self.support[root, joint])
+        if root.joint == tip.joint:
+            return self._root_is_inboard_on_link(joint, root, tip)
+        if self.support[joint, root.joint] != self.support[joint, tip.joint]:
+            return bool(self.support[joint, tip.joint])
+        if self.support[root.joint, joint] != self.support[tip.joint, joint]:
+            return bool(self.support[root.joint, joint])
         return True
 
+    def _root_is_inboard_on_link(self, joint: int, root: Frame, tip: Frame) -> bool:
+        """Return the same where both ends are on one link: the end nearer to where the ground's side joins it."""
+        body, joined, root_should_be_near = root.joint, np.zeros(3), True
+        if joint != body and self.support[body, joint]:
+            # Loaded through a joint farther out: that one's place on the link is the outer end.
+            step = joint
+            while self.model.parents[step] != body:
+                step = self.model.parents[step]
+            joined, root_should_be_near = self.model.jointPlacements[step].translation, False
+        root_is_near = np.linalg.norm(root.placement[:3, 3] - joined) <= np.linalg.norm(tip.placement[:3, 3] - joined)
+        return bool(root_is_near) == root_should_be_near
+
     def _root_to_tip(self, root: Frame, tip: Frame, module: ModuleDescription) -> tuple[float, ...]:
-        """Return the direction from root to tip in the tip's axes, at the neutral configuration."""
+        """Return the direction from root to tip in the tip's axes, at the file's home position."""
         data = self.model.createData()
-        pin.forwardKinematics(self.model, data, pin.neutral(self.model))
+        pin.forwardKinematics(self.model, data, self.home_configuration())
         ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
         line = ends[1][:3, :3].T @ (ends[1][:3, 3] - ends[0][:3, 3])
         if np.linalg.norm(line) < 1e-9:
@@ -297,6 +310,37 @@ class Mechanism:
             problems.append(Problem(text, coupling.line))
         if problems:
             raise RobotFileError(self.description.path, problems)
+
+    def home_configuration(self) -> Array:
+        """Return the configuration of the file's home position: neutral, within limits, with its joint values.
+
+        The loops need not be closed there. Raises InputError where a value is given to a joint of several freedoms.
+        """
+        q = pin.neutral(self.model)
+        lower, upper = self.limits
+        q = np.clip(q, lower, upper)
+        for name, value in self.description.home.items():
+            self.set_joint(q, name, value)
+        return q
+
+    @cached_property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper limits on q, (nq,); infinite where a joint has none or no plain coordinate."""
+        lower, upper = np.full(self.model.nq, -np.inf), np.full(self.model.nq, np.inf)
+        for index in range(1, self.model.njoints):
+            joint = self.model.joints[index]
+            if joint.nq == joint.nv == 1:
+                low, high = self.model.lowerPositionLimit[joint.idx_q], self.model.upperPositionLimit[joint.idx_q]
+                if low < high:
+                    lower[joint.idx_q], upper[joint.idx_q] = low, high
+        return lower, upper
+
+    def set_joint(self, q: Array, name: str, value: float) -> None:
+        """Set a joint with one degree of freedom in q; an endless one is stored as cosine and sine."""
+        joint = self.model.joints[self.joint_id(name)]
+        if joint.nv != 1:
+            raise InputError(f"joint '{name}' has {joint.nv} degrees of freedom; expected a joint with one")
+        q[joint.idx_q : joint.idx_q + joint.nq] = (value,) if joint.nq == 1 else (np.cos(value), np.sin(value))
 
     # -- changes -------------------------------------------------------------------------------------------------
 

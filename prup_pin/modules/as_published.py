@@ -26,6 +26,9 @@ class BeamAsPublished(WrenchModule):
     quantities = Beam.quantities
     _beam = Beam()
 
+    def prepare(self, values: Values) -> Values:
+        return self._beam.prepare(values)
+
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
         return _FLIP @ self._beam.compliance(values, at, load) @ _FLIP
 

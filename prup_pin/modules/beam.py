@@ -12,7 +12,6 @@ from .flexibility import (
     body_weight,
     own_weight_deformation,
     tip_compliance,
-    uniform_moments,
 )
 from .module import Mask, ModuleGeometry, Values, WrenchModule
 from .section import (
@@ -73,16 +72,24 @@ class Beam(WrenchModule):
         BODY_LENGTH,
     )
 
+    def prepare(self, values: Values) -> Values:
+        """Add the factors of l, l^2 and l^3 in the tip compliance, (3, n, 6, 6)."""
+        e, g = values["youngs_modulus"], values["shear_modulus"]
+        shear = shear_flexibility(values, values["area"])
+        axial, torsion = 1 / (e * values["area"]), 1 / (g * values["torsion_constant"])
+        x, y = 1 / (e * values["second_moment_x"]), 1 / (e * values["second_moment_y"])
+        zero = np.zeros_like(axial)
+        # int u^n f du over the length of a constant f is f l, f l^2/2, f l^3/3
+        linear = tip_compliance(axial, (shear, shear), torsion, (x, zero, zero), (y, zero, zero))
+        square = tip_compliance(zero, (zero, zero), zero, (zero, x / 2, zero), (zero, y / 2, zero))
+        cube = tip_compliance(zero, (zero, zero), zero, (zero, zero, x / 3), (zero, zero, y / 3))
+        return {**values, "powers_of_length": np.stack((linear, square, cube))}
+
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        e, g, length = values["youngs_modulus"], values["shear_modulus"], at.length
-        shear = shear_flexibility(values, values["area"]) * length
-        return tip_compliance(
-            axial=length / (e * values["area"]),
-            shear=(shear, shear),
-            torsion=length / (g * values["torsion_constant"]),
-            bending_x=uniform_moments(1 / (e * values["second_moment_x"]), length),
-            bending_y=uniform_moments(1 / (e * values["second_moment_y"]), length),
-        )
+        powers = values.get("powers_of_length")
+        linear, square, cube = self.prepare(values)["powers_of_length"] if powers is None else powers
+        length = at.length[..., None, None]
+        return length * (linear + length * (square + length * cube))
 
     def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities:
         e = values["youngs_modulus"]

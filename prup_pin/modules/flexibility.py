@@ -70,11 +70,6 @@ def tip_compliance(axial: Array, shear: tuple, torsion: Array, bending_x: tuple,
     return matrix
 
 
-def uniform_moments(flexibility: Array, length: Array) -> tuple[Array, Array, Array]:
-    """Return int u^n f du over [0, length], n = 0, 1, 2, for a constant flexibility f."""
-    return flexibility * length, flexibility * length**2 / 2, flexibility * length**3 / 3
-
-
 def quadrature(length: Array, breaks: Array) -> tuple[Array, Array]:
     """Return Gauss points u and weights (..., points) over [0, length], composite over `breaks`.
 

@@ -73,6 +73,13 @@ class CompliantModule(ABC):
         """True where the compliance depends on neither pose nor load, so that it is computed once."""
         return not (self.spans_frames or self.follows_joint or self.nonlinear)
 
+    def prepare(self, values: Values) -> Values:
+        """Return the values with constants of the equation added, so that they are computed once per robot.
+
+        `compliance` takes values with or without them.
+        """
+        return values
+
     @abstractmethod
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
         """Return d(deformation)/d(load), (..., n, k, k), at `load` (..., n, k); None means unloaded."""

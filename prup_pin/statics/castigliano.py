@@ -67,7 +67,8 @@ class Statics:
 def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = None) -> Statics:
     """Return the statics of a pose; with `load` (6,) nonlinear modules are taken at that wrench.
 
-    Raises PrupPinError where no module is compliant, UnreachablePoseError where a module's equation does not hold.
+    Raises PrupPinError where no module is compliant, UnreachablePoseError where a module's equation does not hold at
+    this pose, ParameterError where it holds at none.
     """
     mechanism = layout.mechanism
     if not mechanism.modules:
@@ -79,7 +80,9 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
     transmitted = transmitted_wrenches(layout, pose, loads_at_frame(pose, mechanism.need_tool()))
     jacobians = module_loads(layout, pose, frames, transmitted)
     geometries = layout.geometries(pose, frames)
-    _refuse_impossible(layout, pose, geometries)
+    for index, group in layout.varying:
+        if fault := group.fault(geometries[index]):
+            raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
     stress: tuple[Array, Array] | None = None
     if pose.balance.self_stress.shape[-1]:
         # Forces that cancel between closures leave rounding noise in the modules; it must not pass for a load.
@@ -139,30 +142,18 @@ def _gap(layout: StaticsLayout, geometries, loads, stress) -> Array:
     return total
 
 
-def _refuse_impossible(layout: StaticsLayout, pose: ClosedPose, geometries: list[ModuleGeometry]) -> None:
-    """Raise UnreachablePoseError where a module's equation does not hold, such as a nut beyond its screw."""
-    for group, at in zip(layout.groups, geometries, strict=True):
-        bad = group.kind.problems(group.values, at)
-        if bad is not None and bad.any():
-            index = int(np.argmax(bad))
-            text = group.kind.problem_text(group.values, at, index)
-            raise UnreachablePoseError(f"module '{group.modules[index].name}' at this pose: {text}", pose.coordinates)
-
-
 def _lambdas(layout: StaticsLayout, geometries, loads) -> tuple[Array, Array]:
     """Return the stacked module compliances, (n, 6, 6) and (m, 1, 1), at the modules' loads (None: at rest)."""
     count = len(layout.wrench_groups)
-    blocks = []
-    for index, (group, at) in enumerate(zip(layout.groups, geometries, strict=True)):
-        block = layout.constant_compliances[index]
-        if block is None:
-            load = None if loads is None else loads[int(index >= count)][group.slots]
-            block = group.kind.compliance(group.values, at, load)
-        blocks.append(block)
-    return (
-        np.concatenate(blocks[:count]) if count else np.zeros((0, 6, 6)),
-        np.concatenate(blocks[count:]) if len(blocks) > count else np.zeros((0, 1, 1)),
-    )
+    blocks = list(layout.constant_compliances)
+    for index, group in layout.varying:
+        load = None if loads is None else loads[int(index >= count)][group.slots]
+        blocks[index] = group.kind.compliance(group.values, geometries[index], load)
+    return _stacked(blocks[:count], 6), _stacked(blocks[count:], 1)
+
+
+def _stacked(blocks, size: int) -> Array:
+    return np.concatenate(blocks) if blocks else np.zeros((0, size, size))
 
 
 def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:

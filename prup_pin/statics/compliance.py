@@ -22,8 +22,8 @@ RIGID = 1e-12
 class _Named(Mapping):
     """Read-only view of stacked arrays by module name."""
 
-    def __init__(self, names: tuple[str, ...], get):
-        self._index = {name: index for index, name in enumerate(names)}
+    def __init__(self, index: Mapping[str, int], get):
+        self._index = index
         self._get = get
 
     def __getitem__(self, name: str) -> Array:
@@ -49,11 +49,12 @@ class Compliance:
     All matrices are at the tool point in base axes, SI, (force, moment) -> (translation, rotation).
     """
 
-    def __init__(self, statics: Statics, length: float, load: Array | None):
+    def __init__(self, statics: Statics, scaling: Array, load: Array | None):
+        """`scaling` (6, 6) makes C dimensionless: 1, L or L^2 with the characteristic length L."""
         self.pose = statics.pose
         self.load = load
         self._statics = statics
-        self._length = length
+        self._scaling = scaling
         parts = [
             np.swapaxes(jacobian, -1, -2) @ (lam @ jacobian)
             for jacobian, lam in zip(statics.jacobians, statics.lambdas, strict=True)
@@ -67,23 +68,17 @@ class Compliance:
     # -- the whole -----------------------------------------------------------------------------------------------
 
     @cached_property
-    def _scale(self) -> Array:
-        """Factors that make C dimensionless: translations per length, rotations in radians."""
-        return np.array([1.0, 1.0, 1.0, self._length, self._length, self._length])
-
-    @cached_property
     def rigid_directions(self) -> Array:
         """Wrenches that deflect nothing, (n, 6), each scaled to a largest component of 1; n = 0 where K exists."""
-        values, vectors = np.linalg.eigh(self.C * self._scale[:, None] * self._scale)
+        values, vectors = np.linalg.eigh(self.C * self._scaling)
         rigid = values <= RIGID * max(values.max(), 0.0)
-        directions = (vectors[:, rigid] * self._scale[:, None]).T
+        directions = (vectors[:, rigid] * self._scaling[:, :1]).T
         return directions / np.abs(directions).max(axis=1, keepdims=True) if rigid.any() else np.zeros((0, 6))
 
     @cached_property
     def K(self) -> Array:  # noqa: N802 - the field's symbol
         """Stiffness, (6, 6). Raises NoStiffnessError where some directions are rigid."""
-        scaling = self._scale[:, None] * self._scale
-        scaled = self.C * scaling
+        scaled = self.C * self._scaling
         try:
             inverse = np.linalg.inv(scaled)
         except np.linalg.LinAlgError:
@@ -98,7 +93,7 @@ class Compliance:
                     "C is complete; give a compliance to more joints or bodies if these directions should yield",
                     rigid,
                 )
-        k = inverse * scaling
+        k = inverse * self._scaling
         k = (k + k.T) / 2
         k.setflags(write=False)
         return k
@@ -138,19 +133,19 @@ class Compliance:
     @cached_property
     def parts(self) -> Mapping[str, Array]:
         """Compliance J_m^T Lambda_m J_m of each module, (6, 6); they sum to C."""
-        return _Named(self._statics.layout.names, self._parts.__getitem__)
+        return _Named(self._statics.layout.index, self._parts.__getitem__)
 
     @cached_property
     def wrench_jacobians(self) -> Mapping[str, Array]:
         """WCMJ of each module, (k, 6): loads in the module's own frame per unit wrench on the tool."""
         wrench, drive = self._statics.jacobians
-        return _Named(self._statics.layout.names, [*wrench, *drive].__getitem__)
+        return _Named(self._statics.layout.index, [*wrench, *drive].__getitem__)
 
     @cached_property
     def module_compliances(self) -> Mapping[str, Array]:
         """Lambda of each module, (k, k), in its own frame."""
         wrench, drive = self._statics.lambdas
-        return _Named(self._statics.layout.names, [*wrench, *drive].__getitem__)
+        return _Named(self._statics.layout.index, [*wrench, *drive].__getitem__)
 
     def _sum(self, wanted) -> Array:
         chosen = [name for module in self.pose.mechanism.modules if wanted(module) for name in (module.name,)]

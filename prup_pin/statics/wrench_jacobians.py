@@ -18,9 +18,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ..errors import InputError, ParameterError
 from ..kinematics import ClosedPose
 from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
+from ..modules.module import Values
 from ..spatial import Array, base_wrench_from_point, frame_wrench_from_base
 
 __all__ = ["ModuleGroup", "StaticsLayout", "transmitted_wrenches"]
@@ -30,14 +32,22 @@ __all__ = ["ModuleGroup", "StaticsLayout", "transmitted_wrenches"]
 _NOWHERE = ModuleGeometry(np.zeros(()), np.zeros(()), np.zeros((), bool), np.zeros((), bool))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModuleGroup:
     """Modules of one kind, evaluated together. `values` are stacked, `slots` are their places in the load arrays."""
 
     kind: CompliantModule
     modules: tuple[Module, ...]
     slots: slice
-    values: dict[str, Array]
+    values: Values
+
+    def fault(self, at: ModuleGeometry) -> str | None:
+        """Return which module's equation does not hold here and why, or None."""
+        bad = self.kind.problems(self.values, at)
+        if bad is None or not bad.any():
+            return None
+        index = int(np.argmax(bad))
+        return f"module '{self.modules[index].name}': {self.kind.problem_text(self.values, at, index)}"
 
 
 class StaticsLayout:
@@ -56,8 +66,11 @@ class StaticsLayout:
         self.wrench_joints = np.array([module.joint for module in wrench], int)
         self._frame_joints = np.array([module.frame.joint for module in wrench], int)
         self._frame_placements = np.array([module.frame.placement for module in wrench]).reshape(-1, 4, 4)
-        self.drive_joints = np.array([module.joint for module in drive], int)
-        self.drive_dofs = np.array([module.dof for module in drive], int)
+        # Modules of one drive share their joint's force: computed once, then spread.
+        driven = sorted({(module.joint, module.dof) for module in drive})
+        self.drive_joints = np.array([joint for joint, _ in driven], int)
+        self.drive_dofs = np.array([dof for _, dof in driven], int)
+        self.drive_rows = np.array([driven.index((module.joint, module.dof)) for module in drive], int)
         ratios = [
             np.broadcast_to(group.kind.ratio(group.values), len(group.modules))
             for group in self.drive_groups
@@ -65,36 +78,55 @@ class StaticsLayout:
         ]
         self.drive_ratios = np.concatenate(ratios)[:, None, None] if ratios else np.zeros((0, 1, 1))
         # Beams: where their root is. Other modules have no length.
-        spanning = [
+        beams = [
             (index, module.root) for index, module in enumerate(wrench) if module.kind.spans_frames and module.root
         ]
-        self._beams = np.array([index for index, _ in spanning], int)
-        self._root_joints = np.array([root.joint for _, root in spanning], int)
-        self._root_points = np.array([root.placement[:, 3] for _, root in spanning]).reshape(-1, 4, 1)
+        self._beams = np.array([index for index, _ in beams], int)
+        self._root_joints = np.array([root.joint for _, root in beams], int)
+        self._root_points = np.array([root.placement[:, 3] for _, root in beams]).reshape(-1, 4, 1)
+        self._beam_slots = {}
+        for group in self.wrench_groups:
+            if group.kind.spans_frames:
+                start = int(np.searchsorted(self._beams, group.slots.start))
+                self._beam_slots[group] = slice(start, start + len(group.modules))
         # Closure force of row r acts on the second frame's body and, reversed, on the first's.
         self.joint_incidence = mechanism.support @ _incidence(mechanism)
         self.free = mechanism.free_dofs
         self.free_joints = mechanism.dof_joint[self.free]
-        axes = [joint for joint in list(mechanism.model.joints)[1:] if joint.nv == 1]
-        self._position_q = np.array([joint.idx_q for joint in axes], int)
-        self._position_dofs = np.array([joint.idx_v for joint in axes], int)
-        self._endless = [(joint.idx_q, joint.idx_v) for joint in axes if joint.nq == 2]
-        self._module_dofs = [np.array([module.dof for module in group.modules], int) for group in self.groups]
-        self._ends = [
-            (
+        #: Groups that must be evaluated at every pose, with their index.
+        self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
+        self._nowhere = [_NOWHERE] * len(self.groups)
+        self.index = {name: index for index, name in enumerate(self.names)}
+        model = mechanism.model
+        self._ends = {
+            group: (
                 np.array([module.inboard_is_root for module in group.modules]),
                 np.array([module.anchored_at_tip for module in group.modules]),
             )
             for group in self.groups
-        ]
+        }
+        self._joints = {group: [model.joints[module.joint] for module in group.modules] for group in self.groups}
+        self._plain = {
+            group: np.array([joint.idx_q for joint in joints], int) if all(joint.nq == 1 for joint in joints) else None
+            for group, joints in self._joints.items()
+        }
 
     @cached_property
     def constant_compliances(self) -> tuple[Array | None, ...]:
-        """Compliance of each group whose equation knows neither pose nor load, else None."""
-        return tuple(
-            group.kind.compliance(group.values, _NOWHERE, None) if group.kind.constant else None
-            for group in self.groups
-        )
+        """Compliance of each group whose equation knows neither pose nor load, else None.
+
+        Raises ParameterError where a group's values are impossible.
+        """
+        blocks: list[Array | None] = []
+        for group in self.groups:
+            if not group.kind.constant:
+                blocks.append(None)
+                continue
+            fault = group.fault(_NOWHERE)
+            if fault is not None:
+                raise ParameterError(fault)
+            blocks.append(group.kind.compliance(group.values, _NOWHERE, None))
+        return tuple(blocks)
 
     def frames(self, pose: ClosedPose) -> Array:
         """Return base_from_module of all wrench modules, (..., n, 4, 4)."""
@@ -102,29 +134,46 @@ class StaticsLayout:
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
         """Return what the pose tells each group of modules."""
-        lengths = np.zeros(frames.shape[:-2])
+        lengths = np.zeros(0)
         if len(self._beams):
             roots = (pose.placements[..., self._root_joints, :, :] @ self._root_points)[..., :3, 0]
             tips = frames[..., self._beams, :3, :]
             # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
-            lengths[..., self._beams] = ((tips[..., 3] - roots) * tips[..., 2]).sum(-1)
-        positions = self.joint_values(pose.q)
-        return [
-            _NOWHERE
-            if group.kind.constant
-            else ModuleGeometry(
-                lengths[..., group.slots] if group.kind.spans_frames else _NOWHERE.length, positions[..., dofs], *ends
-            )
-            for group, dofs, ends in zip(self.groups, self._module_dofs, self._ends, strict=True)
-        ]
+            lengths = ((tips[..., 3] - roots) * tips[..., 2]).sum(-1)
+        geometries = list(self._nowhere)
+        for index, group in self.varying:
+            length = lengths[..., self._beam_slots[group]] if group.kind.spans_frames else _NOWHERE.length
+            position = self._positions(group, pose.q) if group.kind.follows_joint else _NOWHERE.position
+            geometries[index] = ModuleGeometry(length, position, *self._ends[group])
+        return geometries
 
-    def joint_values(self, q: Array) -> Array:
-        """Return the value of every single-axis joint at its velocity index, (..., nv); nan for others."""
-        values = np.full((*q.shape[:-1], self.mechanism.model.nv), np.nan)
-        values[..., self._position_dofs] = q[..., self._position_q]
-        for start, dof in self._endless:
-            values[..., dof] = np.arctan2(q[..., start + 1], q[..., start])
-        return values
+    def check_beams(self, pose: ClosedPose) -> None:
+        """Raise InputError where a beam's tip lies beside its axis: its length would be only a projection."""
+        frames = self.frames(pose)[self._beams]
+        roots = (pose.placements[self._root_joints] @ self._root_points)[:, :3, 0]
+        span = frames[:, :3, 3] - roots
+        beside = np.linalg.norm(np.cross(span, frames[:, :3, 2]), axis=1)
+        for index, offset, size in zip(self._beams, beside, np.linalg.norm(span, axis=1), strict=True):
+            if offset > 1e-6 * size:
+                raise InputError(
+                    f"module '{self.wrench_names[index]}': its tip lies {offset:.6g} m beside the axis through its root; "
+                    "expected on it. Correct its axis or its frames, or leave the axis out"
+                )
+
+    def _positions(self, group: ModuleGroup, q: Array) -> Array:
+        """Return the positions of a group's joints [m or rad], (..., n)."""
+        plain = self._plain[group]
+        if plain is not None:
+            return q[..., plain]
+        starts = [joint.idx_q for joint in self._joints[group]]
+        endless = [joint.nq == 2 for joint in self._joints[group]]
+        return np.stack(
+            [
+                np.arctan2(q[..., i + 1], q[..., i]) if turns else q[..., i]
+                for i, turns in zip(starts, endless, strict=True)
+            ],
+            axis=-1,
+        )
 
 
 def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Module]]:
@@ -139,7 +188,8 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
         names = [quantity.name for quantity in members[0].kind.quantities]
         values = {name: np.array([module.values[name] for module in members]) for name in names}
         slots = slice(len(order), len(order) + len(members))
-        groups.append(ModuleGroup(members[0].kind, tuple(members), slots, values))
+        kind = members[0].kind
+        groups.append(ModuleGroup(kind, tuple(members), slots, kind.prepare(values)))
         order += members
     return tuple(groups), order
 
@@ -161,11 +211,11 @@ def transmitted_wrenches(layout: StaticsLayout, pose: ClosedPose, loads: Array) 
     """
     flat = loads.reshape(*loads.shape[:-2], -1)
     carried = (layout.mechanism.support @ flat).reshape(loads.shape)
-    if not len(layout.free):
-        return carried
+    if not len(layout.free) or not pose.closure_wrenches.shape[-2]:
+        return carried  # no closure to find forces for: a free joint off the tool's path carries nothing
     axes = np.swapaxes(pose.jacobian, -1, -2)[..., layout.free, None, :]
     along = (axes @ carried[..., layout.free_joints, :, :])[..., 0, :]
-    return carried + _closure_wrenches(layout, pose, -pose.balance.inverse @ along)
+    return carried - _closure_wrenches(layout, pose, pose.balance.inverse @ along)
 
 
 def self_stress_wrenches(layout: StaticsLayout, pose: ClosedPose) -> Array:
@@ -193,4 +243,5 @@ def module_loads(layout: StaticsLayout, pose: ClosedPose, frames: Array, transmi
     """Return the loads of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
     wrench = frame_wrench_from_base(frames) @ transmitted[..., layout.wrench_joints, :, :]
     axes = np.swapaxes(pose.jacobian, -1, -2)[..., layout.drive_dofs, None, :]
-    return wrench, axes @ transmitted[..., layout.drive_joints, :, :] * layout.drive_ratios
+    forces = axes @ transmitted[..., layout.drive_joints, :, :]
+    return wrench, forces[..., layout.drive_rows, :, :] * layout.drive_ratios

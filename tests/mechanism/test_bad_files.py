@@ -131,7 +131,7 @@ def test_the_arm_itself_is_fine(write):
          'name="flange" type="fixed">\n    <parent link="upper"/><child link="lower"/>',
          "link 'lower' already hangs on joint 'elbow' (line 10)"),
         ('<link name="tool"/>', '<link name="tool"/><link name="a"/>', "link 'a' is a second root beside 'base'"),
-        ('<link name="tool"/>', '<link name="tool"/><link name="tool"/>', "two links are named 'tool' (first on line 5"),
+        ('<link name="tool"/>', '<link name="tool"/><link name="tool"/>', "two links are named 'tool' (first on line"),
         ('name="elbow" type', 'name="shoulder" type', "two joints are named 'shoulder' (first on line 6)"),
         ("<visual>", '<inertial><mass value="-1"/></inertial><visual>', "mass of link 'upper' is -1 kg; expected >= 0"),
         ("<visual>", '<inertial><mass value="x"/></inertial><visual>', "mass of link 'upper': value=\"x\": expected"),
@@ -346,7 +346,7 @@ def test_a_pipe_is_no_robot(tmp_path):
         (b"<!DOCTYPE robot>\n<robot/>", "r.urdf:1: declares a DOCTYPE"),
         (b"<?xml version='1.0'?>\n<!-- c -->\n<!doctype robot>\n<robot/>", "r.urdf:3: declares a DOCTYPE"),
         (b"\xef\xbb\xbf<!DOCTYPE r [<!ENTITY a SYSTEM 'file:///etc/passwd'>]><robot>&a;</robot>", "r.urdf:1: declares"),
-        (b"<robot xmlns:x='http://www.ros.org/wiki/xacro'>\n<x:include/></robot>", "r.urdf:2: is a xacro file; expand it"),
+        (b"<robot xmlns:x='http://www.ros.org/wiki/xacro'>\n<x:include/></robot>", "r.urdf:2: is a xacro file; expand"),
         (b"<mujoco/>", "r.urdf:1: has no <worldbody>"),
     ],
 )  # fmt: skip

@@ -19,7 +19,10 @@ def test_a_rod_ends_at_the_deflection_of_its_tip(result, leg):
     line = result.elastic_line(f"leg{leg}/linear_rod", WRENCH, count=9)
     tip = result.deflection(WRENCH, frame=f"leg{leg}_rod_tip")
     # The drive yields along z between the base and the rod's root; the rod's own line starts at the clamp.
-    drive = sum(tip_of(result, f"leg{leg}/{name}") for name in ("ball_screw", "ball_nut", "support_bearing", "timing_belt", "motor"))
+    drive = sum(
+        tip_of(result, f"leg{leg}/{name}")
+        for name in ("ball_screw", "ball_nut", "support_bearing", "timing_belt", "motor")
+    )
     np.testing.assert_allclose(line.displacement[-1][:2], tip[:2], rtol=1e-12)
     np.testing.assert_allclose(line.displacement[-1][2] + drive, tip[2], rtol=1e-9)
     np.testing.assert_allclose(line.rotation[-1], tip[3:], rtol=1e-12, atol=1e-18)
@@ -52,7 +55,9 @@ def test_the_rod_is_a_cubic_and_its_slope_the_rotation(result):
     s = np.linspace(0, 1, 201)
     for axis in (0, 1):
         cubic = np.polynomial.Polynomial.fit(s, line.displacement[:, axis], 3)
-        np.testing.assert_allclose(cubic(s), line.displacement[:, axis], atol=1e-9 * np.abs(line.displacement[:, axis]).max())
+        np.testing.assert_allclose(
+            cubic(s), line.displacement[:, axis], atol=1e-9 * np.abs(line.displacement[:, axis]).max()
+        )
     length = np.linalg.norm(line.points[-1] - line.points[0])
     slope = np.gradient(line.displacement[:, 0], s * length, edge_order=2)
     np.testing.assert_allclose(slope, line.rotation[:, 1], atol=2e-5 * np.abs(line.rotation[:, 1]).max())

@@ -1,0 +1,68 @@
+"""Renders a saved HTML page to a PNG in headless Chromium.
+
+python scripts/render.py view.html picture.png [--size 1200x750] [--wait 8]
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+
+
+def find_chromium() -> str | None:
+    """Return a Chromium on the path, or None."""
+    return next((found for found in map(shutil.which, NAMES) if found), None)
+
+
+def render(page: str, picture: Path, size: tuple[int, int] = (1200, 750), seconds: float = 8.0, *options: str) -> None:
+    """Render a page (path or address) to a PNG. `seconds` is the page's own time before the picture is taken."""
+    chromium = find_chromium()
+    if chromium is None:
+        raise SystemExit("Chromium is not installed; on Debian and Ubuntu: apt-get install chromium")
+    address = page if "://" in page else Path(page).resolve().as_uri()
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [
+                chromium,
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu-sandbox",
+                "--hide-scrollbars",
+                "--no-first-run",
+                "--use-gl=angle",
+                "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader",
+                f"--user-data-dir={folder}",
+                f"--window-size={size[0]},{size[1]}",
+                f"--virtual-time-budget={int(1000 * seconds)}",
+                f"--screenshot={picture.resolve()}",
+                *options,
+                address,
+            ],
+            capture_output=True,
+            text=True,
+            timeout=180,
+        )
+    if done.returncode or not picture.is_file():
+        raise SystemExit(f"Chromium made no picture of {address}:\n{done.stderr[-2000:]}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("page", help="HTML file or address")
+    parser.add_argument("picture", type=Path, help="PNG to write")
+    parser.add_argument("--size", default="1200x750", help="width x height in pixels")
+    parser.add_argument("--wait", type=float, default=8.0, help="seconds of the page's own time")
+    arguments = parser.parse_args()
+    width, _, height = arguments.size.partition("x")
+    render(arguments.page, arguments.picture, (int(width), int(height)), arguments.wait)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
