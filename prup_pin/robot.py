@@ -114,7 +114,8 @@ class Robot:
         """
         if pose.mechanism is not self.mechanism:
             raise InputError(
-                f"this pose belongs to another robot or to other parameters ('{pose.mechanism.name}'); ask this robot for it: robot.pose(...)"
+                f"this pose belongs to another robot or to other parameters ('{pose.mechanism.name}'); "
+                "ask this robot for it: robot.pose(...)"
             )
         wrench = None if load is None else as_wrench(load, "load")
         return Compliance(solve_statics(self._statics, pose, wrench), self._scaling, wrench)

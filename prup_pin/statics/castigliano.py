@@ -74,7 +74,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
     if not mechanism.modules:
         raise PrupPinError(
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "
-            "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the robot file"
+            "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the file"
         )
     frames = layout.frames(pose)
     transmitted = transmitted_wrenches(layout, pose, loads_at_frame(pose, mechanism.need_tool()))
@@ -127,7 +127,7 @@ def _loads_under(layout: StaticsLayout, geometries, loads: list[Array], stress) 
         if change <= 1e-12 * max(np.abs(load).max(initial=0.0) for load in loads):
             return loads
     raise PrupPinError(
-        f"the self-stress of nonlinear modules did not settle in {_LOAD_ITERATIONS} steps at this load; try a smaller one"
+        f"the self-stress of nonlinear modules did not settle in {_LOAD_ITERATIONS} steps; try a smaller load"
     )
 
 
@@ -159,7 +159,8 @@ def _stacked(blocks, size: int) -> Array:
 def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
     """Return the wrench Jacobians with the self-stress of least complementary energy added.
 
-    Minimising 1/2 sum (J w + B x)^T Lambda (J w + B x) over x gives x = -D^+ (sum B^T Lambda J) w, D = sum B^T Lambda B.
+    Minimising 1/2 sum (J w + B x)^T Lambda (J w + B x) over x gives x = -D^+ (sum B^T Lambda J) w with
+    D = sum B^T Lambda B.
     Self-stress that only rigid modules carry has no energy: it stays undetermined, and C does not depend on it.
     """
     count = stress[0].shape[-1]

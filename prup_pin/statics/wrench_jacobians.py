@@ -156,8 +156,8 @@ class StaticsLayout:
         for index, offset, size in zip(self._beams, beside, np.linalg.norm(span, axis=1), strict=True):
             if offset > 1e-6 * size:
                 raise InputError(
-                    f"module '{self.wrench_names[index]}': its tip lies {offset:.6g} m beside the axis through its root; "
-                    "expected on it. Correct its axis or its frames, or leave the axis out"
+                    f"module '{self.wrench_names[index]}': its tip lies {offset:.6g} m beside the axis through its "
+                    "root; expected on it. Correct its axis or its frames, or leave the axis out"
                 )
 
     def _positions(self, group: ModuleGroup, q: Array) -> Array:

@@ -262,7 +262,7 @@ def _tracks(parts: Sequence[Part | None], rate: float) -> tuple[tuple, list, lis
             targets = vertices
             for index in range(len(targets)):
                 on_object.append(_influence(index, len(targets), rate))
-    elif any(shape != shapes[0] for shape in shapes):
+    elif any(shape is not shapes[0] and shape != shapes[0] for shape in shapes):
         # the largest is drawn, the others are stretched copies of it
         drawn = max(filled, key=lambda part: float(np.prod(_extent(part.shape))))
         own = _extent(drawn.shape)
@@ -347,7 +347,12 @@ def _words(frames: Sequence[Scene], rate: float) -> dict[str, Any]:
         "box": [low.tolist(), high.tolist()],
         "rate": rate,
         "frames": [
-            {"legend": asdict(frame.legend), "labels": [label(item) for item in frame.labels]} for frame in frames
+            {
+                "legend": asdict(frame.legend),
+                "labels": [label(item) for item in frame.labels],
+                "avoid": there(frame.obstacles),
+            }
+            for frame in frames
         ],
     }
 

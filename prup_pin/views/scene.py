@@ -111,6 +111,18 @@ class Scene:
     ellipsoids: Mapping[str, ComplianceEllipsoid] = field(default_factory=dict)
     scale: float = 0.0
 
+    @cached_property
+    def obstacles(self) -> Array:
+        """Points that labels should not cover, (n, 3): along ellipsoids, arrows of loads and of the deflection."""
+        along = np.linspace(-0.9, 0.9, 7)
+        points = [np.zeros((0, 3))]
+        for ball in self.ellipsoids.values():
+            points += [ball.centre + np.outer(along, axis) for axis in (ball.axes * ball.values * ball.scale).T]
+        for part in self.parts:
+            if part.path.startswith(("wrench/force", "deflection")) and isinstance(part.shape, Cylinder):
+                points.append(part.placement[:3, 3] + np.outer(along * part.shape.length / 2, part.placement[:3, 2]))
+        return np.concatenate(points)
+
     def part(self, path: str) -> Part:
         """Return the part of a path. Raises KeyError."""
         return self._by_path[path]
@@ -521,7 +533,7 @@ class Painter:
             parts += found[0]
             labels += found[1]
         labels += self._legs(pose)
-        parts += self._floor()
+        parts.append(self.floor)
         legend = self._legend(pose, compliance, wrench if loaded else None, moved, scale, shares, top, balls, headline)
         return Scene(
             self.robot.name, tuple(parts), tuple(labels), legend, self.up, self.viewer, balls, float(scale or 0.0)
@@ -617,7 +629,9 @@ class Painter:
         ):
             values, vectors = np.linalg.eigh(compliance.C[block, block])
             values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1].copy()
-            if values[0] <= 0:
+            lever = (size, 1 / size)[index]
+            other = float(np.trace(compliance.C[3:, 3:] if index == 0 else compliance.C[:3, :3]))
+            if values[0] <= 1e-12 * other * lever**2:  # rigid but for rounding
                 continue
             # signs: every axis to the right on the page, the last one right-handed
             for column in range(2):
@@ -657,8 +671,9 @@ class Painter:
         legs = skeleton(pose).legs
         return [Label("labels", leg, at, self.middle, INK, True) for leg, at in legs.items()]
 
-    def _floor(self) -> list[Part]:
-        """Return a grid under the robot, with cells of a round length."""
+    @cached_property
+    def floor(self) -> Part:
+        """A grid under the robot, with cells of a round length."""
         centre = self.middle + (self.bottom - self.middle @ self.up) * self.up
         cell = nice_below(0.2 * self.size)
         right = self.page[0]
@@ -667,7 +682,7 @@ class Painter:
         ticks = np.arange(-reach, reach + cell / 2, cell)
         lines = [(a * right - reach * ahead, a * right + reach * ahead) for a in ticks]
         lines += [(a * ahead - reach * right, a * ahead + reach * right) for a in ticks]
-        return [Part("floor/grid", Lines(np.array(lines)), placement(np.eye(3), centre), "#d7dce2")]
+        return Part("floor/grid", Lines(np.array(lines)), placement(np.eye(3), centre), "#d7dce2")
 
     # -- words -----------------------------------------------------------------------------------------------------
 
@@ -690,7 +705,9 @@ class Painter:
             if not headline:
                 lines.append(f"Load on the tool: {wrench_text(wrench)}")
             moved_text = displacement_text(float(np.linalg.norm(moved.tool[:3])))
-            turned = f"{number(float(np.linalg.norm(moved.tool[3:])) * 1e3, 3)} mrad"
+            angle = float(np.linalg.norm(moved.tool[3:]))
+            rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
+            turned = "does not turn" if rigid else f"turns {number(angle * 1e3, 3)} mrad"
             if not headline:
                 lines.append(
                     f"The tool moves {moved_text} and turns {turned}; drawn {number(scale or 0, 3)} times larger"
@@ -779,7 +796,7 @@ def displacement_text(metres: float) -> str:
 def pose_words(robot: Robot, pose: ClosedPose) -> str:
     """Return 'z 400 mm, theta 25°, phi 15°'."""
     dimensions = coordinate_dimensions(robot)
-    values = pose.coordinates or pose.joints
+    values = pose.coordinates or (pose.actuators if len(pose.joints) > 8 else pose.joints)
     words = []
     for name, value in values.items():
         kind = dimensions.get(name, "number")

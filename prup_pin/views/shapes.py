@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -156,6 +156,7 @@ def _carried(tangents: Array) -> Array:
     return across
 
 
+@lru_cache(maxsize=64)
 def ball_mesh(level: int = 1) -> Mesh:
     """Return a sphere of radius 1 as a subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
@@ -185,6 +186,7 @@ def ball_mesh(level: int = 1) -> Mesh:
     return Mesh(vertices, faces, vertices)
 
 
+@lru_cache(maxsize=64)
 def thread_mesh(radius: float, length: float, turns: int = 30, sides: int = 12) -> Mesh:
     """Return a screw about z from 0 to `length`: a bar whose radius follows a helix."""
     count = 6 * turns + 1
@@ -201,6 +203,7 @@ def thread_mesh(radius: float, length: float, turns: int = 30, sides: int = 12) 
     return Mesh(vertices, faces)
 
 
+@lru_cache(maxsize=64)
 def belt_mesh(distance: float, first: float, second: float, width: float, thickness: float) -> Mesh:
     """Return a belt about two pulleys: axes along z at x = 0 and x = distance, radii `first` and `second`."""
     lean = np.arcsin(np.clip((first - second) / distance, -0.9, 0.9))

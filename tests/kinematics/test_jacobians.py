@@ -9,7 +9,7 @@ import pytest
 import prup_pin
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-FREE = [free for free in chain.from_iterable(combinations(AXES, n) for n in range(5))]
+FREE = list(chain.from_iterable(combinations(AXES, n) for n in range(5)))
 
 CHAIN = """
   <link name="{side}{index}"/>
@@ -42,7 +42,8 @@ def two_chains(tmp_path, free, rotation="xyz"):
         + rotation
         + '">'
         + "".join(f'<coordinate name="{axis}" component="{axis}"/>' for axis in AXES)
-        + f'</task_coordinates><loop name="loop" frame1="left6" frame2="right6" free="{" ".join(free)}"/></prup_pin></robot>'
+        + "</task_coordinates>"
+        + f'<loop name="loop" frame1="left6" frame2="right6" free="{" ".join(free)}"/></prup_pin></robot>'
     )
     return prup_pin.load(path)
 
@@ -124,7 +125,8 @@ def test_a_loop_that_cannot_close_is_named(tmp_path):
           <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
         <joint name="jb" type="revolute"><parent link="base"/><child link="b"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>
           <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-        <prup_pin version="1"><tool frame="a"/><actuated joints="ja"/><loop name="far_apart" frame1="a" frame2="b"/></prup_pin>
+        <prup_pin version="1"><tool frame="a"/><actuated joints="ja"/>
+          <loop name="far_apart" frame1="a" frame2="b"/></prup_pin>
         </robot>"""
     )
     robot = prup_pin.load(path)
