@@ -28,6 +28,8 @@ _CROSS = np.zeros((3, 9))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _CROSS[_i, 3 * _k + _j], _CROSS[_i, 3 * _j + _k] = 1.0, -1.0
 _IDENTITY = np.eye(6)
+# v @ _MOMENT is a 6 x 6 matrix, row by row, with the skew matrix of v in its lower left block.
+_MOMENT = np.pad(_CROSS.reshape(3, 3, 3), ((0, 0), (3, 0), (0, 3))).reshape(3, 36)
 
 
 def skew(vector: Array) -> Array:
@@ -37,20 +39,15 @@ def skew(vector: Array) -> Array:
 
 def base_wrench_from_point(point: Array) -> Array:
     """Return the (..., 6, 6) matrix that turns a wrench about `point` (base axes) into a base wrench."""
-    matrix = np.empty((*point.shape[:-1], 6, 6))
-    matrix[...] = _IDENTITY
-    matrix[..., 3:, :3] = skew(point)
-    return matrix
+    return _IDENTITY + (point @ _MOMENT).reshape(*point.shape[:-1], 6, 6)
 
 
-def frame_wrench_from_base(placement: Array) -> Array:
-    """Return the (..., 6, 6) matrix that turns a base wrench into one about the frame's origin, in its axes."""
-    to_frame = np.swapaxes(placement[..., :3, :3], -1, -2)
-    matrix = np.zeros((*placement.shape[:-2], 6, 6))
-    matrix[..., :3, :3] = to_frame
-    matrix[..., 3:, 3:] = to_frame
-    matrix[..., 3:, :3] = -to_frame @ skew(placement[..., :3, 3])
-    return matrix
+def wrench_in_frame(placement: Array, wrench: Array) -> Array:
+    """Return base wrenches (..., 6, c) about the origin of a frame (..., 4, 4), in its axes."""
+    moved = wrench.copy()
+    moved[..., 3:, :] -= skew(placement[..., :3, 3]) @ wrench[..., :3, :]
+    halves = moved.reshape(*wrench.shape[:-2], 2, 3, wrench.shape[-1])
+    return (placement[..., None, :3, :3].mT @ halves).reshape(wrench.shape)
 
 
 def rotation_xyz(x: float, y: float, z: float) -> Array:

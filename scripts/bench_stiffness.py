@@ -66,7 +66,7 @@ def main() -> None:
     seed.COLD_SOLVES = 10**9
     robot = prup_pin.load("3prup")
     print(
-        f"{'  the first 100 poses, before the start is learned':52s}{timed(ours, cases, warm_up[:20]) * 1e6:10.0f} us"
+        f"{'  before the start is learned (first 32 poses)':52s}{timed(ours, cases, warm_up[:20]) * 1e6:10.0f} us"
     )
 
     peers = [

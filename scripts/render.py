@@ -20,35 +20,34 @@ def find_chromium() -> str | None:
     return next((found for found in map(shutil.which, NAMES) if found), None)
 
 
-def render(page: str, picture: Path, size: tuple[int, int] = (1200, 750), seconds: float = 8.0, *options: str) -> None:
+def command(chromium: str, folder: str, size: tuple[int, int]) -> list[str]:
+    """Return how Chromium is called: without a screen, drawing in software, with its files in `folder`."""
+    return [
+        chromium,
+        "--headless",
+        "--no-sandbox",
+        "--hide-scrollbars",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--use-gl=angle",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        f"--user-data-dir={folder}",
+        f"--window-size={size[0]},{size[1]}",
+    ]
+
+
+def render(page: str, picture: Path, size: tuple[int, int] = (1200, 750), seconds: float = 8.0) -> None:
     """Render a page (path or address) to a PNG. `seconds` is the page's own time before the picture is taken."""
     chromium = find_chromium()
     if chromium is None:
         raise SystemExit("Chromium is not installed; on Debian and Ubuntu: apt-get install chromium")
-    address = page if "://" in page else Path(page).resolve().as_uri()
-    with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run(
-            [
-                chromium,
-                "--headless",
-                "--no-sandbox",
-                "--disable-gpu-sandbox",
-                "--hide-scrollbars",
-                "--no-first-run",
-                "--use-gl=angle",
-                "--use-angle=swiftshader",
-                "--enable-unsafe-swiftshader",
-                f"--user-data-dir={folder}",
-                f"--window-size={size[0]},{size[1]}",
-                f"--virtual-time-budget={int(1000 * seconds)}",
-                f"--screenshot={picture.resolve()}",
-                *options,
-                address,
-            ],
-            capture_output=True,
-            text=True,
-            timeout=180,
-        )
+    file, _, moment = page.partition("#")
+    address = page if "://" in page else Path(file).resolve().as_uri() + (f"#{moment}" if moment else "")
+    shot = [f"--virtual-time-budget={int(1000 * seconds)}", f"--screenshot={picture.resolve()}", address]
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        done = subprocess.run([*command(chromium, folder, size), *shot], capture_output=True, text=True, timeout=180)
     if done.returncode or not picture.is_file():
         raise SystemExit(f"Chromium made no picture of {address}:\n{done.stderr[-2000:]}")
 

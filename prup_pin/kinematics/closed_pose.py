@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +14,7 @@ from ..spatial import Array
 __all__ = ["ClosedPose", "PassiveBalance"]
 
 
-@dataclass(frozen=True)
-class PassiveBalance:
+class PassiveBalance(NamedTuple):
     """How the free joints balance: what the closure Jacobian's free columns G^T (rows: free joints) allow.
 
     `inverse` (c, f) gives the closure forces f_c = -inverse @ Q that balance generalised forces Q on the f free

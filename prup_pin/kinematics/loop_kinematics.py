@@ -25,8 +25,11 @@ from .feasible import last_regular, nearest_feasible
 from .seed import PoseSeed
 from .task import TaskFrame
 
-#: Residual at which the loops count as closed [m, rad]. Newton ends near 1e-16.
+#: Residual at which the loops must be closed [m, rad].
 TOLERANCE = 1e-12
+#: Newton goes on to rounding: until the residual is below this, or the last step was so small that its square is.
+ROUNDING = 1e-14
+_LAST_STEP = 1e-7
 #: A free motion counts as singular beyond this condition of the scaled closure Jacobian.
 SINGULAR = 1e7
 _ITERATIONS = 40
@@ -132,14 +135,14 @@ class LoopKinematics:
 
         `first` is the evaluation at the start where it is known.
         """
-        evaluation = first
+        evaluation, longest = first, np.inf
         for _ in range(_ITERATIONS):
             if evaluation is None:
                 evaluation = self.evaluate(q)
             wanted, wanted_rows = goal(q, evaluation.placements)
             error = np.concatenate((evaluation.residual, wanted))
             size = np.abs(error).max(initial=0.0)
-            if size < TOLERANCE:
+            if size < ROUNDING or (size < TOLERANCE and longest < _LAST_STEP):
                 return q, evaluation
             if not size < np.inf:
                 break

@@ -30,7 +30,7 @@ class ComplianceMatrix(WrenchModule):
     def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         matrix = values["matrix"]
         size = np.abs(matrix).max((-1, -2))
-        asymmetry = np.abs(matrix - np.swapaxes(matrix, -1, -2)).max((-1, -2))
+        asymmetry = np.abs(matrix - matrix.mT).max((-1, -2))
         # Scaling by the diagonal takes the units out of the comparison.
         diagonal = np.sqrt(np.abs(np.diagonal(matrix, axis1=-2, axis2=-1)))
         scale = np.where(diagonal > 0, diagonal, 1.0)

@@ -17,8 +17,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +33,7 @@ Mask = NDArray[np.bool_]
 WRENCH_LOADS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
-@dataclass(frozen=True)
-class ModuleGeometry:
+class ModuleGeometry(NamedTuple):
     """What a pose tells the modules of one kind.
 
     `length` [m] from root to tip and `position` [m or rad] of the joint are (..., n). `inboard_is_root` (n,) tells

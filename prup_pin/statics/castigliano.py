@@ -7,7 +7,7 @@ carry self-stress besides; by the principle of least complementary energy it tak
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..modules import ModuleGeometry
 from ..spatial import Array
 from .wrench_jacobians import (
     StaticsLayout,
-    loads_at_frame,
+    carried_from_frame,
     module_loads,
     self_stress_wrenches,
     transmitted_wrenches,
@@ -30,8 +30,7 @@ _LOAD_ITERATIONS = 50
 _NOISE = 1e-11
 
 
-@dataclass(frozen=True)
-class Statics:
+class Statics(NamedTuple):
     """The solved statics of a pose: loads and compliances of all modules, wrench modules and drive modules apart.
 
     jacobians: (n, 6, 6) and (m, 1, 6), compatible where the mechanism is overconstrained; lambdas: (n, 6, 6) and
@@ -53,13 +52,13 @@ class Statics:
         """
         virtual = self.jacobians
         if frame is not None:
-            loads = loads_at_frame(self.pose, self.pose.mechanism.frame(frame))
-            transmitted = transmitted_wrenches(self.layout, self.pose, loads)
+            carried = carried_from_frame(self.layout, self.pose, self.pose.mechanism.frame(frame))
+            transmitted = transmitted_wrenches(self.layout, self.pose, carried)
             virtual = module_loads(self.layout, self.pose, self.frames, transmitted)
             if self.stress is not None:
                 virtual = _least_energy(virtual, self.stress, self.lambdas)
         return sum(
-            (np.swapaxes(jacobian, -1, -2) @ strain[..., None])[..., 0].sum(axis=0)
+            (jacobian.mT @ strain[..., None])[..., 0].sum(axis=0)
             for jacobian, strain in zip(virtual, strains, strict=True)
         )
 
@@ -77,7 +76,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the file"
         )
     frames = layout.frames(pose)
-    transmitted = transmitted_wrenches(layout, pose, loads_at_frame(pose, mechanism.need_tool()))
+    transmitted = transmitted_wrenches(layout, pose, carried_from_frame(layout, pose, mechanism.need_tool()))
     jacobians = module_loads(layout, pose, frames, transmitted)
     geometries = layout.geometries(pose, frames)
     for index, group in layout.varying:
@@ -111,7 +110,7 @@ def _loads_under(layout: StaticsLayout, geometries, loads: list[Array], stress) 
         lambdas = _lambdas(layout, geometries, loads)
         hessian = np.zeros((len(gradient), len(gradient)))
         for unit, lam in zip(stress, lambdas, strict=True):
-            hessian += (np.swapaxes(unit, -1, -2) @ lam @ unit).sum(axis=0)
+            hessian += (unit.mT @ lam @ unit).sum(axis=0)
         step = -_solve_semidefinite(hessian, gradient)
         slope, share = abs(gradient @ step), 1.0
         if slope == 0.0:
@@ -138,7 +137,7 @@ def _gap(layout: StaticsLayout, geometries, loads, stress) -> Array:
     for index, (group, at) in enumerate(zip(layout.groups, geometries, strict=True)):
         half = int(index >= count)
         deformation = group.kind.deformation(group.values, at, loads[half][group.slots])
-        total += (np.swapaxes(stress[half][group.slots], -1, -2) @ deformation[..., None])[..., 0].sum(axis=0)
+        total += (stress[half][group.slots].mT @ deformation[..., None])[..., 0].sum(axis=0)
     return total
 
 
@@ -166,7 +165,7 @@ def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
     count = stress[0].shape[-1]
     d, g = np.zeros((count, count)), np.zeros((count, 6))
     for jacobian, unit, lam in zip(jacobians, stress, lambdas, strict=True):
-        weighted = np.swapaxes(unit, -1, -2) @ lam
+        weighted = unit.mT @ lam
         d += (weighted @ unit).sum(axis=-3)
         g += (weighted @ jacobian).sum(axis=-3)
     x = -_solve_semidefinite(d, g)

@@ -56,7 +56,7 @@ class Compliance:
         self._statics = statics
         self._scaling = scaling
         parts = [
-            np.swapaxes(jacobian, -1, -2) @ (lam @ jacobian)
+            jacobian.mT @ (lam @ jacobian)
             for jacobian, lam in zip(statics.jacobians, statics.lambdas, strict=True)
         ]
         self._parts = np.concatenate(parts)

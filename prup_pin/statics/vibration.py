@@ -1,7 +1,7 @@
 """Vibration modes of the tool: the static compliance, with the inertia of every body of Pinocchio's model.
 
-The motion is a combination of the six static shapes that wrenches on the tool produce (static condensation; R. J. Guyan,
-AIAA Journal 3 (1965) 380). With amplitude w e^{iωt} of such a wrench, a body moves by D_b w, so that
+The motion is a combination of the six static shapes that wrenches on the tool produce (static condensation;
+R. J. Guyan, AIAA Journal 3 (1965) 380). With amplitude w e^{iωt} of such a wrench, a body moves by D_b w, so that
 
     potential energy  1/2 w^T C w,      kinetic energy  1/2 ω² w^T (Σ_b D_b^T I_b D_b) w,
 
@@ -56,7 +56,7 @@ def vibration_modes(compliance: Compliance) -> tuple[VibrationMode, ...]:
         at_centre[:3] -= skew(centre) @ moved[3:]
         turning = at[:3, :3] @ np.asarray(own.inertia) @ at[:3, :3].T
         inertia += own.mass * at_centre[:3].T @ at_centre[:3] + moved[3:].T @ turning @ moved[3:]
-    scale = compliance._scale
+    scale = np.sqrt(np.diagonal(compliance._scaling))
     values, vectors = np.linalg.eigh(compliance.C * scale[:, None] * scale)
     soft = values > 1e-12 * values.max()
     # wrenches of unit potential energy

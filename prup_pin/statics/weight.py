@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..mechanism import Mechanism, Module
-from ..spatial import Array, base_wrench_from_point, frame_wrench_from_base
+from ..spatial import Array, base_wrench_from_point, wrench_in_frame
 from .castigliano import Statics
-from .wrench_jacobians import module_loads, transmitted_wrenches
+from .wrench_jacobians import carried_from_bodies, module_loads, transmitted_wrenches
 
 
 def weight_strains(statics: Statics) -> tuple[Array, Array]:
@@ -33,7 +33,6 @@ def weight_strains(statics: Statics) -> tuple[Array, Array]:
         gravity = mechanism.gravity @ frames[:, :3, :3]
         own[group.slots] = group.kind.weight_deformation(group.values, at, gravity)
         centres = frames[:, :3, 3] - weight.centre_from_tip[:, None] * frames[:, :3, 2]
-        to_modules = frame_wrench_from_base(frames)
         for index, module in enumerate(group.modules):
             if weight.mass[index] == 0:
                 continue
@@ -44,10 +43,10 @@ def weight_strains(statics: Statics) -> tuple[Array, Array]:
                 carried.add(module.body)
             if owner != module.joint and mechanism.support[owner, module.joint]:
                 # The joint lies beyond the beam, so its load lacks the beam's weight; the correction expects it there.
-                missing[group.slots.start + index] = to_modules[index] @ wrench
+                missing[group.slots.start + index] = wrench_in_frame(frames[index], wrench[:, None])[:, 0]
     for joint, mass, lever in _link_masses(mechanism, carried):
         loads[joint, :, 0] += _weight(mass * mechanism.gravity, (pose.placements[joint] @ np.append(lever, 1.0))[:3])
-    transmitted = transmitted_wrenches(layout, pose, loads)
+    transmitted = transmitted_wrenches(layout, pose, carried_from_bodies(layout, loads))
     wrench_loads, drive_loads = module_loads(layout, pose, statics.frames, transmitted)
     wrench_lambdas, drive_lambdas = statics.lambdas
     wrench_strains = wrench_lambdas @ (wrench_loads + missing[..., None])

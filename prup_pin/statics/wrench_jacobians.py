@@ -23,7 +23,7 @@ from ..kinematics import ClosedPose
 from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
 from ..modules.module import Values
-from ..spatial import Array, base_wrench_from_point, frame_wrench_from_base
+from ..spatial import Array, base_wrench_from_point, wrench_in_frame
 
 __all__ = ["ModuleGroup", "StaticsLayout", "transmitted_wrenches"]
 
@@ -139,7 +139,7 @@ class StaticsLayout:
             roots = (pose.placements[..., self._root_joints, :, :] @ self._root_points)[..., :3, 0]
             tips = frames[..., self._beams, :3, :]
             # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
-            lengths = ((tips[..., 3] - roots) * tips[..., 2]).sum(-1)
+            lengths = ((tips[..., 3] - roots)[..., None, :] @ tips[..., 2, None])[..., 0, 0]
         geometries = list(self._nowhere)
         for index, group in self.varying:
             length = lengths[..., self._beam_slots[group]] if group.kind.spans_frames else _NOWHERE.length
@@ -203,17 +203,28 @@ def _incidence(mechanism: Mechanism) -> Array:
     return matrix
 
 
-def transmitted_wrenches(layout: StaticsLayout, pose: ClosedPose, loads: Array) -> Array:
+def carried_from_bodies(layout: StaticsLayout, loads: Array) -> Array:
+    """Return the sums over every joint's subtree of base wrenches on bodies, (..., nj, 6, c) both."""
+    flat = loads.reshape(*loads.shape[:-2], -1)
+    return (layout.mechanism.support @ flat).reshape(loads.shape)
+
+
+def carried_from_frame(layout: StaticsLayout, pose: ClosedPose, frame: Frame) -> Array:
+    """Return the same for unit wrenches about a frame's origin in base axes, (..., nj, 6, 6)."""
+    point = (pose.placements[..., frame.joint, :, :] @ frame.placement)[..., :3, 3]
+    above = layout.mechanism.support[:, frame.joint, None, None]
+    return above * base_wrench_from_point(point)[..., None, :, :]
+
+
+def transmitted_wrenches(layout: StaticsLayout, pose: ClosedPose, carried: Array) -> Array:
     """Return the base wrench that every joint transmits from its child's side to its parent's, (..., nj, 6, c).
 
-    `loads` (..., nj, 6, c) are base wrenches on the joints' bodies, c load cases at once. The free joints' balance
-    gives the closure forces; the subtree sums do the rest.
+    `carried` (..., nj, 6, c) are the sums of the loads on the joints' subtrees, c load cases at once, before the loops
+    carry any. The free joints' balance gives the closure forces.
     """
-    flat = loads.reshape(*loads.shape[:-2], -1)
-    carried = (layout.mechanism.support @ flat).reshape(loads.shape)
     if not len(layout.free) or not pose.closure_wrenches.shape[-2]:
         return carried  # no closure to find forces for: a free joint off the tool's path carries nothing
-    axes = np.swapaxes(pose.jacobian, -1, -2)[..., layout.free, None, :]
+    axes = pose.jacobian.mT[..., layout.free, None, :]
     along = (axes @ carried[..., layout.free_joints, :, :])[..., 0, :]
     return carried - _closure_wrenches(layout, pose, pose.balance.inverse @ along)
 
@@ -231,17 +242,9 @@ def _closure_wrenches(layout: StaticsLayout, pose: ClosedPose, forces: Array) ->
     return sums.reshape(*sums.shape[:-1], *on_bodies.shape[-2:])
 
 
-def loads_at_frame(pose: ClosedPose, frame: Frame) -> Array:
-    """Return unit wrenches about a frame's origin in base axes, as loads on bodies, (..., nj, 6, 6)."""
-    point = (pose.placements[..., frame.joint, :, :] @ frame.placement)[..., :3, 3]
-    loads = np.zeros((*pose.placements.shape[:-2], 6, 6))
-    loads[..., frame.joint, :, :] = base_wrench_from_point(point)
-    return loads
-
-
 def module_loads(layout: StaticsLayout, pose: ClosedPose, frames: Array, transmitted: Array) -> tuple[Array, Array]:
     """Return the loads of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
-    wrench = frame_wrench_from_base(frames) @ transmitted[..., layout.wrench_joints, :, :]
-    axes = np.swapaxes(pose.jacobian, -1, -2)[..., layout.drive_dofs, None, :]
+    wrench = wrench_in_frame(frames, transmitted[..., layout.wrench_joints, :, :])
+    axes = pose.jacobian.mT[..., layout.drive_dofs, None, :]
     forces = axes @ transmitted[..., layout.drive_joints, :, :]
     return wrench, forces[..., layout.drive_rows, :, :] * layout.drive_ratios

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 from rich.console import Console
 from rich.text import Text
 
 from ..robot import Robot
-from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
-from .answer import Answer, wrench_text
+from ..spatial import TWIST_NAMES
+from .answer import Answer
 from .joints import clean, pose_text
 from .quantities import fixed, number, value_text
+from .tables import (
+    DISPLACEMENT_COLUMNS,
+    MatrixTable,
+    assumptions,
+    compliance_table,
+    displacement_cells,
+    load_text,
+    percent_text,
+    rigid_texts,
+    sag_cells,
+    stiffness_table,
+)
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_answer"]
@@ -69,74 +80,31 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
 
 
 def _print_stiffness(out: Console, answer: Answer) -> None:
-    tool = answer.tool
-    if answer.stiffness is None:
-        directions = answer.compliance.rigid_directions
+    table = stiffness_table(answer)
+    if table is None:
+        directions = rigid_texts(answer)
         some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
         heading(out, "K does not exist:", f"the model is rigid, no module yields, under {some}:")
         for direction in directions:
-            listed(
-                out,
-                "",
-                [
-                    f"{number(value, 3)} {name}"
-                    for name, value in zip(WRENCH_NAMES, direction, strict=True)
-                    if abs(value) > 1e-6
-                ],
-                ", ",
-            )
+            listed(out, "", direction, ", ")
         paragraph(out, "C below is complete; give a compliance to more parts if these should yield.")
         return
-    heading(out, "Stiffness K", f"at '{tool}', base axes [N/mm, N/mrad; N m/mm, N m/mrad]")
-    _matrix(
-        out,
-        answer.stiffness * 1e-3,
-        [f"{name} {'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)],
-        [f"{name}/{'mm' if i < 3 else 'mrad'}" for i, name in enumerate(TWIST_NAMES)],
-    )
+    _print_matrix(out, table)
 
 
 def _print_compliance(out: Console, answer: Answer) -> None:
-    tool = answer.tool
-    heading(out, "Compliance C", f"at '{tool}', base axes [µm/N, µm/(N m); µrad/N, µrad/(N m)]")
-    _matrix(
-        out,
-        answer.compliance.C * 1e6,
-        [f"{name} {'µm' if i < 3 else 'µrad'}" for i, name in enumerate(TWIST_NAMES)],
-        [f"{name}/{'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)],
-    )
+    _print_matrix(out, compliance_table(answer))
 
 
 def _print_deflection(out: Console, answer: Answer) -> None:
-    if answer.load.given:
-        heading(out, "Deflection", f"under {wrench_text(answer.load.wrench)}")
-    else:
-        block = slice(3, 6) if answer.load.turns else slice(0, 3)
-        unit, motion = ("N m", "rotation") if answer.load.turns else ("N", "translation")
-        heading(
-            out,
-            "Deflection",
-            f"per {unit} along the softest {motion}, {_direction_text(answer.load.wrench[block])}; "
-            "another load with --wrench",
-        )
-    table = make_table(
-        ("frame", "left"),
-        *[(f"{name} µm", "right") for name in TWIST_NAMES[:3]],
-        ("total µm", "right"),
-        *[(f"{name} µrad", "right") for name in TWIST_NAMES[3:]],
-    )
+    heading(out, "Deflection", load_text(answer) + ("" if answer.load.given else "; another load with --wrench"))
+    table = make_table(("frame", "left"), *[(name, "right") for name in DISPLACEMENT_COLUMNS])
     rows = {answer.tool: answer.deflection}
     if answer.frame is not None and answer.frame_deflection is not None:
         rows[answer.frame] = answer.frame_deflection
     for name, values in rows.items():
-        table.add_row(name, *_displacement(values))
+        table.add_row(name, *displacement_cells(values))
     print_table(out, table)
-
-
-def _displacement(values: Array) -> list[str]:
-    """Return dx dy dz, their length, rx ry rz in µm and µrad."""
-    moved = values[:3] * 1e6
-    return fixed([*moved, float(np.linalg.norm(moved))]) + fixed(values[3:] * 1e6)
 
 
 def _print_shares(out: Console, answer: Answer) -> None:
@@ -157,20 +125,13 @@ def _print_shares(out: Console, answer: Answer) -> None:
     amounts = fixed([answer.contributions[name] * 1e6 for name in names])
     for name, amount in zip(names, amounts, strict=True):
         share = shares[name]
-        table.add_row(name, _bar(share / largest if largest > 0 else 0.0), _percent(share), amount)
+        table.add_row(name, _bar(share / largest if largest > 0 else 0.0), percent_text(share), amount)
     print_table(out, table)
     compliance = answer.compliance
     if compliance.legs:
-        listed(out, "by leg", [f"{leg} {_percent(answer.share_of(part))} %" for leg, part in compliance.legs.items()])
+        listed(out, "by leg", [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()])
     groups = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
-    listed(out, "by group", [f"{name} {_percent(answer.share_of(part))} %" for name, part in groups.items()])
-
-
-def _percent(share: float | None) -> str:
-    if share is None:
-        return "-"
-    percent = 100 * share
-    return "<0.01" if 0 < percent < 0.005 else f"{percent:.2f}"
+    listed(out, "by group", [f"{name} {percent_text(answer.share_of(part))} %" for name, part in groups.items()])
 
 
 def _bar(fraction: float) -> Text:
@@ -181,13 +142,12 @@ def _bar(fraction: float) -> Text:
 
 
 def _print_sag(out: Console, answer: Answer) -> None:
-    gravity = answer.mechanism.gravity
     out.print()
-    if not gravity.any():
+    found = sag_cells(answer)
+    if found is None:
         out.print(Text("Sag: the robot file sets no gravity"))
         return
-    *moved, total = fixed([*(answer.sag[:3] * 1e6), float(np.linalg.norm(answer.sag[:3])) * 1e6])
-    down = _direction_text(gravity / np.linalg.norm(gravity))
+    (*moved, total), down = found
     text = Text("Sag by own weight [µm]: " + "  ".join(f"{n} {v}" for n, v in zip(TWIST_NAMES, moved, strict=False)))
     text.append(f"  total {total}; down is {down}")
     text.stylize("bold", 0, 22)
@@ -195,34 +155,16 @@ def _print_sag(out: Console, answer: Answer) -> None:
 
 
 def _print_assumptions(out: Console, robot: Robot, answer: Answer) -> None:
-    notes = list(robot.assumptions)
-    if answer.nonlinear:
-        load = answer.compliance.load
-        where = "at rest" if load is None else f"at {wrench_text(load)}"
-        notes.append(f"modules that stiffen with load are linearised {where}: {', '.join(answer.nonlinear)}")
     heading(out, "Assumed")
-    for note in notes or ["nothing besides small deflections"]:
+    for note in assumptions(robot, answer):
         paragraph(out, note, "- ")
 
 
-def _matrix(out: Console, matrix: Array, rows: Sequence[str], columns: Sequence[str]) -> None:
-    """Print a symmetric 6 x 6 matrix in blocks of equal units, each with its own number of decimals."""
-    size = np.sqrt(np.abs(np.diagonal(matrix)))
-    matrix = np.where(np.abs(matrix) < 1e-9 * size[:, None] * size, 0.0, matrix)
-    cells = [[""] * 6 for _ in range(6)]
-    for i in (0, 3):
-        for j in (0, 3):
-            texts = fixed(matrix[i : i + 3, j : j + 3].ravel())
-            for index, text in enumerate(texts):
-                cells[i + index // 3][j + index % 3] = text
-    table = make_table(
-        ("", "left"), *[(name, "right") for name in columns[:3]], ("", "left"), *[(n, "right") for n in columns[3:]]
-    )
-    for index, name in enumerate(rows):
-        table.add_row(name, *cells[index][:3], "|", *cells[index][3:], end_section=index == 2)
+def _print_matrix(out: Console, matrix: MatrixTable) -> None:
+    """Print a 6 x 6 matrix in blocks of equal units."""
+    heading(out, matrix.title, matrix.detail)
+    columns = [(name, "right") for name in matrix.columns]
+    table = make_table(("", "left"), *columns[:3], ("", "left"), *columns[3:])
+    for index, (name, cells) in enumerate(zip(matrix.rows, matrix.cells, strict=True)):
+        table.add_row(name, *cells[:3], "|", *cells[3:], end_section=index == 2)
     print_table(out, table)
-
-
-def _direction_text(direction: Array) -> str:
-    """Return '(0.71 0 -0.71)'."""
-    return f"({' '.join(number(round(value, 2) + 0.0, 2) for value in direction)})"

@@ -21,7 +21,7 @@ from .drawing import Drawing, Labels
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .joints import pose_text
 from .plotting import Figure, FigureCanvasAgg, Line2D, Patch, Polygon
-from .quantities import number
+from .quantities import length_text, number
 from .skeleton import BodyMotions, Skeleton, skeleton
 
 __all__ = ["pose_figure", "shares_figure"]
@@ -39,11 +39,6 @@ def _nice_below(value: float) -> float:
     """Return the largest of 1, 2, 5 times a power of ten that is not above `value`."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)) * power)
-
-
-def _length_text(metres: float) -> str:
-    """Return a small displacement in µm, a larger one in mm."""
-    return f"{number(metres * 1e3, 3)} mm" if abs(metres) >= 1e-3 else f"{number(metres * 1e6, 3)} µm"
 
 
 def _leg_colours(legs: Sequence[str]) -> dict[str, str]:
@@ -323,7 +318,7 @@ def _write_title(figure: Figure, robot: Robot, pose: ClosedPose, compliance, loa
     figure.text(0.025, 0.915, at, fontsize=11, color=_PART, va="center")
     if load is not None and load.any() and compliance is not None:
         moved = float(np.linalg.norm(compliance.deflection(load)[:3]))
-        line = f"under {wrench_text(load)} the tool moves by {_length_text(moved)}"
+        line = f"under {wrench_text(load)} the tool moves by {length_text(moved)}"
         if scale:
             line += f"; deflection drawn × {number(scale)}"
         figure.text(0.025, 0.878, line, fontsize=11, color=_GHOST, va="center")

@@ -10,24 +10,14 @@ import numpy as np
 from ..errors import InputError
 from ..kinematics import ClosedPose
 from ..robot import Robot
-from ..spatial import Array, as_wrench, axis_as_z, placement
+from ..spatial import Array, as_wrench
 from ..statics import Compliance
 from ..statics.vibration import vibration_modes
-from .answer import wrench_text
 from .colours import MAP, map_rgb
+from .elastic import Deflections, fitting_scale
+from .painter import Painter, pose_words
 from .quantities import number
-from .scene import (
-    Deflections,
-    Label,
-    Legend,
-    Painter,
-    Part,
-    Scene,
-    displacement_text,
-    fitting_scale,
-    nice_below,
-    pose_words,
-)
+from .scene import Label, Legend, Part, Scene
 from .shapes import Mesh, ball_mesh
 
 __all__ = ["Motion", "load_ramp", "path_motion", "softest_translation", "vibration", "workspace_cloud"]
@@ -43,16 +33,25 @@ class Motion:
 
 def _compliance(robot: Robot, pose: ClosedPose) -> Compliance:
     if not robot.mechanism.modules:
-        raise InputError(f"no module of '{robot.name}' is compliant, so nothing deflects: load(..., joint_stiffness=1e4)")
+        raise InputError(
+            f"no module of '{robot.name}' is compliant, so nothing deflects: load(..., joint_stiffness=1e4)"
+        )
     return robot.compliance(pose)
 
 
 def load_ramp(
-    robot: Robot, pose: ClosedPose | None, wrench, scale: float | None = None, frames: int = 60, seconds: float = 3.0
+    robot: Robot,
+    pose: ClosedPose | None,
+    wrench,
+    scale: float | None = None,
+    *,
+    frames: int = 60,
+    seconds: float = 3.0,
+    ellipsoids: str = "beside",
 ) -> Motion:
     """Return the load growing from zero to `wrench` (6,), resting there, and falling again."""
     pose = robot.home if pose is None else pose
-    load = as_wrench(wrench)
+    load = np.zeros(6) if wrench is None else as_wrench(wrench)
     if not load.any():
         raise InputError("a load ramp needs a wrench that is not zero")
     compliance = _compliance(robot, pose)
@@ -63,13 +62,14 @@ def load_ramp(
     factors = np.clip(1.5 * (1 - np.abs(2 * phase - 1)), 0, 1)
     factors = factors * factors * (3 - 2 * factors)
     scenes = tuple(
-        painter.scene(pose, compliance, load, scale, moved=moved, factor=f, arrow=f) for f in factors.tolist()
+        painter.scene(pose, compliance, load, scale, moved=moved, factor=f, arrow=f, ellipsoids=ellipsoids)
+        for f in factors.tolist()
     )
     return Motion(scenes, frames / seconds)
 
 
 def vibration(
-    robot: Robot, pose: ClosedPose | None = None, mode: int = 1, frames: int = 48, seconds: float = 2.0
+    robot: Robot, pose: ClosedPose | None = None, mode: int = 1, *, frames: int = 48, seconds: float = 2.0
 ) -> Motion:
     """Return one period of a vibration mode of the tool, slowed down; mode 1 has the lowest frequency.
 
@@ -108,7 +108,13 @@ def vibration(
 
 
 def path_motion(
-    robot: Robot, poses: Sequence[ClosedPose], wrench=None, scale: float | None = None, seconds: float | None = None
+    robot: Robot,
+    poses: Sequence[ClosedPose],
+    wrench=None,
+    scale: float | None = None,
+    *,
+    seconds: float | None = None,
+    ellipsoids: str = "beside",
 ) -> Motion:
     """Return the robot going through poses, deflected by a constant wrench (6,) on the tool where one is given.
 
@@ -118,10 +124,14 @@ def path_motion(
         raise InputError("a path needs at least one pose")
     load = None if wrench is None else as_wrench(wrench)
     painter = Painter(robot, poses[len(poses) // 2], None if load is None else load[:3])
-    compliances = [robot.compliance(pose) if robot.mechanism.modules else None for pose in poses]
+    deflects = load is not None and bool(load.any())
+    compliances = [_compliance(robot, pose) if deflects or robot.mechanism.modules else None for pose in poses]
     moves: list[Deflections | None] = [None] * len(poses)
     if load is not None and load.any():
-        moves = [Deflections(_compliance(robot, p) if c is None else c, load) for p, c in zip(poses, compliances, strict=True)]
+        moves = [
+            Deflections(_compliance(robot, p) if c is None else c, load)
+            for p, c in zip(poses, compliances, strict=True)
+        ]
         fitting = [fitting_scale(moved, painter.size) for moved in moves if moved is not None]
         if scale is None:
             scale = min((value for value in fitting if value is not None), default=None)
@@ -130,7 +140,7 @@ def path_motion(
     grey = np.tile([[0.35, 0.38, 0.43]], (len(trace), 1))
     dots = Part("path/tool", _dots(trace, 0.005 * painter.size, grey, level=0), np.eye(4), "#ffffff")
     for pose, compliance, moved in zip(poses, compliances, moves, strict=True):
-        scene = painter.scene(pose, compliance, load, scale, moved=moved)
+        scene = painter.scene(pose, compliance, load, scale, moved=moved, ellipsoids=ellipsoids)
         scenes.append(replace(scene, parts=(*scene.parts, dots)))
     return Motion(tuple(scenes), len(poses) / seconds if seconds else 20.0)
 
@@ -175,11 +185,20 @@ def workspace_cloud(
     colours = map_rgb((values - low) / (high - low) if high > low else np.zeros(len(values)))
     cloud = Part("workspace/cloud", _dots(points, 0.011 * painter.size, colours), np.eye(4), "#ffffff")
     scene = painter.scene(middle, None)
-    title = name or getattr(index, "__name__", "index")
-    at = f"{number(low, 3)} {unit or ''}".strip(), f"{number(high, 3)} {unit or ''}".strip()
+    title = str(name or getattr(index, "__name__", "index"))
+
+    def shown(value: float) -> str:
+        return f"{number(value, 3)} {unit or ''}".strip()
+
     worst, best = int(np.argmax(values)), int(np.argmin(values))
     labels = [
-        Label("workspace", f"{word} {number(values[i], 3)} {unit or ''}".strip(), points[i], points.mean(axis=0), strong=True)
+        Label(
+            "workspace",
+            f"{word} {number(values[i], 3)} {unit or ''}".strip(),
+            points[i],
+            points.mean(axis=0),
+            strong=True,
+        )
         for word, i in (("most", worst), ("least", best))
     ]
     lines = [f"{len(poses)} poses, each a dot coloured by its index"]
@@ -187,7 +206,7 @@ def workspace_cloud(
         lines.append(f"A dot stands {number(1e3 * pointer, 3)} mm from the tool's point along the tool's z axis")
     lines.append(f"Most at {pose_words(robot, poses[worst])}")
     lines.append(f"Least at {pose_words(robot, poses[best])}")
-    legend = Legend(robot.name, tuple(lines), title, at, MAP, notes=painter.notes)
+    legend = Legend(robot.name, tuple(lines), title, (shown(low), shown(high)), MAP, notes=painter.notes)
     pale = tuple(replace(part, opacity=0.45 * part.opacity) for part in scene.parts if part.path != "floor/grid")
     floor = tuple(part for part in scene.parts if part.path == "floor/grid")
     return replace(scene, parts=(*pale, *floor, cloud), labels=(*scene.labels, *labels), legend=legend)

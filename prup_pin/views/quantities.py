@@ -19,6 +19,7 @@ __all__ = [
     "UNITS",
     "WRENCH_DIMENSIONS",
     "fixed",
+    "length_text",
     "mark_position",
     "number",
     "parse_assignments",
@@ -196,6 +197,11 @@ def fixed(values: Iterable[float], digits: int = 4) -> list[str]:
     decimals = max(0, digits - 1 - exponent)
     smallest = 0.5 * 10.0**-decimals
     return [f"{value:.{decimals}f}" if abs(value) >= smallest else "0" for value in array]
+
+
+def length_text(metres: float) -> str:
+    """Return a small displacement in µm, a larger one in mm."""
+    return f"{number(metres * 1e3, 3)} mm" if abs(metres) >= 1e-3 else f"{number(metres * 1e6, 3)} µm"
 
 
 def value_text(value: Any) -> str:

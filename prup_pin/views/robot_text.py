@@ -15,6 +15,7 @@ from ..parameters import Parameter, Quantity
 from ..robot import Robot
 from .joints import clean, joint_role, joint_type, limits, pose_text
 from .quantities import number, value_text
+from .tables import default_texts, given_parameters, mobility_text, module_parameters, redundancy_text
 from .terminal import heading, in_options, listed, make_table, paragraph, print_table
 
 __all__ = ["print_info", "print_kinds", "print_robots"]
@@ -82,18 +83,12 @@ def _print_mobility(out: Console, robot: Robot) -> None:
     except PrupPinError as error:
         paragraph(out, f"unknown: {in_options(str(error))}")
         return
-    actuated = len(robot.mechanism.actuated_dofs)
     listed(out, "actuators", pose_text(robot, home.actuators))
     if home.coordinates:
         listed(out, "task", pose_text(robot, home.coordinates))
-    text = (
-        f"{found.mobility} degrees of freedom = {found.velocities} joint velocities - rank {found.rank} of "
-        f"{found.closures} closures"
-    )
-    listed(out, "freedom", [f"{text}; {actuated} actuated"])
-    redundant = f"{found.redundant}" + (f", in {', '.join(found.redundant_loops)}" if found.redundant_loops else "")
+    listed(out, "freedom", [mobility_text(robot.mechanism, found)])
     if found.closures:
-        listed(out, "redundant", [f"{redundant} closure equation{'s' if found.redundant != 1 else ''}"])
+        listed(out, "redundant", [redundancy_text(found)])
     listed(out, "idle joints", found.idle_joints or ["none"], ", ")
 
 
@@ -102,23 +97,19 @@ def _print_modules(out: Console, robot: Robot) -> None:
     heading(out, f"Compliant modules: {len(modules) or 'none'}", "(equal ones are listed once)" if modules else "")
     alike: dict[tuple, list[str]] = {}
     for module in modules:
-        own = [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
+        own = module_parameters(robot, module)
         key = (module.kind.kind, tuple((p.short, str(p.value), p.source) for p in own))
         alike.setdefault(key, []).append(module.name)
     for names in alike.values():
         module = next(m for m in modules if m.name == names[0])
-        own = [robot.parameters[f"{names[0]}.{quantity.name}"] for quantity in module.kind.quantities]
+        own = module_parameters(robot, module)
         out.print()
         listed(out, "", names, ", ")
         paragraph(out, f"{module.kind.kind}: {module.kind.summary}", "  ")
-        given = [parameter for parameter in own if parameter.source != "default"]
+        given = given_parameters(own)
         if given:
             _print_parameters(out, given)
-        defaults = [
-            f"{p.short} {value_text(p.value)}{_unit(p.unit)}"
-            for p in own
-            if p.source == "default" and not _absent(p.value)
-        ]
+        defaults = default_texts(own)
         if defaults:
             listed(out, "defaults", defaults, ", ", indent=4)
 
@@ -137,14 +128,6 @@ def _print_lengths(out: Console, robot: Robot) -> None:
     if lengths:
         heading(out, "Lengths that place joints")
         _print_parameters(out, (length.parameter for length in lengths), full=True)
-
-
-def _absent(value) -> bool:
-    return bool(np.isnan(np.asarray(value, float)).all())
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
 
 
 def print_robots(out: Console) -> None:

@@ -217,8 +217,9 @@ def belt_mesh(distance: float, first: float, second: float, width: float, thickn
         np.column_stack((edge, np.full(len(edge), height)))
         for edge, height in ((inner, -width / 2), (outer, -width / 2), (outer, width / 2), (inner, width / 2))
     ]
-    count, vertices = len(inner), []
-    faces = []
+    count = len(inner)
+    vertices: list[Array] = []
+    faces: list[np.ndarray] = []
     for one, other in ((0, 1), (1, 2), (2, 3), (3, 0)):
         start = len(vertices) * 2 * count
         vertices.append(np.concatenate((loops[one], loops[other])))

@@ -137,7 +137,9 @@ def _drive(pose: ClosedPose, joint: int, modules: list[Module], size: float, mid
     radius = 0.0145 * size
 
     def add(module: Module | None, name: str, shape: Shape, where: Array, body: int) -> None:
-        found.append(Symbol(name if module is None else module.name, module and module.name, shape, where, body))
+        found.append(
+            Symbol(name if module is None else module.name, None if module is None else module.name, shape, where, body)
+        )
 
     for kind, module in kinds.items():
         if kind in _SCREWS:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 import os.path
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from lxml import etree
@@ -99,7 +100,7 @@ def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path
             Visual(link, _scaled(mesh, scale), at, colour or own or _PLAIN, opacity if colour else 1.0)
             for mesh, own in parts
         ]
-    primitives = {
+    primitives: dict[str, Callable[[], Shape]] = {
         "box": lambda: Box(tuple(_numbers(shape.get("size"), (1, 1, 1)).tolist())),
         "sphere": lambda: Ball(float(shape.get("radius"))),
         "cylinder": lambda: Cylinder(float(shape.get("radius")), float(shape.get("length"))),
@@ -148,7 +149,7 @@ def _load_mesh(path: str, _changed: int) -> tuple[tuple[Mesh, str | None], ...]:
         loaded = trimesh.load_scene(
             io.BytesIO(Path(path).read_bytes()), file_type=Path(path).suffix.lstrip(".").lower(), process=False
         )
-        pieces = loaded.dump()
+        pieces: list[Any] = loaded.dump()
     except Exception as error:  # whatever a reader of foreign files raises
         raise ValueError(f"mesh '{Path(path).name}' cannot be read: {error}") from error
     shapes = []

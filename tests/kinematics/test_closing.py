@@ -76,7 +76,7 @@ def test_an_open_configuration_is_refused(robot, poses):
 
 def test_the_learned_start_changes_nothing_but_the_speed(poses):
     fresh = prup_pin.load("3prup")
-    random_poses(fresh, BOX, 130, seed=3)
+    random_poses(fresh, BOX, 40, seed=3)
     assert fresh._kinematics._seed.fitted
     for pose in poses:
         again = fresh.pose(**pose.coordinates)

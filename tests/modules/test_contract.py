@@ -105,7 +105,7 @@ def test_poses_in_a_batch_are_poses_one_by_one(kind):
     size, poses = len(kind.loads), 4
     generator = np.random.default_rng(3)
     grow = generator.uniform(0.8, 1.2, (poses, 2))
-    batch = ModuleGeometry(GEOMETRY.length * grow, GEOMETRY.position * grow, *list(vars(GEOMETRY).values())[2:])
+    batch = ModuleGeometry(GEOMETRY.length * grow, GEOMETRY.position * grow, *GEOMETRY[2:])
     loads = loads_of(kind) * generator.uniform(-1, 1, (poses, 2, size))
     gravity = generator.normal(size=(poses, 2, 3))
     compliance = np.broadcast_to(kind.compliance(values, batch, loads), (poses, 2, size, size))
@@ -113,7 +113,7 @@ def test_poses_in_a_batch_are_poses_one_by_one(kind):
     own = np.broadcast_to(kind.weight_deformation(values, batch, gravity), (poses, 2, size))
     weight = kind.weight(values, batch)
     for index in range(poses):
-        at = ModuleGeometry(batch.length[index], batch.position[index], *list(vars(GEOMETRY).values())[2:])
+        at = ModuleGeometry(batch.length[index], batch.position[index], *GEOMETRY[2:])
         assert compliance[index] == pytest.approx(kind.compliance(values, at, loads[index]), rel=1e-13, abs=0)
         assert deformation[index] == pytest.approx(kind.deformation(values, at, loads[index]), rel=1e-13, abs=0)
         assert own[index] == pytest.approx(kind.weight_deformation(values, at, gravity[index]), rel=1e-13, abs=0)
@@ -129,7 +129,7 @@ def test_modules_side_by_side_are_modules_one_by_one(kind):
     both = kind.compliance(values, GEOMETRY, loads)
     for index in range(2):
         alone = {name: value[index : index + 1] for name, value in values.items()}
-        at = ModuleGeometry(*(value[index : index + 1] for value in vars(GEOMETRY).values()))
+        at = ModuleGeometry(*(value[index : index + 1] for value in GEOMETRY))
         assert both[index] == pytest.approx(kind.compliance(alone, at, loads[index : index + 1])[0], rel=1e-13, abs=0)
 
 
@@ -137,7 +137,7 @@ def test_modules_side_by_side_are_modules_one_by_one(kind):
 def test_constant_kinds_know_neither_pose_nor_load(kind):
     values = values_of(kind)
     reference = kind.compliance(values, GEOMETRY, None)
-    elsewhere = ModuleGeometry(1.3 * GEOMETRY.length, 1.2 * GEOMETRY.position, *list(vars(GEOMETRY).values())[2:])
+    elsewhere = ModuleGeometry(1.3 * GEOMETRY.length, 1.2 * GEOMETRY.position, *GEOMETRY[2:])
     moved = kind.compliance(values, elsewhere, loads_of(kind))
     assert kind.constant == np.allclose(moved, reference, rtol=1e-9, atol=0)
 

@@ -1,0 +1,129 @@
+"""A real headless Chromium, driven through its DevTools protocol: opens a page, runs scripts in it, takes pictures."""
+
+import asyncio
+import base64
+import importlib.util
+import io
+import json
+import subprocess
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+
+SPEC = importlib.util.spec_from_file_location("render", Path(__file__).parents[2] / "scripts" / "render.py")
+render = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(render)
+
+
+class Browser:
+    """One tab. `requests` holds every address that the page asked for."""
+
+    def __init__(self, folder, size=(1000, 700)):
+        self.requests, self.errors, self._answers, self._count = [], [], {}, 0
+        self._loop = asyncio.new_event_loop()
+        self._process = subprocess.Popen(
+            [
+                *render.command(render.find_chromium(), folder, size),
+                "--remote-debugging-port=0",
+                # names of other hosts lead nowhere, so that a page that needs the network shows itself
+                "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+                "about:blank",
+            ],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        port = Path(folder) / "DevToolsActivePort"
+        self._until(lambda: port.is_file() and len(port.read_text().split()) > 1, "Chromium did not start")
+        self._port = port.read_text().split()[0]
+        self._run(self._connect())
+        for domain in ("Page", "Network", "Runtime", "Log"):
+            self.call(f"{domain}.enable")
+
+    def _until(self, condition, message, seconds=60):
+        end = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end:
+                raise TimeoutError(message)
+            time.sleep(0.05)
+
+    def _run(self, coroutine, seconds=60):
+        return self._loop.run_until_complete(asyncio.wait_for(coroutine, seconds))
+
+    async def _connect(self):
+        from tornado.websocket import websocket_connect
+
+        with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json/list", timeout=30) as answer:
+            tab = next(target for target in json.load(answer) if target["type"] == "page")
+        self._socket = await websocket_connect(tab["webSocketDebuggerUrl"], max_message_size=100_000_000)
+
+    async def _receive(self, number):
+        while number not in self._answers:
+            message = json.loads(await self._socket.read_message())
+            if "id" in message:
+                self._answers[message["id"]] = message
+            elif message["method"] == "Network.requestWillBeSent":
+                self.requests.append(message["params"]["request"]["url"])
+            elif message["method"] == "Network.webSocketCreated":
+                self.requests.append(message["params"]["url"])
+            elif message["method"] == "Runtime.exceptionThrown":
+                self.errors.append(str(message["params"]["exceptionDetails"])[:500])
+            elif message["method"] == "Log.entryAdded" and message["params"]["entry"]["level"] == "error":
+                self.errors.append(message["params"]["entry"]["text"])
+        return self._answers.pop(number)
+
+    def call(self, method, **params):
+        self._count += 1
+        number = self._count
+
+        async def ask():
+            await self._socket.write_message(json.dumps({"id": number, "method": method, "params": params}))
+            return await self._receive(number)
+
+        answer = self._run(ask())
+        if "error" in answer:
+            raise RuntimeError(f"{method}: {answer['error']}")
+        return answer["result"]
+
+    def evaluate(self, script):
+        result = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in result:
+            raise RuntimeError(f"{script}: {result['exceptionDetails']}")
+        return result["result"].get("value")
+
+    def settle(self):
+        """Wait until three more pictures have been drawn."""
+        self.evaluate(
+            "new Promise(done => { let left = 3; const step = () => left-- ? requestAnimationFrame(step) : done(true); "
+            "viewer.set_dirty(); step(); })"
+        )
+
+    def open(self, address):
+        self.requests.clear()
+        self.errors.clear()
+        self.call("Page.navigate", url=address)
+        self._until(
+            lambda: self.evaluate("typeof page !== 'undefined' && page !== null && document.readyState === 'complete'"),
+            f"{address} shows nothing; {self.errors}",
+        )
+        self.settle()
+
+    def picture(self):
+        """Return what is seen, (height, width, 3)."""
+        from PIL import Image
+
+        self.settle()
+        data = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
+
+    def show(self, path, visible):
+        self.evaluate(f"viewer.set_property({json.dumps(path.split('/'))}, 'visible', {str(visible).lower()}); viewer.set_dirty()")
+
+    def close(self):
+        try:
+            self.call("Browser.close")
+        except Exception:
+            self._process.terminate()
+        self._process.wait(20)
+        self._loop.close()

@@ -1,0 +1,247 @@
+"""The static page and the live server in a real browser: everything is drawn, and nothing is asked of other hosts."""
+
+import json
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.views.meshcat_view import view
+
+from .chromium import Browser, render
+
+pytestmark = pytest.mark.skipif(
+    render.find_chromium() is None, reason="Chromium is not installed (Debian, Ubuntu: apt-get install chromium)"
+)
+WRENCH = [300, 0, 0, 0, 0, 0]
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    browser = Browser(str(tmp_path_factory.mktemp("chromium")))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="module")
+def three_prup():
+    robot = prup_pin.load("3prup")
+    return robot, robot.pose(z=0.4, theta=0.436, phi=0.262)
+
+
+def pixels_of(browser, picture, points, base_to_display):
+    """Return the colours where points (n, 3) of the base are seen, and whether labels leave them free."""
+    there = np.asarray(points) @ base_to_display[:3, :3].T + base_to_display[:3, 3]
+    flat = np.array(browser.evaluate(f"{json.dumps(there.tolist())}.map(project)"))[:, :2]
+    columns, rows = np.round(flat).astype(int).T
+    assert ((columns >= 0) & (columns < picture.shape[1]) & (rows >= 0) & (rows < picture.shape[0])).all()
+    return picture[rows, columns]
+
+
+def hide_words(browser):
+    browser.evaluate("document.getElementById('labels').style.display = document.getElementById('legend').style.display = 'none'")
+
+
+def changed(one, other):
+    return (np.abs(one - other).max(axis=-1) > 12).sum()
+
+
+def only_here(browser, own):
+    return [address for address in browser.requests if not address.startswith(("data:", "blob:", own))]
+
+
+@pytest.fixture(scope="module")
+def page(browser, three_prup, tmp_path_factory):
+    robot, pose = three_prup
+    shown = view(robot, pose, WRENCH)
+    path = shown.save(tmp_path_factory.mktemp("page") / "view.html")
+    browser.open(path.as_uri())
+    return shown, path
+
+
+def test_the_robot_is_drawn_where_it_must_be(browser, page):
+    shown, _ = page
+    hide_words(browser)
+    drawn = browser.picture()
+    for folder in ("robot", "modules", "drives", "frames", "wrench", "deflection", "ellipsoids", "floor"):
+        browser.show(folder, False)
+    empty = browser.picture()
+    assert changed(drawn, empty) > 20_000
+    # the background is a smooth gradient and nothing else
+    assert np.abs(np.diff(empty, axis=1)[30:]).max() <= 3
+    for folder in ("robot", "modules", "drives", "frames", "wrench", "deflection", "ellipsoids", "floor"):
+        browser.show(folder, True)
+    scene = shown.scene
+    for path in ("robot/deformed/beams/leg2/linear_rod", "robot/deformed/beams/leg2/moving_star_branch"):
+        part = scene.part(path)
+        points = part.shape.points[4:-4] @ part.placement[:3, :3].T + part.placement[:3, 3]
+        here = pixels_of(browser, drawn, points, scene.display_from_base)
+        there = pixels_of(browser, empty, points, scene.display_from_base)
+        assert (np.abs(here - there).max(axis=1) > 30).mean() > 0.9, path
+    # the rod with the largest share is drawn in the darkest colour of the map
+    part = scene.part("robot/deformed/beams/leg2/linear_rod")
+    points = part.shape.points[8:16] @ part.placement[:3, :3].T + part.placement[:3, 3]
+    colours = pixels_of(browser, drawn, points, scene.display_from_base)
+    red, green, blue = np.median(colours, axis=0)
+    assert green < red < blue < 150
+
+
+@pytest.mark.parametrize(
+    ("path", "least"),
+    [
+        ("robot/ghost", 1500),
+        ("robot/deformed", 8000),
+        ("ellipsoids/translation", 1500),
+        ("ellipsoids/rotation", 4000),
+        ("wrench/force", 400),
+        ("deflection", 100),
+        ("frames/tool", 200),
+        ("modules/leg1/motor", 500),
+    ],
+)
+def test_every_part_is_seen_and_can_be_switched_off(browser, page, path, least):
+    hide_words(browser)
+    drawn = browser.picture()
+    browser.show(path, False)
+    without = browser.picture()
+    browser.show(path, True)
+    assert changed(drawn, without) > least
+    assert changed(drawn, browser.picture()) < 50
+
+
+def test_ghost_and_deformed_stand_apart(browser, page):
+    """Where the undeformed rod was, its tip is no longer: the ghost is there alone."""
+    shown, _ = page
+    ghost, bent = (shown.scene.part(f"robot/{state}/beams/leg2/linear_rod") for state in ("ghost", "deformed"))
+    ends = [part.shape.points[-1] @ part.placement[:3, :3].T + part.placement[:3, 3] for part in (ghost, bent)]
+    matrix = shown.scene.display_from_base
+    there = np.array(ends) @ matrix[:3, :3].T + matrix[:3, 3]
+    flat = np.array(browser.evaluate(f"{json.dumps(there.tolist())}.map(project)"))[:, :2]
+    assert np.linalg.norm(flat[0] - flat[1]) > 10
+
+
+def test_the_static_page_asks_for_nothing(browser, page):
+    _, path = page
+    browser.open(path.as_uri())
+    assert only_here(browser, path.as_uri()) == []
+    assert browser.errors == []
+
+
+def test_words_on_the_page(browser, page):
+    words = browser.evaluate("document.body.innerText")
+    for word in ("3prup", "fx 300 N", "times larger", "leg2/linear_rod", "38.7 %", "µm/N", "mrad/(N m)", "300 N", "leg1"):
+        assert word in words
+    boxes = np.array(
+        browser.evaluate(
+            "[...document.querySelectorAll('.label')].map(l => l.getBoundingClientRect()).map(r => [r.left, r.top, r.right, r.bottom])"
+        )
+    )
+    for index, (left, top, right, bottom) in enumerate(boxes):
+        for other in boxes[:index]:
+            width = min(right, other[2]) - max(left, other[0])
+            height = min(bottom, other[3]) - max(top, other[1])
+            assert width <= 3 or height <= 3, "labels cover each other"
+
+
+def test_up_is_up(browser, page):
+    """The 3-PRUP's base has z downwards; gravity must point down on the screen."""
+    shown, _ = page
+    matrix = shown.scene.display_from_base
+    points = np.array([[0, 0, 0], [0, 0, 0.6]]) @ matrix[:3, :3].T + matrix[:3, 3]
+    top, bottom = browser.evaluate(f"{json.dumps(points.tolist())}.map(project)")
+    assert bottom[1] > top[1] + 100
+
+
+@pytest.mark.parametrize("size", [(1000, 700), (700, 900), (1500, 600), (420, 760)])
+def test_everything_is_in_sight_at_any_size(browser, page, size):
+    _, path = page
+    browser.call(
+        "Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False
+    )
+    try:
+        browser.open(path.as_uri())
+        flat = np.array(browser.evaluate("page.bounds.map(project)"))
+        assert flat[:, 0].min() >= 0
+        assert flat[:, 0].max() <= size[0]
+        assert flat[:, 1].min() >= 0
+        assert flat[:, 1].max() <= size[1]
+        room = browser.evaluate("margins(window.innerWidth)")
+        assert flat[:, 0].min() >= room["left"] - 2
+        # and it fills what room there is
+        width, height = size[0] - room["left"], size[1] - room["bottom"]
+        assert max(np.ptp(flat[:, 0]) / width, np.ptp(flat[:, 1]) / height) > 0.6
+    finally:
+        browser.call("Emulation.clearDeviceMetricsOverride")
+        browser.open(path.as_uri())
+
+
+def test_live_server(browser, three_prup):
+    robot, pose = three_prup
+    shown = view(robot, pose, WRENCH, serve=True)
+    try:
+        assert shown.url.startswith("http://127.0.0.1:")
+        browser.open(shown.url)
+        own = shown.url.removeprefix("http://")
+        assert [a for a in browser.requests if not a.startswith((f"http://{own}", f"ws://{own}", "data:", "blob:"))] == []
+        assert "38.7 %" in browser.evaluate("document.body.innerText")
+        hide_words(browser)
+        first = browser.picture()
+        for path, least in (("robot/deformed", 8000), ("robot/ghost", 1500), ("ellipsoids/translation", 1500)):
+            browser.show(path, False)
+            assert changed(first, browser.picture()) > least
+            browser.show(path, True)
+        # another pose arrives in the same tab
+        shown.update(view(robot, robot.pose(z=0.3, theta=0, phi=0), WRENCH))
+        browser._until(lambda: "z 300 mm" in browser.evaluate("document.getElementById('legend').textContent"), "no update")
+        hide_words(browser)
+        assert changed(first, browser.picture()) > 5000
+        assert browser.errors == []
+    finally:
+        shown.close()
+
+
+def test_names_from_robot_files_are_only_text(browser, tmp_path):
+    text = (prup_pin.robots.packaged_folder() / "3prup.urdf").read_text(encoding="utf-8")
+    evil = "&lt;/script&gt;&lt;img src=x onerror=hacked=1&gt;"
+    path = tmp_path / "evil.urdf"
+    path.write_text(text.replace('robot name="3prup"', f'robot name="{evil}"').replace("leg2/linear_rod", f"leg2/{evil}"), encoding="utf-8")
+    robot = prup_pin.load(path)
+    page = view(robot, robot.pose(z=0.4, theta=0.3, phi=0.2), WRENCH).save(tmp_path / "evil.html")
+    browser.open(page.as_uri())
+    assert "onerror=hacked" in browser.evaluate("document.getElementById('legend').textContent")
+    assert browser.evaluate("typeof hacked") == "undefined"
+    assert browser.evaluate("document.querySelectorAll('img').length") == 0
+    assert only_here(browser, page.as_uri()) == []
+
+
+def test_motion_moves(browser, three_prup, tmp_path):
+    robot, pose = three_prup
+    path = view(robot, pose, WRENCH, motion="load").save(tmp_path / "load.html")
+    pictures = []
+    for moment in (0, 1.5):
+        browser.open("about:blank#") if False else None
+        browser.call("Page.navigate", url="about:blank")
+        browser.open(f"{path.as_uri()}#t={moment}")
+        hide_words(browser)
+        pictures.append(browser.picture())
+    assert changed(*pictures) > 4000
+    assert browser.errors == []
+    # at its height the load deflects as the still scene says
+    still = view(robot, pose, WRENCH).save(tmp_path / "still.html")
+    browser.open(still.as_uri())
+    hide_words(browser)
+    assert changed(browser.picture(), pictures[1]) < 0.02 * changed(*pictures) + 600
+
+
+def test_ur5_with_its_meshes(browser, tmp_path):
+    pytest.importorskip("trimesh")
+    robot = prup_pin.load("ur5", joint_stiffness=1e4)
+    shown = view(robot, robot.pose(**dict.fromkeys(robot.task_coordinates, 0.4)), [0, 0, -100, 0, 0, 0])
+    browser.open(shown.save(tmp_path / "ur5.html").as_uri())
+    hide_words(browser)
+    drawn = browser.picture()
+    for path, least in (("robot/deformed", 10_000), ("robot/base", 300), ("ellipsoids/translation", 1500)):
+        browser.show(path, False)
+        assert changed(drawn, browser.picture()) > least
+        browser.show(path, True)
+    assert browser.errors == []
