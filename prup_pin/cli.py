@@ -1,4 +1,4 @@
-"""The command `prup-pin`: stiffness, info, robots, kinds.
+"""The command `prup-pin`: stiffness, view, report, info, robots, kinds.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. Every error of the package ends as one
 message on stderr and exit code 2; any other exception is a bug and keeps its traceback.
@@ -7,13 +7,19 @@ message on stderr and exit code 2; any other exception is a bug and keeps its tr
 from __future__ import annotations
 
 import fnmatch
+import inspect
 import json
+import os
+import re
 import sys
+import time
 import warnings
-from collections.abc import Iterator
+import webbrowser
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -23,13 +29,17 @@ from .errors import InputError, JointLimitWarning, PrupPinError, UnknownNameErro
 from .kinematics import ClosedPose
 from .modules import KINDS
 from .robot import Robot
-from .spatial import as_wrench
+from .spatial import Array, as_wrench
+from .statics import Compliance
 from .views import robot_text, terminal
 from .views.answer import Answer
 from .views.answer_text import print_answer
 from .views.as_json import answer_as_json, dump
 from .views.joints import coordinate_dimensions, dimension
 from .views.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+
+if TYPE_CHECKING:
+    from .views.meshcat_view import View
 
 __all__ = ["app", "main"]
 
@@ -68,77 +78,171 @@ Home = Annotated[str | None, typer.Option(metavar="J=0.1,…", help="Joint value
 Packages = Annotated[
     list[Path] | None, typer.Option("--package-folder", metavar="DIR", help="Where package:// paths point. Repeatable.")
 ]
-Changes = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter; * matches several. Repeatable."),
+Frame = Annotated[str | None, typer.Option(metavar="FRAME", help="Also show the deflection of this frame.")]
+Scale = Annotated[
+    float | None,
+    typer.Option(metavar="50", help="Draw the deflection this many times larger. Default: so that it shows."),
 ]
-Locks = Annotated[list[str] | None, typer.Option("--lock", metavar="JOINT", help="Put a brake on a joint. Repeatable.")]
 
 
-@app.command()
-def stiffness(
-    robot: RobotName = "3prup",
+@dataclass(frozen=True)
+class Question:
+    """The options that every command about one pose takes: which robot, where, under what."""
+
+    robot: RobotName = "3prup"
     at: Annotated[
         str | None,
         typer.Option(metavar="z=0.4,theta=25deg,…", help="Task coordinates; a tree's joints. Default: home."),
-    ] = None,
+    ] = None
     actuators: Annotated[
         str | None, typer.Option(metavar="0.35,0.51,…", help="Actuator positions, instead of --at.")
-    ] = None,
+    ] = None
     wrench: Annotated[
         str | None,
-        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Default: softest direction."),
-    ] = None,
-    frame: Annotated[str | None, typer.Option(metavar="FRAME", help="Also show the deflection of this frame.")] = None,
+        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Default: softest direction; view: none."),
+    ] = None
+    at_load: Annotated[
+        bool, typer.Option("--at-load", help="Take modules that stiffen with load at --wrench, not at rest.")
+    ] = False
+    set_parameters: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter; * matches several. Repeatable."),
+    ] = None
+    lock: Annotated[
+        list[str] | None, typer.Option("--lock", metavar="JOINT", help="Put a brake on a joint. Repeatable.")
+    ] = None
+    variant: Variant = None
+    tool: Tool = None
+    joint_stiffness: Springs = None
+    actuated: Actuated = None
+    home: Home = None
+    package_folder: Packages = None
+
+
+@dataclass(frozen=True)
+class Case:
+    """A question understood: the robot as changed, the pose and its source, the load, remarks."""
+
+    robot: Robot
+    pose: ClosedPose
+    source: str
+    wrench: Array | None
+    linearised_at: Array | None
+    changes: dict[str, Any]
+    notes: list[str]
+
+    def compliance(self) -> Compliance:
+        """Return C at the pose, linearised where the question asks for it."""
+        return self.robot.compliance(self.pose, load=self.linearised_at)
+
+
+def _asks(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of Question, before its own; it gets the Question as its first argument."""
+    shared = inspect.signature(Question).parameters
+    own = list(inspect.signature(command).parameters.values())[1:]
+    hints = {**get_type_hints(Question, include_extras=True), **get_type_hints(command, include_extras=True)}
+
+    def run(**given: Any) -> None:
+        command(Question(**{name: given.pop(name) for name in shared}), **given)
+
+    parameters = [
+        parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[parameter.name])
+        for parameter in (*shared.values(), *own)
+    ]
+    run.__name__, run.__doc__ = command.__name__, command.__doc__
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return run
+
+
+@app.command()
+@_asks
+def stiffness(
+    question: Question,
+    frame: Frame = None,
     as_json: Annotated[
         str | None, typer.Option("--json", metavar="FILE|-", help="Write all numbers in SI; - is stdout, without text.")
     ] = None,
     pictures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (needs prup_pin[figures]).")
+        Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (needs the extra `figures`).")
     ] = None,
-    at_load: Annotated[
-        bool, typer.Option("--at-load", help="Take modules that stiffen with load at --wrench, not at rest.")
-    ] = False,
-    set_parameters: Changes = None,
-    lock: Locks = None,
-    variant: Variant = None,
-    tool: Tool = None,
-    joint_stiffness: Springs = None,
-    actuated: Actuated = None,
-    home: Home = None,
-    package_folder: Packages = None,
 ) -> None:
     """K, C, deflection and each module's share at one pose."""
-    if at is not None and actuators is not None:
-        raise InputError("--at and --actuators both set the pose; give one of them")
-    load_on_tool = None
-    if wrench is not None:
-        load_on_tool = as_wrench(parse_assignments(wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
-    if at_load and load_on_tool is None:
-        raise InputError("--at-load needs the load: --wrench fx=300")
-    notes: list[str] = []
-    with _limits_as_notes(notes):
-        subject = _load(robot, tool, joint_stiffness, variant, actuated, home, package_folder)
-        changes = _changes(subject, set_parameters or [])
-        if changes:
-            subject = subject.with_parameters(changes)
-        if lock:
-            subject = subject.with_locked_joints(lock)
-        if frame is not None:
-            subject.mechanism.frame(frame)
-        pose, source = _pose(subject, at, actuators)
-        answer = Answer(subject.compliance(pose, load=load_on_tool if at_load else None), load_on_tool, frame)
-    written = [] if pictures is None else _draw(pictures, subject, answer)
+    case = _case(question, frame)
+    answer = Answer(case.compliance(), case.wrench, frame)
+    written = [] if pictures is None else _draw(pictures, case.robot, answer)
     if as_json == "-":
-        typer.echo(dump(answer_as_json(subject, answer, source, changes, notes, __version__)))
+        typer.echo(dump(answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__)))
         return
     out = terminal.console()
-    print_answer(out, subject, answer, source, changes, notes)
+    print_answer(out, case.robot, answer, case.source, case.changes, case.notes)
     if as_json is not None:
-        _write(Path(as_json), dump(answer_as_json(subject, answer, source, changes, notes, __version__)) + "\n")
+        document = answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__)
+        _write(Path(as_json), dump(document) + "\n", "--json")
         written.append(Path(as_json))
     if written:
         typer.echo("\nWritten: " + "\n         ".join(map(str, written)))
+
+
+@app.command()
+@_asks
+def view(
+    question: Question,
+    scale: Scale = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Where to write the page. Default: ./ROBOT.html.")
+    ] = None,
+    serve: Annotated[bool, typer.Option("--serve", help="Serve it on this machine until Ctrl-C; no file.")] = False,
+    open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+) -> None:
+    """The robot in 3-D: its pose, its deflection, what yields (needs the extra `view`)."""
+    from .views.meshcat_view import view as shown_in_3d
+
+    if serve and html is not None:
+        raise InputError("--serve and --html exclude each other; give one of them")
+    _check_folder(html, "--html")
+    case = _case(question)
+    compliance = case.compliance() if case.robot.mechanism.modules else None
+    shown = shown_in_3d(case.robot, case.pose, case.wrench, scale, compliance=compliance)
+    for note in case.notes:
+        typer.echo(f"- {note}")
+    if serve:
+        _serve(shown, open_browser)
+        return
+    path = html if html is not None else Path(f"{_file_name(case.robot.name)}.html")
+    _write(path, shown.static_html(), "--html")
+    _say_written(path, open_browser)
+
+
+@app.command()
+@_asks
+def report(
+    question: Question,
+    frame: Frame = None,
+    scale: Scale = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Where to write it. Default: ./ROBOT_report.html.")
+    ] = None,
+    open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+) -> None:
+    """One page with everything about one pose, to print or hand on (needs the extra `report`)."""
+    from .views.report import report_html
+
+    _check_folder(out, "--out")
+    case = _case(question, frame)
+    page = report_html(
+        case.robot,
+        case.pose,
+        case.wrench,
+        scale=scale,
+        frame=frame,
+        compliance=case.compliance(),
+        changes=case.changes,
+        notes=case.notes,
+    )
+    path = out if out is not None else Path(f"{_file_name(case.robot.name)}_report.html")
+    _write(path, page, "--out")
+    _say_written(path, open_browser)
 
 
 @app.command()
@@ -216,6 +320,37 @@ def _limits_as_notes(notes: list[str]) -> Iterator[None]:
 
 
 # -- options -----------------------------------------------------------------------------------------------------------
+
+
+def _case(question: Question, frame: str | None = None) -> Case:
+    """Return what a question is about; the frame is checked too."""
+    if question.at is not None and question.actuators is not None:
+        raise InputError("--at and --actuators both set the pose; give one of them")
+    wrench = None
+    if question.wrench is not None:
+        wrench = as_wrench(parse_assignments(question.wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
+    if question.at_load and wrench is None:
+        raise InputError("--at-load needs the load: --wrench fx=300")
+    notes: list[str] = []
+    with _limits_as_notes(notes):
+        robot = _load(
+            question.robot,
+            question.tool,
+            question.joint_stiffness,
+            question.variant,
+            question.actuated,
+            question.home,
+            question.package_folder,
+        )
+        changes = _changes(robot, question.set_parameters or [])
+        if changes:
+            robot = robot.with_parameters(changes)
+        if question.lock:
+            robot = robot.with_locked_joints(question.lock)
+        if frame is not None:
+            robot.mechanism.frame(frame)
+        pose, source = _pose(robot, question.at, question.actuators)
+    return Case(robot, pose, source, wrench, wrench if question.at_load else None, changes, notes)
 
 
 def _load(name: str, tool, joint_stiffness, variant, actuated, home, package_folder) -> Robot:
@@ -326,8 +461,59 @@ def _draw(folder: Path, robot: Robot, answer: Answer) -> list[Path]:
     return paths
 
 
-def _write(path: Path, content: str) -> None:
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+def _file_name(name: str) -> str:
+    """Return a robot's name as that of a file in the current folder."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._-")[:80] or "robot"
+
+
+def _check_folder(path: Path | None, option: str) -> None:
+    """Raise InputError, before anything is computed, where a file cannot be written."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise InputError(f"{option}: '{path}' is a folder; give a file in it")
+    if not path.parent.is_dir():
+        raise InputError(f"{option}: cannot write '{path}': there is no folder '{path.parent}'")
+
+
+def _write(path: Path, content: str, option: str) -> None:
+    """Write a file whole or not at all: another one that is there stays until the new one is complete."""
+    _check_folder(path, option)
     try:
-        path.write_text(content, encoding="utf-8")
+        target = path.resolve()
+        if target.exists() and not target.is_file():  # a pipe, a device
+            path.write_text(content, encoding="utf-8")
+            return
+        part = target.with_name(f".{target.name[:80]}.{os.getpid()}.part")
+        try:
+            with part.open("x", encoding="utf-8") as file:
+                file.write(content)
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"--json: cannot write '{path}': {error.strerror}") from error
+        raise InputError(f"{option}: cannot write '{path}': {error.strerror}") from error
+
+
+def _say_written(path: Path, open_browser: bool) -> None:
+    typer.echo(f"Written: {path} ({path.stat().st_size / 1e6:.1f} MB); open it in a browser")
+    if open_browser:
+        webbrowser.open(path.resolve().as_uri())
+
+
+def _serve(shown: View, open_browser: bool) -> None:
+    """Serve a view until Ctrl-C."""
+    url = shown.serve()
+    typer.echo(f"Serving {url} on this machine; Ctrl-C stops it")
+    if open_browser:
+        webbrowser.open(url)
+    try:
+        while True:
+            time.sleep(3600)
+    except KeyboardInterrupt:
+        typer.echo("Stopped")
+    finally:
+        shown.close()

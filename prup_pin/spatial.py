@@ -11,6 +11,7 @@ All functions broadcast over leading axes.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,12 @@ def wrench_in_frame(placement: Array, wrench: Array) -> Array:
     moved[..., 3:, :] -= skew(placement[..., :3, 3]) @ wrench[..., :3, :]
     halves = moved.reshape(*wrench.shape[:-2], 2, 3, wrench.shape[-1])
     return (placement[..., None, :3, :3].mT @ halves).reshape(wrench.shape)
+
+
+def frobenius(matrix: NDArray[np.floating]) -> float:
+    """Return the Frobenius norm of one matrix, without the overhead of numpy.linalg.norm."""
+    flat = matrix.ravel(order="K")
+    return sqrt(flat @ flat)
 
 
 def rotation_xyz(x: float, y: float, z: float) -> Array:

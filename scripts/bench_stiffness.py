@@ -65,9 +65,7 @@ def main() -> None:
     print(f"{'  of which closing the loops':52s}{timed(kinematics_only, cases, []) * 1e6:10.0f} us")
     seed.COLD_SOLVES = 10**9
     robot = prup_pin.load("3prup")
-    print(
-        f"{'  before the start is learned (first 32 poses)':52s}{timed(ours, cases, warm_up[:20]) * 1e6:10.0f} us"
-    )
+    print(f"{'  before the start is learned (first 32 poses)':52s}{timed(ours, cases, warm_up[:20]) * 1e6:10.0f} us")
 
     peers = [
         ("PyNite beam elements, dense multi-point constraints", frame_fe.three_prup_compliance),

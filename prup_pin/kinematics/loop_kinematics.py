@@ -10,7 +10,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
 from ..mechanism import Mechanism
-from ..spatial import Array, skew
+from ..spatial import Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
 from .seed import PoseSeed
@@ -471,7 +470,7 @@ class LoopKinematics:
             except np.linalg.LinAlgError:
                 inverse = None
             # The product of Frobenius norms bounds the condition number from above.
-            if inverse is not None and _frobenius(inverse) * _frobenius(scaled) < SINGULAR:
+            if inverse is not None and frobenius(inverse) * frobenius(scaled) < SINGULAR:
                 return PassiveBalance(inverse * self._free_factors, np.zeros((count, 0)), np.zeros((size, 0)))
         u, singular_values, vt = np.linalg.svd(scaled.T)
         limit = singular_values.max(initial=0.0) / SINGULAR
@@ -511,11 +510,6 @@ class LoopKinematics:
             requested,
             nearest,
         )
-
-
-def _frobenius(matrix: Array) -> float:
-    flat = matrix.ravel(order="K")
-    return sqrt(flat @ flat)
 
 
 def _solve(matrix: Array, right: Array) -> NDArray[np.floating]:

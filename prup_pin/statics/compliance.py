@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError, NoStiffnessError, UnknownNameError
-from ..spatial import WRENCH_NAMES, Array, as_wrench
+from ..spatial import WRENCH_NAMES, Array, as_wrench, frobenius
 from .castigliano import Statics
 from .elastic_line import ElasticLine, elastic_line
 from .weight import weight_strains
@@ -83,8 +83,8 @@ class Compliance:
             inverse = np.linalg.inv(scaled)
         except np.linalg.LinAlgError:
             inverse = np.full((6, 6), np.inf)
-        # The largest entries of positive definite matrices stand on their diagonals.
-        if not 0 < inverse.diagonal().max() * scaled.diagonal().max() < 0.1 / RIGID:
+        # The product of Frobenius norms bounds the condition number from above.
+        if not 0 < frobenius(inverse) * frobenius(scaled) < 0.1 / RIGID:
             rigid = self.rigid_directions
             if len(rigid):
                 listed = "; ".join(_direction(direction) for direction in rigid)

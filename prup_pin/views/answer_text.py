@@ -129,7 +129,8 @@ def _print_shares(out: Console, answer: Answer) -> None:
     print_table(out, table)
     compliance = answer.compliance
     if compliance.legs:
-        listed(out, "by leg", [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()])
+        legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]
+        listed(out, "by leg", legs)
     groups = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
     listed(out, "by group", [f"{name} {percent_text(answer.share_of(part))} %" for name, part in groups.items()])
 

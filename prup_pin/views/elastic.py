@@ -37,10 +37,12 @@ class BentLine:
     def displacement(self, points: Array) -> Array:
         """Return where points (n, 3) beside the line go: with their sections, rigidly beyond the ends."""
         z = np.clip(points[:, 2], 0.0, self.length)
-        moved = _interpolate(z, self._places, self._displacement)
-        turned = _interpolate(z, self._places, self._rotation)
         arms = points - np.column_stack((np.zeros((len(z), 2)), z))
-        return moved + np.cross(turned, arms)
+        return _interpolate(z, self._places, self._displacement) + np.cross(self.rotation(points), arms)
+
+    def rotation(self, points: Array) -> Array:
+        """Return how far the sections at points (n, 3) turn."""
+        return _interpolate(np.clip(points[:, 2], 0.0, self.length), self._places, self._rotation)
 
 
 def _interpolate(at: Array, places: Array, values: Array) -> Array:
@@ -64,6 +66,7 @@ class Deflections:
             if body in names:
                 self._twists[body] = compliance.deflection(wrench, frame=names[body])
                 self._points[body] = pose.placement(names[body])[:3, 3]
+        self._shapes = _shapes(pose, self._points)
         self._lines = {
             module.name: compliance.elastic_line(module.name, wrench, SECTIONS)
             for module in mechanism.modules
@@ -82,14 +85,42 @@ class Deflections:
         return scale * (twist[:3] + np.cross(twist[3:], point - self._points[body]))
 
     def place(self, body: int, at: Array, scale: float) -> Array:
-        """Return the placement of a frame fixed to a body after its scaled deflection; the body stays rigid."""
-        turned = rotation_of(scale * self._twists[body, 3:]) @ at[:3, :3]
-        return placement(turned, at[:3, 3] + self.shift(body, at[:3, 3], scale))
+        """Return the placement of a frame fixed to a body after its scaled deflection.
+
+        The frame's origin goes where its deflection says. The body stays rigid: of all rotations it takes the one that
+        brings its joints nearest to where their scaled deflections lead, so that bodies stay together on the picture
+        even where a scaled rotation is no longer small.
+        """
+        rx, ry, rz = scale * self._twists[body, 3:]
+        linear = np.array([[1, -rz, ry], [rz, 1, -rx], [-ry, rx, 1]])
+        u, _, vt = np.linalg.svd(linear @ self._shapes[body])
+        return placement(u @ vt @ at[:3, :3], at[:3, 3] + self.shift(body, at[:3, 3], scale))
 
     def bent(self, module: Module, pose: ClosedPose, scale: float) -> BentLine:
         """Return the scaled elastic line of a beam."""
         line = self._lines[module.name]
         return BentLine(*beam_frame(module, pose), scale * line.displacement, scale * line.rotation)
+
+
+def _shapes(pose: ClosedPose, origins: Array) -> Array:
+    """Return the second moments (n, 3, 3) of the joints and frames that each body carries, positive definite."""
+    mechanism, model = pose.mechanism, pose.mechanism.model
+    points: list[list[Array]] = [[] for _ in range(model.njoints)]
+    for joint in range(1, model.njoints):
+        parent = int(model.parents[joint])
+        points[parent].append((pose.placements[parent] @ model.jointPlacements[joint].homogeneous)[:3, 3])
+        points[joint].append(pose.placements[joint][:3, 3])
+    frames = [frame for loop in mechanism.loops for frame in (loop.first, loop.second)]
+    frames += [frame for module in mechanism.modules for frame in (module.frame, module.root) if frame is not None]
+    for frame in frames:
+        points[frame.joint].append((pose.placements[frame.joint] @ frame.placement)[:3, 3])
+    shapes = np.tile(np.eye(3), (model.njoints, 1, 1))
+    for body, found in enumerate(points):
+        arms = np.array(found).reshape(-1, 3) - origins[body]
+        moments = arms.T @ arms
+        if np.trace(moments) > 1e-12:
+            shapes[body] = moments / np.trace(moments) + 0.01 * np.eye(3)
+    return shapes
 
 
 def beam_frame(module: Module, pose: ClosedPose) -> tuple[Array, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import threading
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -29,7 +30,6 @@ class Server:
     def __init__(self, page: Callable[[str], str], port: int = 0):
         try:
             import tornado.httpserver
-            import tornado.netutil
             import tornado.web
             import tornado.websocket
         except ImportError as error:
@@ -37,11 +37,15 @@ class Server:
         server = self
         self._messages: list[bytes | str] = []
         self._sockets: set[Any] = set()
+        listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
-            listening = tornado.netutil.bind_sockets(port, address="127.0.0.1")
+            listening.bind(("127.0.0.1", port))
+            listening.listen(16)
+            listening.setblocking(False)
         except (OSError, OverflowError) as error:
+            listening.close()
             raise InputError(f"port {port} cannot be used ({error}); 0 takes a free one") from error
-        self.port: int = listening[0].getsockname()[1]
+        self.port: int = listening.getsockname()[1]
 
         class Page(tornado.web.RequestHandler):
             def get(self) -> None:
@@ -70,13 +74,14 @@ class Server:
 
         def run() -> None:
             asyncio.set_event_loop(self._loop)
-            http = tornado.httpserver.HTTPServer(tornado.web.Application([(r"/", Page), (r"/socket", Socket)]))
-            http.add_sockets(listening)
+            pages = tornado.web.Application([(r"/", Page), (r"/socket", Socket)], log_function=lambda handler: None)
+            http = tornado.httpserver.HTTPServer(pages)
+            http.add_sockets([listening])
             self._loop.call_soon(ready.set)
             self._loop.run_forever()
             http.stop()
-            for socket in list(self._sockets):
-                socket.close()
+            for browser in list(self._sockets):
+                browser.close()
             self._loop.run_until_complete(asyncio.sleep(0.05))
             self._loop.close()
 
@@ -94,8 +99,8 @@ class Server:
 
         def send() -> None:
             self._messages = list(messages)
-            for socket in list(self._sockets):
-                self._send(socket, [*before, *messages])
+            for browser in list(self._sockets):
+                self._send(browser, [*before, *messages])
 
         self._loop.call_soon_threadsafe(send)
 
@@ -104,9 +109,9 @@ class Server:
         return host in (f"127.0.0.1:{self.port}", f"localhost:{self.port}")
 
     @staticmethod
-    def _send(socket: Any, messages: Sequence[bytes | str]) -> None:
+    def _send(browser: Any, messages: Sequence[bytes | str]) -> None:
         for message in messages:
-            socket.write_message(message, binary=isinstance(message, bytes))
+            browser.write_message(message, binary=isinstance(message, bytes))
 
     def wait(self) -> None:
         """Wait until the server is stopped; Ctrl-C ends the waiting."""

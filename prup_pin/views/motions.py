@@ -204,8 +204,8 @@ def workspace_cloud(
     lines = [f"{len(poses)} poses, each a dot coloured by its index"]
     if pointer:
         lines.append(f"A dot stands {number(1e3 * pointer, 3)} mm from the tool's point along the tool's z axis")
-    lines.append(f"Most at {pose_words(robot, poses[worst])}")
-    lines.append(f"Least at {pose_words(robot, poses[best])}")
+    lines.append(f"Most at {pose_words(robot, poses[worst], 3)}")
+    lines.append(f"Least at {pose_words(robot, poses[best], 3)}")
     legend = Legend(robot.name, tuple(lines), title, (shown(low), shown(high)), MAP, notes=painter.notes)
     pale = tuple(replace(part, opacity=0.45 * part.opacity) for part in scene.parts if part.path != "floor/grid")
     floor = tuple(part for part in scene.parts if part.path == "floor/grid")

@@ -17,7 +17,7 @@ from .answer import wrench_text
 from .camera import best_camera
 from .colours import grey_of, map_colour
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, rotation_of
-from .joints import coordinate_dimensions
+from .joints import pose_text
 from .quantities import number
 from .scene import INK, ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
 from .shapes import Ball, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube
@@ -27,7 +27,7 @@ from .visuals import Visual, visuals
 
 __all__ = ["Painter", "displacement_text", "pose_scene", "pose_words"]
 
-GHOST, LOAD, MOVED = "#7d8794", "#0f7b3e", "#111827"
+GHOST, LOAD, MOVED, SYMBOL = "#7d8794", "#0f7b3e", "#111827", "#b08d57"
 AXES = ("#d62728", "#2a9d3f", "#1f5fd0")
 ELLIPSOIDS: Mapping[str, str] = {"translation": "#2a9d8f", "rotation": "#7a5195"}
 
@@ -42,6 +42,7 @@ class Painter:
         self.notes = notes
         self.links = {name: mechanism.frame(name) for name in self.visuals}
         self.drawn_bodies = {frame.joint for frame in self.links.values()}
+        self.base_links = sum(frame.joint == 0 for frame in self.links.values())
         self.beams = [module for module in mechanism.modules if module.kind.spans_frames]
         # a link that is a beam's body bends with it
         self.beam_of_link = {module.body: module for module in self.beams if module.body in self.visuals}
@@ -112,7 +113,9 @@ class Painter:
             if ghost and frame.joint == 0:
                 continue
             beam = self.beam_of_link.get(link)
-            folder = "base" if frame.joint == 0 else f"links/{link}"
+            folder = f"links/{link}"
+            if frame.joint == 0:
+                folder = "base" if self.base_links == 1 else f"base/{link}"
             for index, visual in enumerate(shapes):
                 name = folder if len(shapes) == 1 else f"{folder}/{index + 1}"
                 seat = pose.placements[frame.joint] @ frame.placement
@@ -161,14 +164,13 @@ class Painter:
             return Tube(points + line.displacement(points), shape.radius), frame
         if isinstance(shape, Mesh) and moved is not None:
             points = shape.vertices @ own[:3, :3].T + own[:3, 3]
-            return Mesh(points + line.displacement(points), shape.faces), frame
+            normals = None if shape.normals is None else shape.normals @ own[:3, :3].T
+            return Mesh(points + line.displacement(points), shape.faces, normals), frame
         if moved is None:
             return shape, at
-        centre = own[:3, 3][None]
-        turn = line.displacement(centre + np.eye(3)) - line.displacement(centre)
-        axial = np.array([turn[1, 2] - turn[2, 1], turn[2, 0] - turn[0, 2], turn[0, 1] - turn[1, 0]]) / 2
-        there = placement(rotation_of(axial) @ own[:3, :3], own[:3, 3] + line.displacement(centre)[0])
-        return shape, frame @ there
+        centre = own[:3, 3]
+        turned = rotation_of(line.rotation(centre[None])[0]) @ own[:3, :3]
+        return shape, frame @ placement(turned, centre + line.displacement(centre[None])[0])
 
     def _skeleton(self, pose: ClosedPose, moved: Deflections | None, scale: float, put, ghost: bool) -> None:
         """Draw lines between the joints of every body that has no geometry of its own."""
@@ -258,7 +260,7 @@ class Painter:
             at = moved.place(symbol.body, symbol.placement, drawn) if loaded and moved is not None else symbol.placement
             colour = symbol.colour
             if symbol.module is not None:
-                colour = colours[symbol.module] if colours else "#b08d57"
+                colour = colours[symbol.module] if colours else SYMBOL
             folder = "modules" if symbol.module is not None else "drives"
             parts.append(Part(f"{folder}/{symbol.name}", symbol.shape, at, colour))
         tool = pose.base_from_tool
@@ -277,7 +279,7 @@ class Painter:
             found = self._wrench(there, wrench, arrow)
             parts += found[0]
             labels += found[1]
-            found = self._deflection(tool, there, moved, factor, drawn)
+            found = self._deflection(tool, there, moved, factor)
             parts += found[0]
             labels += found[1]
         balls: dict[str, ComplianceEllipsoid] = {}
@@ -318,9 +320,7 @@ class Painter:
         if force > 0:
             axis = wrench[:3] / force
             frame = placement(axis_as_z(axis), origin)
-            length = 0.3 * size * max(abs(arrow), 0.02)
-            if arrow < 0:
-                frame = placement(axis_as_z(-axis), origin)
+            length = 0.3 * size * max(arrow, 0.02)
             parts += _arrow("wrench/force", frame, length, 0.0105 * size, LOAD)
             tip = frame[:3, 3] + length * frame[:3, 2]
             labels.append(Label("wrench/force", f"{number(arrow * force, 4)} N", tip, origin, LOAD, True))
@@ -336,24 +336,16 @@ class Painter:
             points = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(49)))
             frame = placement(turn, origin)
             parts.append(Part("wrench/moment/arc", Tube(points, 0.0085 * size, 12), frame, LOAD))
-            sign = 1.0 if arrow >= 0 else -1.0
-            tangent = sign * np.array([-np.sin(angle[-1]), np.cos(angle[-1]), 0.0])
+            tangent = np.array([-np.sin(angle[-1]), np.cos(angle[-1]), 0.0])
             head = frame @ placement(axis_as_z(tangent), points[-1])
             parts.append(Part("wrench/moment/head", Cone(0.026 * size, 0.06 * size), head, LOAD))
-            parts.append(
-                Part(
-                    "wrench/moment/axis",
-                    Cylinder(0.003 * size, 0.3 * size),
-                    frame,
-                    LOAD,
-                )
-            )
+            parts.append(Part("wrench/moment/axis", Cylinder(0.003 * size, 0.3 * size), frame, LOAD))
             at_label = (frame @ np.append(points[24], 1.0))[:3]
             labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", at_label, origin, LOAD, True))
         return parts, labels
 
     def _deflection(
-        self, tool: Array, there: Array, moved: Deflections, factor: float, drawn: float
+        self, tool: Array, there: Array, moved: Deflections, factor: float
     ) -> tuple[list[Part], list[Label]]:
         start, end = tool[:3, 3], there[:3, 3]
         length = float(np.linalg.norm(end - start))
@@ -474,6 +466,8 @@ class Painter:
                 Row(LOAD, "load on the tool", sign="line"),
                 Row(MOVED, "displacement of the tool", sign="line"),
             ]
+        elif any(not module.kind.spans_frames for module in pose.mechanism.modules):
+            signs.append(Row(SYMBOL, "drives, bearings and springs, as symbols"))
         if "translation" in balls:
             signs.append(Row(ELLIPSOIDS["translation"], "displacement by 1 N in every direction"))
         if "rotation" in balls:
@@ -531,16 +525,10 @@ def displacement_text(metres: float) -> str:
     return f"{number(metres * 1e3, 3)} mm" if abs(metres) >= 1e-3 else f"{number(metres * 1e6, 3)} µm"
 
 
-def pose_words(robot: Robot, pose: ClosedPose) -> str:
-    """Return 'z 400 mm, theta 25°, phi 15°'."""
-    dimensions = coordinate_dimensions(robot)
+def pose_words(robot: Robot, pose: ClosedPose, digits: int = 4) -> str:
+    """Return 'z 400 mm, theta 25°, phi 15°'; joints where there are no coordinates, actuators where these are many."""
     values = pose.coordinates or (pose.actuators if len(pose.joints) > 8 else pose.joints)
-    words = []
-    for name, value in values.items():
-        kind = dimensions.get(name, "number")
-        text = {"length": f"{number(value * 1e3, 4)} mm", "angle": f"{number(np.degrees(value), 3)}°"}.get(kind)
-        words.append(f"{name} {text or number(value, 4)}")
-    return ", ".join(words)
+    return ", ".join(text.replace(" deg", "°") for text in pose_text(robot, values, digits))
 
 
 def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, on_top: bool = False) -> list[Part]:

@@ -26,6 +26,7 @@ __all__ = [
     "parse_list",
     "parse_quantity",
     "value_text",
+    "workshop_text",
 ]
 
 _LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
@@ -42,6 +43,19 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 #: Dimension of each component of a wrench.
 WRENCH_DIMENSIONS: Mapping[str, str] = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
+
+#: SI units of parameters, the units in which a workshop speaks of them, and the factor between.
+_WORKSHOP: Mapping[str, tuple[str, float]] = {
+    "m": ("mm", 1e3),
+    "m^2": ("mm²", 1e6),
+    "m^4": ("mm⁴", 1e12),
+    "Pa": ("GPa", 1e-9),
+    "N/m": ("N/µm", 1e-6),
+    "N m/rad": ("N m/mrad", 1e-3),
+    "rad": ("°", 180 / math.pi),
+    "kg/m^3": ("kg/m³", 1.0),
+    "1": ("", 1.0),
+}
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _ARTICLE = {
@@ -212,3 +226,11 @@ def value_text(value: Any) -> str:
     if array.ndim == 1 and array.size <= 12:
         return " ".join(number(entry, 4) for entry in array)
     return f"{' x '.join(map(str, array.shape))} numbers"
+
+
+def workshop_text(value: Any, unit: str) -> str:
+    """Return '20 mm' of 0.02 and 'm': an SI value, or an array, in the unit in which a workshop speaks of it."""
+    name, factor = _WORKSHOP.get(unit, (unit, 1.0))
+    scaled = np.asarray(value, float) * factor
+    text = value_text(scaled) if scaled.ndim else number(float(scaled), 5)
+    return text if text == "infinite" or not name else f"{text}{'' if name == '°' else ' '}{name}"

@@ -15,7 +15,7 @@ from ..parameters import Parameter, Quantity
 from ..robot import Robot
 from .joints import clean, joint_role, joint_type, limits, pose_text
 from .quantities import number, value_text
-from .tables import default_texts, given_parameters, mobility_text, module_parameters, redundancy_text
+from .tables import default_parameters, mobility_text, module_parameters, redundancy_text
 from .terminal import heading, in_options, listed, make_table, paragraph, print_table
 
 __all__ = ["print_info", "print_kinds", "print_robots"]
@@ -106,10 +106,12 @@ def _print_modules(out: Console, robot: Robot) -> None:
         out.print()
         listed(out, "", names, ", ")
         paragraph(out, f"{module.kind.kind}: {module.kind.summary}", "  ")
-        given = given_parameters(own)
+        given = [parameter for parameter in own if parameter.source != "default"]
         if given:
             _print_parameters(out, given)
-        defaults = default_texts(own)
+        defaults = [
+            f"{p.short} {value_text(p.value)}{'' if p.unit == '1' else f' {p.unit}'}" for p in default_parameters(own)
+        ]
         if defaults:
             listed(out, "defaults", defaults, ", ", indent=4)
 

@@ -119,8 +119,7 @@ def skeleton(pose: ClosedPose) -> Skeleton:
         for end in (loop.first, loop.second):
             points[end.joint].append(position(end))
         closures.append((position(loop.first), position(loop.second), loop.first.joint, loop.second.joint))
-    tool = mechanism.tool
-    assert tool is not None  # a pose has one
+    tool = mechanism.need_tool()
     points[tool.joint].append(position(tool))
     anchors = _unique(points[0])
     if len(anchors) <= 1 and model.njoints > 1:

@@ -13,21 +13,20 @@ from ..parameters import Parameter
 from ..robot import Robot
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
 from .answer import Answer, wrench_text
-from .quantities import fixed, number, value_text
+from .quantities import fixed, number
 
 __all__ = [
     "DISPLACEMENT_COLUMNS",
     "MatrixTable",
     "assumptions",
     "compliance_table",
-    "default_texts",
+    "default_parameters",
     "direction_text",
     "displacement_cells",
     "given_parameters",
     "load_text",
     "mobility_text",
     "module_parameters",
-    "parameter_text",
     "percent_text",
     "redundancy_text",
     "rigid_texts",
@@ -152,7 +151,7 @@ def mobility_text(mechanism: Mechanism, found: Mobility) -> str:
 def redundancy_text(found: Mobility) -> str:
     """Return '1 closure equation', with the loops it can be blamed on."""
     loops = f", in {', '.join(found.redundant_loops)}" if found.redundant_loops else ""
-    return f"{found.redundant}{loops} closure equation{'s' if found.redundant != 1 else ''}"
+    return f"{found.redundant} closure equation{'s' if found.redundant != 1 else ''}{loops}"
 
 
 def module_parameters(robot: Robot, module: Module) -> list[Parameter]:
@@ -162,19 +161,9 @@ def module_parameters(robot: Robot, module: Module) -> list[Parameter]:
 
 def given_parameters(parameters: Sequence[Parameter]) -> list[Parameter]:
     """Return the parameters that somebody gave a value."""
-    return [parameter for parameter in parameters if parameter.source != "default"]
+    return [parameter for parameter in parameters if parameter.source not in ("default", "derived")]
 
 
-def default_texts(parameters: Sequence[Parameter]) -> list[str]:
-    """Return 'count 2' of the parameters that nobody gave a value."""
-    return [
-        parameter_text(parameter)
-        for parameter in parameters
-        if parameter.source == "default" and not np.isnan(np.asarray(parameter.value, float)).all()
-    ]
-
-
-def parameter_text(parameter: Parameter) -> str:
-    """Return 'diameter 0.02 m'."""
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    return f"{parameter.short} {value_text(parameter.value)}{unit}"
+def default_parameters(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return the parameters that nobody gave a value but that have one."""
+    return [p for p in parameters if p.source == "default" and not np.isnan(np.asarray(p.value, float)).all()]

@@ -118,7 +118,9 @@ class Browser:
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 
     def show(self, path, visible):
-        self.evaluate(f"viewer.set_property({json.dumps(path.split('/'))}, 'visible', {str(visible).lower()}); viewer.set_dirty()")
+        self.evaluate(
+            f"viewer.set_property({json.dumps(path.split('/'))}, 'visible', {str(visible).lower()}); viewer.set_dirty()"
+        )
 
     def close(self):
         try:

@@ -1,0 +1,103 @@
+"""Makes the pictures of the README and the documentation in docs/pictures/; run by pictures.sh.
+
+Scenes are rendered by a headless Chromium, drawings by matplotlib. Names as arguments make only those.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
+
+import render
+
+import prup_pin
+from prup_pin.robot import random_poses
+from prup_pin.views.meshcat_view import View, view
+
+OUT = ROOT / "docs" / "pictures"
+LARGEST = 300_000  # bytes
+SIDE_LOAD = {"fx": 300}
+BOX = {"z": (0.25, 0.5), "theta": (-0.5, 0.5), "phi": (-0.5, 0.5)}
+
+
+def three_prup():
+    robot = prup_pin.load("3prup")
+    return robot, robot.pose(z=0.4, theta=np.radians(25), phi=np.radians(15))
+
+
+def side_load() -> View:
+    """The 3-PRUP under a side load: what bends, how far, and who is to blame."""
+    robot, pose = three_prup()
+    return view(robot, pose, SIDE_LOAD)
+
+
+def robot_alone() -> View:
+    """The 3-PRUP at home, with its own colours."""
+    return view(three_prup()[0])
+
+
+def ur5() -> View:
+    """An arm with its own meshes and springs in its joints."""
+    robot = prup_pin.load("ur5", joint_stiffness=1e4)
+    at = dict(zip(robot.task_coordinates, (0.4, -1.2, 1.4, -1.7, -1.57, 0.3), strict=True))
+    return view(robot, at, {"fz": -100})
+
+
+def vibration() -> View:
+    """The lowest vibration mode, at its turning point."""
+    robot, pose = three_prup()
+    return view(robot, pose, motion="mode 1")
+
+
+def workspace() -> View:
+    """The largest compliance over the workspace."""
+    robot, _ = three_prup()
+    return view(robot, workspace=random_poses(robot, BOX, 800, seed=2))
+
+
+#: Picture, what it shows, and the moment of a motion [s].
+SCENES = {
+    "view": (side_load, None),
+    "view_robot": (robot_alone, None),
+    "view_ur5": (ur5, None),
+    "view_vibration": (vibration, 0.5),
+    "view_workspace": (workspace, None),
+}
+
+
+def drawings() -> None:
+    """Draw what `prup-pin stiffness --pictures` writes."""
+    from prup_pin.views.figures import pose_figure, shares_figure
+
+    robot, pose = three_prup()
+    compliance = robot.compliance(pose)
+    load = np.array([300.0, 0, 0, 0, 0, 0])
+    pose_figure(robot, pose, compliance, load).savefig(OUT / "pose.png")
+    shares_figure(compliance, load).savefig(OUT / "shares.png")
+
+
+def main(wanted: list[str]) -> None:
+    OUT.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (make, moment) in SCENES.items():
+            if wanted and name not in wanted:
+                continue
+            page = make().save(Path(folder) / f"{name}.html")
+            render.render(str(page) + (f"#t={moment}" if moment else ""), OUT / f"{name}.png", (1200, 750))
+    if not wanted or {"pose", "shares"} & set(wanted):
+        drawings()
+    for path in sorted(OUT.glob("*.png")):
+        size = path.stat().st_size
+        print(f"{path.relative_to(ROOT)}  {size / 1000:.0f} kB{'  TOO LARGE' if size > LARGEST else ''}")
+        if size > LARGEST:
+            raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
