@@ -99,7 +99,7 @@ class Question:
     ] = None
     wrench: Annotated[
         str | None,
-        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Default: softest direction; view: none."),
+        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Default: softest direction."),
     ] = None
     at_load: Annotated[
         bool, typer.Option("--at-load", help="Take modules that stiffen with load at --wrench, not at rest.")
@@ -164,7 +164,7 @@ def stiffness(
         str | None, typer.Option("--json", metavar="FILE|-", help="Write all numbers in SI; - is stdout, without text.")
     ] = None,
     pictures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (needs the extra `figures`).")
+        Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (extra: figures).")
     ] = None,
 ) -> None:
     """K, C, deflection and each module's share at one pose."""
@@ -195,7 +195,7 @@ def view(
     serve: Annotated[bool, typer.Option("--serve", help="Serve it on this machine until Ctrl-C; no file.")] = False,
     open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
 ) -> None:
-    """The robot in 3-D: its pose, its deflection, what yields (needs the extra `view`)."""
+    """The robot in 3-D: its pose, its deflection, what yields (extra: view)."""
     from .views.meshcat_view import view as shown_in_3d
 
     if serve and html is not None:
@@ -225,7 +225,7 @@ def report(
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
 ) -> None:
-    """One page with everything about one pose, to print or hand on (needs the extra `report`)."""
+    """One page with everything about one pose, to print or hand on (extra: report)."""
     from .views.report import report_html
 
     _check_folder(out, "--out")

@@ -64,7 +64,7 @@ def test_imports_point_one_way():
 
 def test_import_is_light():
     """Command line, plots and optimisers load only when used."""
-    heavy = "typer rich matplotlib scipy meshcat yourdfpy"
+    heavy = "typer rich matplotlib scipy meshcat yourdfpy jinja2"
     code = f"import sys, prup_pin; print([name for name in '{heavy}'.split() if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -128,6 +128,7 @@ class RobotDescription:
     variants: Mapping[str, VariantDescription] = field(default_factory=dict)
     coupled: tuple[CouplingDescription, ...] = ()
     notes: tuple[str, ...] = ()
+    package_folders: tuple[Path, ...] = ()  # where package:// may point besides the robot's own folder
     described: bool = False  # True where the file says more than a tree
     lines: Mapping[str, int | None] = field(default_factory=dict)
 

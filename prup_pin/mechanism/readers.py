@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import Problem, RobotFileError
@@ -24,4 +25,4 @@ def read(path: Path, package_folders: Sequence[Path] = ()) -> RobotDescription:
     document = _DOCUMENTS[root.tag](root, path, package_folders)
     description = document.read(content)
     document.raise_problems()
-    return description
+    return replace(description, package_folders=tuple(package_folders))

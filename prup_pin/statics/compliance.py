@@ -115,7 +115,8 @@ class Compliance:
     def elastic_line(self, name: str, wrench, count: int = 25) -> ElasticLine:
         """Return the bent centre line of a beam module under a wrench (6,) on the tool, `count` sections root to tip.
 
-        Linear and unscaled, in base axes. Raises UnknownNameError, and InputError where the module is no beam.
+        Linear and unscaled, in base axes. Across the beam it ends at the deflection of its tip frame; along it that
+        frame may move besides, as a drive yields or a slide slips. Raises UnknownNameError, and InputError where the module is no beam.
         """
         w = as_wrench(wrench)
         module = next((module for module in self.pose.mechanism.modules if module.name == name), None)

@@ -20,7 +20,7 @@ from .camera import FORCE_LENGTH, Camera, best_camera, hull
 from .drawing import Drawing, Labels
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .joints import pose_text
-from .plotting import Figure, FigureCanvasAgg, Line2D, Patch, Polygon
+from .plotting import Figure, FigureCanvasAgg, Line2D, Patch, Polygon, plain_words
 from .quantities import length_text, number
 from .skeleton import BodyMotions, Skeleton, skeleton
 
@@ -45,6 +45,7 @@ def _leg_colours(legs: Sequence[str]) -> dict[str, str]:
     return {leg: _LEGS[index % len(_LEGS)] for index, leg in enumerate(legs)}
 
 
+@plain_words
 def pose_figure(
     robot: Robot,
     pose: ClosedPose,
@@ -329,6 +330,7 @@ def _percent(share: float) -> str:
     return "<0.01" if 0 < percent < 0.005 else f"{percent:.1f}" if percent >= 1 else f"{percent:.2f}"
 
 
+@plain_words
 def shares_figure(compliance: Compliance, wrench=None) -> Figure:
     """Return horizontal bars of each module's share in the work of a wrench, in % and µm, coloured by leg.
 

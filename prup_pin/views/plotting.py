@@ -6,6 +6,7 @@ Objects only, never pyplot's global state: pictures can be made anywhere, withou
 from ..errors import MissingExtraError
 
 try:
+    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
@@ -15,4 +16,7 @@ try:
 except ImportError as error:
     raise MissingExtraError("matplotlib", "figures") from error
 
-__all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "Patch", "PolyCollection", "Polygon"]
+__all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "Patch", "PolyCollection", "Polygon", "plain_words"]
+
+#: Decorates what makes a figure: dollar signs in names are signs, not mathematics.
+plain_words = rc_context({"text.parse_math": False})

@@ -12,7 +12,7 @@ import hashlib
 import io
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ _MINUS = "\u2212"
 #: Modules and levers that are listed.
 SOFTEST, LEVERS = 10, 8
 #: Largest size of the packed scene [bytes]; a heavier one would make a page that cannot be mailed.
-SCENE_LIMIT = 2_600_000
+SCENE_LIMIT = 2_620_000
 
 
 def report_html(
@@ -166,13 +166,13 @@ def _pose(robot: Robot, answer: Answer) -> list[tuple[str, list[str]]]:
 
 def _facts(answer: Answer) -> list[tuple[str, str, str]]:
     """Return the answer in a few (label, value, detail)."""
-    turned = f"{number(float(np.linalg.norm(answer.deflection[3:])) * 1e3, 3)} mrad"
-    moved = length_text(float(np.linalg.norm(answer.deflection[:3])))
-    first = (
-        ("The tool turns", turned, f"and moves {moved}")
-        if answer.load.turns
-        else ("The tool moves", moved, f"and turns {turned}")
-    )
+    metres, radians = (float(np.linalg.norm(answer.deflection[block])) for block in (slice(0, 3), slice(3, 6)))
+    moved, turned = length_text(metres), f"{number(radians * 1e3, 3)} mrad"
+    per = "" if answer.load.given else " per N m" if answer.load.turns else " per N"
+    if answer.load.turns:
+        first = (f"The tool turns{per}", turned, f"and moves {moved}" if metres else "and does not move")
+    else:
+        first = (f"The tool moves{per}", moved, f"and turns {turned}" if radians else "and does not turn")
     facts = [first]
     stiffness = _stiffness_along(answer)
     if stiffness is not None:
@@ -259,7 +259,7 @@ def _words(name: str) -> str:
 
 
 def _softest_names(answer: Answer) -> list[str]:
-    shares = answer.shares or {}
+    shares = {name: share for name, share in (answer.shares or {}).items() if share > 1e-6}
     return sorted(shares, key=lambda name: -shares[name])[:SOFTEST]
 
 
@@ -297,23 +297,23 @@ def _mobility(robot: Robot, answer: Answer) -> list[tuple[str, str]]:
 
 
 def _scene(robot: Robot, answer: Answer, scale: float | None) -> tuple[str, str, str]:
-    """Return the page of the 3-D scene, the same packed, and why there is none if there is none."""
+    """Return the page of the 3-D scene, the same packed, and what must be said about it or its absence."""
     compliance, wrench = answer.compliance, answer.load.wrench
+    notes = {True: "", False: "Its meshes are heavy, so the scene leaves out the deflection; prup-pin view shows it."}
+    size = 0
     try:
         from .meshcat_view import view
 
-        moved = wrench if wrench.any() else None
-        page = view(robot, compliance.pose, moved, scale, compliance=compliance).static_html()
+        for deflected in (True, False) if wrench.any() else (False,):
+            moved = wrench if deflected else None
+            page = view(robot, compliance.pose, moved, scale, compliance=compliance).static_html()
+            packed = base64.b64encode(gzip.compress(page.encode(), mtime=0)).decode("ascii")
+            if len(packed) <= SCENE_LIMIT:
+                return page, packed, notes[deflected] if wrench.any() else ""
+            size = len(packed)
     except MissingExtraError as error:
         return "", "", f"The 3-D scene is not shown: {error}."
-    packed = base64.b64encode(gzip.compress(page.encode(), mtime=0)).decode("ascii")
-    if len(packed) > SCENE_LIMIT:
-        size = number(len(packed) / 1e6, 2)
-        return "", "", (
-            f"The 3-D scene is not shown: its meshes would make this page {size} MB larger. "
-            "The command prup-pin view writes it as a page of its own."
-        )
-    return page, packed, ""
+    return "", "", f"The 3-D scene is not shown: its meshes take {number(size / 1e6, 2)} MB; prup-pin view shows it."
 
 
 #: Unpacks the scene when it is about to be seen. The frame is sealed off: nothing in it reaches this page.
@@ -349,23 +349,20 @@ def _script_hashes(scene: str) -> list[str]:
 def _drawing(robot: Robot, answer: Answer, scale: float | None) -> str:
     from .figures import pose_figure
 
-    wrench = answer.load.wrench
-    load = wrench if wrench.any() else None
-    return _svg(pose_figure(robot, answer.compliance.pose, answer.compliance, load, scale))
+    load = answer.load.wrench if answer.load.wrench.any() else None
+    return _svg(lambda: pose_figure(robot, answer.compliance.pose, answer.compliance, load, scale))
 
 
 def _chart(answer: Answer) -> str | None:
-    if answer.shares is None:
-        return None
     from .figures import shares_figure
 
-    return _svg(shares_figure(answer.compliance, answer.load.wrench))
+    return None if answer.shares is None else _svg(lambda: shares_figure(answer.compliance, answer.load.wrench))
 
 
-def _svg(figure) -> str:
+def _svg(draw: Callable[[], Any]) -> str:
     """Return a figure as a data address; as an image it can neither run scripts nor fetch anything."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        draw().savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return f"data:image/svg+xml;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

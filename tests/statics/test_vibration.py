@@ -1,5 +1,7 @@
 """Vibration modes against the mass matrix of the joints and a textbook pendulum."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -7,6 +9,8 @@ from scipy.linalg import eigh
 
 import prup_pin
 from prup_pin.statics.vibration import vibration_modes
+
+ROBOTS = Path(__file__).parents[1] / "robots"
 
 
 def test_arm_on_springs_has_the_modes_of_its_joints():
@@ -60,7 +64,7 @@ def test_modes_of_the_3prup():
 
 
 def test_nothing_vibrates_without_mass():
-    robot = prup_pin.load("tests/robots/five_bar/five_bar.urdf", joint_stiffness=1e3)
+    robot = prup_pin.load(ROBOTS / "five_bar/five_bar.urdf", joint_stiffness=1e3)
     masses = [inertia.mass for inertia in robot.model.inertias[1:]]
     if any(masses):
         assert vibration_modes(robot.compliance(robot.home))[0].frequency > 0

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from prup_pin.views.motions import load_ramp, path_motion, vibration, workspace_
 from prup_pin.views.painter import pose_scene
 from prup_pin.views.shapes import Box, Ellipsoid, Mesh, Tube, ball_mesh, belt_mesh, thread_mesh
 
+ROBOTS = Path(__file__).parents[1] / "robots"
 WRENCH = np.array([300, 0, 40, 0, 20, 30.0])
 SCALE = 7.0
 
@@ -197,7 +199,7 @@ def test_ellipsoid_at_the_tool_and_none(robot, compliance):
 
 def test_rigid_blocks_have_no_ellipsoid():
     """A delta with compliant motors only translates."""
-    robot = prup_pin.load("tests/robots/delta/robot.urdf", joint_stiffness=1e4, tool="centre")
+    robot = prup_pin.load(ROBOTS / "delta/robot.urdf", joint_stiffness=1e4, tool="centre")
     scene = pose_scene(robot, None, [100, 0, 50, 0, 0, 0])
     assert set(scene.ellipsoids) == {"translation"}
     assert any("does not turn" in line for line in scene.legend.lines)
@@ -276,7 +278,7 @@ def test_arrays_are_frozen(scene):
 
 
 def test_a_robot_without_geometry_has_a_skeleton():
-    robot = prup_pin.load("tests/robots/five_bar/five_bar.urdf", joint_stiffness=1e3)
+    robot = prup_pin.load(ROBOTS / "five_bar/five_bar.urdf", joint_stiffness=1e3)
     scene = pose_scene(robot, None, [10, 5, 0, 0, 0, 0])
     bones = [part for part in scene.parts if part.path.startswith("robot/deformed/skeleton/")]
     assert len(bones) >= 4
@@ -289,7 +291,7 @@ def test_a_robot_without_geometry_has_a_skeleton():
 
 
 def test_a_robot_of_mujoco_has_a_skeleton():
-    robot = prup_pin.load("tests/robots/five_bar/five_bar.xml", joint_stiffness=1e3, tool="left_rod")
+    robot = prup_pin.load(ROBOTS / "five_bar/five_bar.xml", joint_stiffness=1e3, tool="left_rod")
     assert [part for part in pose_scene(robot).parts if part.path.startswith("robot/skeleton/")]
 
 
