@@ -202,7 +202,8 @@ def view(
         raise InputError("--serve and --html exclude each other; give one of them")
     _check_folder(html, "--html")
     case = _case(question)
-    compliance = case.compliance() if case.robot.mechanism.modules else None
+    # a robot on which nothing yields can still be looked at
+    compliance = case.compliance() if case.robot.mechanism.modules or case.wrench is not None else None
     shown = shown_in_3d(case.robot, case.pose, case.wrench, scale, compliance=compliance)
     for note in case.notes:
         typer.echo(f"- {note}")

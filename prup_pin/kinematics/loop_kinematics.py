@@ -29,6 +29,8 @@ TOLERANCE = 1e-12
 #: Newton goes on to rounding: until the residual is below this, or the last step was so small that its square is.
 ROUNDING = 1e-14
 _LAST_STEP = 1e-7
+#: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
+_NEAR = 0.7
 #: A free motion counts as singular beyond this condition of the scaled closure Jacobian.
 SINGULAR = 1e7
 _ITERATIONS = 40
@@ -262,11 +264,15 @@ class LoopKinematics:
     @cached_property
     def _seed(self) -> PoseSeed:
         def offset(target: Array) -> Array | None:
+            goal_of = self.task.goal
             try:
-                q, evaluation = self._newton(self.home, self.task.goal(target), self._home)
+                q, _ = self._near(self.home, goal_of(target), self._home)
             except _NotConvergedError:
-                return None
-            return pin.difference(self.model, self.home, q) if self._assembled(evaluation) else None
+                here = self.task.values(self._home.placements)
+                q, reached, _ = self._follow(self.home, here, target, goal_of)
+                if reached < 1.0:
+                    return None
+            return pin.difference(self.model, self.home, q)
 
         return PoseSeed(offset)
 
@@ -326,14 +332,16 @@ class LoopKinematics:
     def reach(
         self, target: Array, requested: dict, goal_of, start: Array | None = None, here: Array | None = None
     ) -> ClosedPose:
-        """Return the pose at `target`: Newton straight there, or along the line from home in shrinking steps.
+        """Return the pose at `target` on the assembly branch of the start (home).
 
-        `goal_of(target)` makes the rows for Newton; `requested` names the target in messages (empty: no suggestions).
+        Straight there where the joints move little, else along the line of coordinates in steps short enough not to
+        change branches. `goal_of(target)` makes the rows for Newton; `requested` names the target in messages (empty:
+        no suggestions).
         """
         origin = self.home if start is None else start
         try:
-            q, evaluation = self._newton(origin, goal_of(target), self._home if start is None else None)
-            if self._assembled(evaluation) and self._outside(q) is None:
+            q, evaluation = self._near(origin, goal_of(target), self._home if start is None else None)
+            if self._outside(q) is None:
                 return self._freeze(q, evaluation, requested)
         except _NotConvergedError:
             pass
@@ -344,17 +352,22 @@ class LoopKinematics:
             return self._finish(q, self.evaluate(q), requested)
         raise self._unreachable(requested, target, here, q, reached, failure)
 
+    def _near(self, q: Array, goal: Goal, first: Evaluation | None = None) -> tuple[Array, Evaluation]:
+        """Return Newton's solution where it is assembled and no joint moves far. Raises _NotConvergedError."""
+        found, evaluation = self._newton(q, goal, first)
+        farthest = np.abs(pin.difference(self.model, q, found)).max(initial=0.0)
+        if farthest > _NEAR or not self._assembled(evaluation):
+            raise _NotConvergedError(found, self._split(evaluation.residual))
+        return found, evaluation
+
     def _follow(self, q: Array, here: Array, target: Array, goal_of) -> tuple[Array, float, tuple[float, float]]:
         """Return (q, reached share of the line, residual of the step that failed)."""
         reached, step, residual = 0.0, 0.25, (np.inf, np.inf)
         while reached < 1.0 and step > 1e-4:
             share = min(1.0, reached + step)
             try:
-                candidate, evaluation = self._newton(q, goal_of(here + share * (target - here)))
-                jump = np.abs(pin.difference(self.model, q, candidate)).max(initial=0.0)
-                if not self._assembled(evaluation) or jump > 0.5:
-                    raise _NotConvergedError(candidate, self._split(evaluation.residual))
-                q, reached, step = candidate, share, step * 2
+                q, _ = self._near(q, goal_of(here + share * (target - here)))
+                reached, step = share, step * 2
             except _NotConvergedError as failure:
                 residual = failure.residual
                 step /= 2

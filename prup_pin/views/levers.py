@@ -45,10 +45,12 @@ def find_levers(robot: Robot, answer: Answer, modules: Sequence[str]) -> list[Le
     Only values that somebody gave are tried; those that change less than 0.1 % are left out. The pose stays the same:
     parameters that move joints are not levers.
     """
+    if answer.shares is None:  # the load deflects nothing
+        return []
     wrench = answer.load.wrench
     work = float(wrench @ answer.deflection)
     found = []
-    for names, parameter in _shared_parameters(robot, modules) if work > 0 else ():
+    for names, parameter in _shared_parameters(robot, modules):
         first = robot.parameters[f"{names[0]}.{parameter}"]
         best = None
         for factor in (1 + STEP, 1 - STEP):
