@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,8 @@ TOLERANCE = 1e-12
 #: Newton goes on to rounding: until the residual is below this, or the last step was so small that its square is.
 ROUNDING = 1e-14
 _LAST_STEP = 1e-7
+#: Rounding allowed beyond a joint's limit [m, rad].
+_AT_LIMIT = 1e-9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
 _NEAR = 0.7
 #: A free motion counts as singular beyond this condition of the scaled closure Jacobian.
@@ -97,6 +100,7 @@ class LoopKinematics:
         sign = [support[dof_joint, loop.second.joint] - support[dof_joint, loop.first.joint] for loop in loops]
         self._row_sign = np.array(sign).reshape(-1, model.nv)[self.row_loop]
         self.lower, self.upper = mechanism.limits
+        self._least, self._most = self.lower - _AT_LIMIT, self.upper + _AT_LIMIT
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 
@@ -142,7 +146,7 @@ class LoopKinematics:
                 evaluation = self.evaluate(q)
             wanted, wanted_rows = goal(q, evaluation.placements)
             error = np.concatenate((evaluation.residual, wanted))
-            size = np.abs(error).max(initial=0.0)
+            size = sqrt(error @ error)
             if size < ROUNDING or (size < TOLERANCE and longest < _LAST_STEP):
                 return q, evaluation
             if not size < np.inf:
@@ -213,7 +217,7 @@ class LoopKinematics:
 
     def _assembled(self, evaluation: Evaluation) -> bool:
         """Return False where a rotation row vanishes at the wrong root: frames turned by half a turn."""
-        return bool((evaluation.turn * self._aligned >= 0.9 * self._aligned).all())
+        return not np.count_nonzero(evaluation.turn * self._aligned < 0.9 * self._aligned)
 
     # -- scales ----------------------------------------------------------------------------------------------------
 
@@ -412,10 +416,9 @@ class LoopKinematics:
 
     def _outside(self, q: Array) -> tuple[str, float, float, float] | None:
         """Return (joint, value, lower, upper) of the joint farthest outside its limits, or None."""
-        excess = np.maximum(self.lower - q, q - self.upper)
-        worst = int(np.argmax(excess)) if len(excess) else 0
-        if not len(excess) or excess[worst] <= 1e-9:
+        if not np.count_nonzero((q < self._least) | (q > self._most)):
             return None
+        worst = int(np.argmax(np.maximum(self.lower - q, q - self.upper)))
         for index in range(1, self.model.njoints):
             joint = self.model.joints[index]
             if joint.idx_q <= worst < joint.idx_q + joint.nq:

@@ -51,7 +51,7 @@ class PoseSeed:
         """Return the predicted offset from home (nv,), or None outside the region or before it is known."""
         if self._split is not None:
             scaled = (target - self._middle) / self._half
-            if np.abs(scaled).max() <= 1.0:
+            if not np.count_nonzero(np.abs(scaled) > 1.0):
                 upper = tuple((scaled[self._split] > 0).tolist())
                 if upper not in self._patches:
                     self._patches[upper] = self._fit_patch(upper)

@@ -143,16 +143,13 @@ def _gap(layout: StaticsLayout, geometries, loads, stress) -> Array:
 
 def _lambdas(layout: StaticsLayout, geometries, loads) -> tuple[Array, Array]:
     """Return the stacked module compliances, (n, 6, 6) and (m, 1, 1), at the modules' loads (None: at rest)."""
-    count = len(layout.wrench_groups)
-    blocks = list(layout.constant_compliances)
+    wrench, drive = layout.constant_compliances
+    stacks = wrench.copy(), drive.copy()
     for index, group in layout.varying:
-        load = None if loads is None else loads[int(index >= count)][group.slots]
-        blocks[index] = group.kind.compliance(group.values, geometries[index], load)
-    return _stacked(blocks[:count], 6), _stacked(blocks[count:], 1)
-
-
-def _stacked(blocks, size: int) -> Array:
-    return np.concatenate(blocks) if blocks else np.zeros((0, size, size))
+        half = int(index >= len(layout.wrench_groups))
+        load = None if loads is None else loads[half][group.slots]
+        stacks[half][group.slots] = group.kind.compliance(group.values, geometries[index], load)
+    return stacks
 
 
 def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:

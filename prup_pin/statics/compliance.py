@@ -56,11 +56,10 @@ class Compliance:
         self._statics = statics
         self._scaling = scaling
         parts = [
-            jacobian.mT @ (lam @ jacobian)
-            for jacobian, lam in zip(statics.jacobians, statics.lambdas, strict=True)
+            jacobian.mT @ (lam @ jacobian) for jacobian, lam in zip(statics.jacobians, statics.lambdas, strict=True)
         ]
         self._parts = np.concatenate(parts)
-        c = self._parts.sum(axis=0)
+        c = np.add.reduce(self._parts)
         self.C: Array = (c + c.T) / 2
         self._parts.setflags(write=False)
         self.C.setflags(write=False)
@@ -116,7 +115,8 @@ class Compliance:
         """Return the bent centre line of a beam module under a wrench (6,) on the tool, `count` sections root to tip.
 
         Linear and unscaled, in base axes. Across the beam it ends at the deflection of its tip frame; along it that
-        frame may move besides, as a drive yields or a slide slips. Raises UnknownNameError, and InputError where the module is no beam.
+        frame may move besides, as a drive yields or a slide slips. Raises UnknownNameError, and InputError where the
+        module is no beam.
         """
         w = as_wrench(wrench)
         module = next((module for module in self.pose.mechanism.modules if module.name == name), None)
@@ -179,8 +179,10 @@ class Compliance:
         w = as_wrench(wrench if wrench is not None else direction, "wrench" if wrench is not None else "direction")
         d = as_wrench(direction, "direction") if direction is not None else w
         total = float(d @ self.C @ w)
-        size = np.sqrt(max(float(d @ self.C @ d), 0.0) * max(float(w @ self.C @ w), 0.0))
-        if abs(total) <= 1e-12 * size or size == 0:
+        # The largest deflection that wrenches of these sizes could cause, rotations weighed by the length.
+        scale = self._scaling[0]
+        largest = np.trace(self.C * self._scaling) * frobenius(d / scale) * frobenius(w / scale)
+        if abs(total) <= 1e-12 * largest:
             raise InputError("this load deflects nothing along this direction; shares of zero have no meaning")
         return {name: float(d @ self.parts[name] @ w) / total for name in self.names}
 

@@ -44,7 +44,7 @@ class ModuleGroup:
     def fault(self, at: ModuleGeometry) -> str | None:
         """Return which module's equation does not hold here and why, or None."""
         bad = self.kind.problems(self.values, at)
-        if bad is None or not bad.any():
+        if bad is None or not np.count_nonzero(bad):
             return None
         index = int(np.argmax(bad))
         return f"module '{self.modules[index].name}': {self.kind.problem_text(self.values, at, index)}"
@@ -112,21 +112,21 @@ class StaticsLayout:
         }
 
     @cached_property
-    def constant_compliances(self) -> tuple[Array | None, ...]:
-        """Compliance of each group whose equation knows neither pose nor load, else None.
+    def constant_compliances(self) -> tuple[Array, Array]:
+        """Compliances (n, 6, 6) and (m, 1, 1), filled in where a kind knows neither pose nor load.
 
-        Raises ParameterError where a group's values are impossible.
+        Raises ParameterError where a kind's values are impossible.
         """
-        blocks: list[Array | None] = []
-        for group in self.groups:
+        stacks = np.zeros((len(self.wrench_names), 6, 6)), np.zeros((len(self.drive_names), 1, 1))
+        for index, group in enumerate(self.groups):
             if not group.kind.constant:
-                blocks.append(None)
                 continue
             fault = group.fault(_NOWHERE)
             if fault is not None:
                 raise ParameterError(fault)
-            blocks.append(group.kind.compliance(group.values, _NOWHERE, None))
-        return tuple(blocks)
+            half = int(index >= len(self.wrench_groups))
+            stacks[half][group.slots] = group.kind.compliance(group.values, _NOWHERE, None)
+        return stacks
 
     def frames(self, pose: ClosedPose) -> Array:
         """Return base_from_module of all wrench modules, (..., n, 4, 4)."""

@@ -18,14 +18,14 @@ from .camera import best_camera
 from .colours import grey_of, map_colour
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, rotation_of
 from .joints import pose_text
-from .quantities import number
+from .quantities import length_text, number
 from .scene import INK, ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
 from .shapes import Ball, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube
 from .skeleton import Segment, skeleton
 from .symbols import joint_axis, symbols
 from .visuals import Visual, visuals
 
-__all__ = ["Painter", "displacement_text", "pose_scene", "pose_words"]
+__all__ = ["Painter", "pose_scene", "pose_words"]
 
 GHOST, LOAD, MOVED, SYMBOL = "#7d8794", "#0f7b3e", "#111827", "#b08d57"
 AXES = ("#d62728", "#2a9d3f", "#1f5fd0")
@@ -353,7 +353,7 @@ class Painter:
             return [], []
         frame = placement(axis_as_z(end - start), start)
         parts = _arrow("deflection", frame, length, 0.006 * self.size, MOVED, True)
-        text = displacement_text(factor * float(np.linalg.norm(moved.tool[:3])))
+        text = length_text(factor * float(np.linalg.norm(moved.tool[:3])))
         parts.append(Part("deflection/start", Ball(0.011 * self.size), tool, MOVED, on_top=True))
         return parts, [Label("deflection", text, start + 0.5 * (end - start), start - self.up, MOVED, True)]
 
@@ -449,7 +449,7 @@ class Painter:
         if wrench is not None and moved is not None:
             if not headline:
                 lines.append(f"Load on the tool: {wrench_text(wrench)}")
-            moved_text = displacement_text(float(np.linalg.norm(moved.tool[:3])))
+            moved_text = length_text(float(np.linalg.norm(moved.tool[:3])))
             angle = float(np.linalg.norm(moved.tool[3:]))
             rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
             turned = "does not turn" if rigid else f"turns {number(angle * 1e3, 3)} mrad"
@@ -518,11 +518,6 @@ def _round_up(value: float) -> float:
         return 0.0
     step = 10.0 ** np.floor(np.log10(value)) / 2
     return float(np.ceil(value / step - 1e-9) * step)
-
-
-def displacement_text(metres: float) -> str:
-    """Return a small displacement in µm, a larger one in mm."""
-    return f"{number(metres * 1e3, 3)} mm" if abs(metres) >= 1e-3 else f"{number(metres * 1e6, 3)} µm"
 
 
 def pose_words(robot: Robot, pose: ClosedPose, digits: int = 4) -> str:

@@ -54,5 +54,5 @@ def test_a_tip_beside_the_axis_is_refused(tmp_path):
     file.frame("end", "arm", (0.7, 0.2, 0))
     values = {"area": 1e-4, "second_moment": 1e-8, "youngs_modulus": 2e11}
     file.module("beam", "beam", "hold", values, root="foot", tip="end", axis=(1, 0, 0))
-    with pytest.raises(prup_pin.InputError, match="'beam': its tip lies 0.2 m beside the axis"):
+    with pytest.raises(prup_pin.InputError, match=r"'beam': its tip lies 0\.2 m beside the axis"):
         at_rest(file.load(tmp_path, "end"))

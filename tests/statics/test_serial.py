@@ -147,3 +147,12 @@ def test_wrong_positions_and_names_are_refused():
         robot.pose_from_actuators([0.0] * 5)
     with pytest.raises(UnknownNameError, match="shoulder_pan_joint"):
         prup_pin.load("ur5", joint_stiffness={"shoulder_pan_join": 1e4})
+
+
+def test_shares_of_a_load_that_deflects_nothing_are_refused():
+    """At home no joint axis of the ur5 is parallel to x: a moment about it meets only rigid parts."""
+    robot = prup_pin.load("ur5", joint_stiffness=1e4)
+    result = robot.compliance(robot.home)
+    with pytest.raises(prup_pin.InputError, match="deflects nothing"):
+        result.shares({"mx": 100})
+    assert sum(result.shares({"my": 100}).values()) == pytest.approx(1)
