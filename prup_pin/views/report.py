@@ -51,6 +51,8 @@ _MINUS = "\u2212"
 SOFTEST, LEVERS = 10, 8
 #: Largest size of the packed scene [bytes]; a heavier one would make a page that cannot be mailed.
 SCENE_LIMIT = 2_620_000
+#: Up to this size [characters] the scene stands in the page as it is; a heavier one is packed.
+PLAIN_LIMIT = 1_900_000
 
 
 def report_html(
@@ -101,7 +103,8 @@ def report_html(
         ],
         locked=sorted(robot.mechanism.locked),
         facts=_facts(answer),
-        scene=packed,
+        scene=scene,
+        packed="" if len(scene) <= PLAIN_LIMIT else packed,
         scene_note=scene_note,
         script_hashes=_script_hashes(scene),
         script=_LOADER,
