@@ -3,7 +3,7 @@
     python scripts/bench_view.py [--repeat 5]
 
 Targets: one pose in at most 1 s after import, 100 frames in at most 5 s. What is loaded when it is first used (the
-viewer's script, readers of meshes) counts in 'first'. With Chromium the time until the page has drawn is shown too.
+viewer's script, readers of meshes) counts in 'first'.
 """
 
 from __future__ import annotations
