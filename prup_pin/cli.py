@@ -139,8 +139,9 @@ class Case:
 def _asks(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options of Question, before its own; it gets the Question as its first argument."""
     shared = inspect.signature(Question).parameters
-    own = list(inspect.signature(command).parameters.values())[1:]
-    hints = {**get_type_hints(Question, include_extras=True), **get_type_hints(command, include_extras=True)}
+    # Not get_type_hints for the command: with a default of None, Python 3.10 would hide what stands in Annotated.
+    own = list(inspect.signature(command, eval_str=True).parameters.values())[1:]
+    hints = {**get_type_hints(Question, include_extras=True), **{item.name: item.annotation for item in own}}
 
     def run(**given: Any) -> None:
         command(Question(**{name: given.pop(name) for name in shared}), **given)

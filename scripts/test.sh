@@ -28,7 +28,12 @@ check() {
 
 check "ruff check" ruff check .
 check "ruff format" ruff format --check .
-check "mypy" mypy
+# Older Python gets an older numpy, whose types are told less exactly.
+if "$VENV_PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+  check "mypy" mypy
+else
+  printf '== mypy: left out, its checks need Python 3.11 or newer\n'
+fi
 if [ "${#failed[@]}" -gt 0 ]; then
   printf '== failed: %s\n' "${failed[*]}"
 fi

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os.path
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -146,10 +147,12 @@ def _load_mesh(path: str, _changed: int) -> tuple[tuple[Mesh, str | None], ...]:
     except ImportError as error:
         raise MissingExtraError("trimesh", "view") from error
     try:
-        loaded = trimesh.load_scene(
-            io.BytesIO(Path(path).read_bytes()), file_type=Path(path).suffix.lstrip(".").lower(), process=False
-        )
-        pieces: list[Any] = loaded.dump()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what readers of mesh formats deprecate is not the user's concern
+            loaded = trimesh.load_scene(
+                io.BytesIO(Path(path).read_bytes()), file_type=Path(path).suffix.lstrip(".").lower(), process=False
+            )
+            pieces: list[Any] = loaded.dump()
     except Exception as error:  # whatever a reader of foreign files raises
         raise ValueError(f"mesh '{Path(path).name}' cannot be read: {error}") from error
     shapes = []

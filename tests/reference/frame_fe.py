@@ -12,6 +12,7 @@ Appendices A, C, D. Units are SI throughout: m, N, rad. Wrenches are (fx fy fz m
 # ruff: noqa: E741  (I is the second moment of area, as in every textbook cited here)
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, isinf, pi
@@ -334,7 +335,9 @@ def pynite_beam_stiffness(start: Array, end: Array, *, E: float, G: float, A: fl
     The element is asked for along its own x axis and rotated here: PyNite's choice of a member's local axes
     goes through thresholds on its global Y, which a branch in the plane y = 0 meets within rounding.
     """
-    from Pynite import FEModel3D
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # older releases import what setuptools has deprecated
+        from Pynite import FEModel3D
 
     axis = np.asarray(end, dtype=float) - np.asarray(start, dtype=float)
     length = float(np.linalg.norm(axis))
