@@ -347,7 +347,10 @@ def pynite_beam_stiffness(start: Array, end: Array, *, E: float, G: float, A: fl
     frame.add_node("start", 0.0, 0.0, 0.0)
     frame.add_node("end", length, 0.0, 0.0)
     frame.add_member("beam", "start", "end", "material", "section")
-    local = np.asarray(frame.members["beam"].ke(), dtype=float)
+    member = frame.members["beam"]
+    local = np.asarray(
+        (member.ke() if hasattr(member, "ke") else member.k()), dtype=float
+    )  # before PyNite 3 the elastic part is called k
 
     x = axis / length
     y = np.cross(np.eye(3)[int(np.argmin(np.abs(x)))], x)

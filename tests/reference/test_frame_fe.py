@@ -176,7 +176,7 @@ class TestThreePrup:
     def test_locking_a_joint_only_stiffens(self, locked):
         free, held = three_prup_compliance(*TILTED), three_prup_compliance(*TILTED, locked=locked)
         assert relative_error(held, free) > 1e-3
-        assert least_eigenvalue(free - held) > -1e-10
+        assert least_eigenvalue(free - held) > -1e-9
 
     def test_locks_add_up(self):
         names = [f"leg{i}/{joint}" for i in (1, 2, 3) for joint in ("R_lambda", "R_phi", "R_theta", "slide")]
