@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
 from ..mechanism import Mechanism
-from ..spatial import Array, frobenius, skew
+from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
 from .seed import PoseSeed
@@ -268,12 +268,11 @@ class LoopKinematics:
     @cached_property
     def _seed(self) -> PoseSeed:
         def offset(target: Array) -> Array | None:
-            goal_of = self.task.goal
             try:
-                q, _ = self._near(self.home, goal_of(target), self._home)
+                q, _ = self._near(self.home, self.task.goal(target), self._home)
             except _NotConvergedError:
                 here = self.task.values(self._home.placements)
-                q, reached, _ = self._follow(self.home, here, target, goal_of)
+                q, reached, _ = self._follow(self.home, here, target, self.task.goal)
                 if reached < 1.0:
                     return None
             return pin.difference(self.model, self.home, q)
@@ -477,7 +476,6 @@ class LoopKinematics:
     def _balance(self, evaluation: Evaluation, requested: dict) -> PassiveBalance:
         """Return how the free joints balance. Raises SingularPoseError where the tool can still move."""
         free = self.mechanism.free_dofs
-        rows, columns = self._free_scales
         scaled = evaluation.closure[:, free] * self._free_factors
         count, size = scaled.shape
         if count == size:
@@ -488,6 +486,7 @@ class LoopKinematics:
             # The product of Frobenius norms bounds the condition number from above.
             if inverse is not None and frobenius(inverse) * frobenius(scaled) < SINGULAR:
                 return PassiveBalance(inverse * self._free_factors, np.zeros((count, 0)), np.zeros((size, 0)))
+        rows, columns = self._free_scales
         u, singular_values, vt = np.linalg.svd(scaled.T)
         limit = singular_values.max(initial=0.0) / SINGULAR
         rank = int((singular_values > limit).sum())
@@ -510,9 +509,7 @@ class LoopKinematics:
         strongest = [names[i] for i in np.argsort(-np.abs(motion))[:3] if abs(motion[i]) > 1e-6]
         twist = twist / np.abs(twist).max()
         direction = ", ".join(
-            f"{name} {value:+.2f}"
-            for name, value in zip(("dx", "dy", "dz", "rx", "ry", "rz"), twist, strict=True)
-            if abs(value) > 0.01
+            f"{name} {value:+.2f}" for name, value in zip(TWIST_NAMES, twist, strict=True) if abs(value) > 0.01
         )
         nearest = last_regular(self, requested) if self._are_tasks(requested) else None
         raise SingularPoseError(

@@ -9,9 +9,8 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Frame
+from ..mechanism.description import TASK_COMPONENTS
 from ..spatial import Array
-
-_COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class TaskFrame:
@@ -26,7 +25,7 @@ class TaskFrame:
         self._joint = tool.joint if tool else 0
         self._placement = tool.placement if tool else np.eye(4)
         self.names = tuple(task.name for task in tasks)
-        self.components = tuple(_COMPONENTS.index(task.component) for task in tasks)
+        self.components = tuple(TASK_COMPONENTS.index(task.component) for task in tasks)
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
         self._moves = support[dof_joint, self._joint]
 

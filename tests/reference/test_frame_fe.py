@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from itertools import pairwise
 from math import pi
 
@@ -32,6 +33,9 @@ from .frame_fe import (
     three_prup_frame,
     timoshenko_cantilever,
 )
+
+# PyNite 2, all that Python 3.10 gets, rounds its elements a little more coarsely than PyNite 3.
+ROUNDING = 1e-10 if int(version("PyNiteFEA").split(".")[0]) >= 3 else 1e-9
 
 CENTRE = (0.4, 0.0, 0.0)
 TILTED = (0.4, np.deg2rad(25), np.deg2rad(15))
@@ -176,7 +180,7 @@ class TestThreePrup:
     def test_locking_a_joint_only_stiffens(self, locked):
         free, held = three_prup_compliance(*TILTED), three_prup_compliance(*TILTED, locked=locked)
         assert relative_error(held, free) > 1e-3
-        assert least_eigenvalue(free - held) > -1e-9
+        assert least_eigenvalue(free - held) > -ROUNDING
 
     def test_locks_add_up(self):
         names = [f"leg{i}/{joint}" for i in (1, 2, 3) for joint in ("R_lambda", "R_phi", "R_theta", "slide")]
