@@ -5,18 +5,22 @@ from .errors import (
     JointLimitWarning,
     MissingExtraError,
     NoStiffnessError,
+    NotConvergedError,
     ParameterError,
     Problem,
     PrupPinError,
     RobotFileError,
+    SimulationStoppedError,
     SingularPoseError,
     UnknownNameError,
     UnreachablePoseError,
 )
 from .kinematics import ClosedPose, Mobility
+from .loaded import LoadedPose
 from .loading import load
 from .parameters import Parameter
 from .robot import Robot
+from .simulation import Prediction, simulate
 from .statics import Compliance
 
 __version__ = "0.1.0"
@@ -37,17 +41,22 @@ __all__ = [
     "Compliance",
     "InputError",
     "JointLimitWarning",
+    "LoadedPose",
     "MissingExtraError",
     "Mobility",
     "NoStiffnessError",
+    "NotConvergedError",
     "Parameter",
     "ParameterError",
+    "Prediction",
     "Problem",
     "PrupPinError",
     "Robot",
     "RobotFileError",
+    "SimulationStoppedError",
     "SingularPoseError",
     "UnknownNameError",
     "UnreachablePoseError",
     "load",
+    "simulate",
 ]

@@ -1,4 +1,4 @@
-"""The command `prup-pin`: stiffness, view, report, info, robots, kinds.
+"""The command `prup-pin`: stiffness, view, report, info, robots, kinds, simulate, predict, diagnose, laws.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. Every error of the package ends as one
 message on stderr and exit code 2; any other exception is a bug and keeps its traceback.
@@ -15,33 +15,43 @@ import sys
 import time
 import warnings
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
+import numpy as np
 import typer
 from typer.core import TyperGroup
 
 from . import __version__, load
-from .errors import InputError, JointLimitWarning, PrupPinError, UnknownNameError
+from .errors import InputError, JointLimitWarning, PrupPinError, SimulationStoppedError, UnknownNameError
 from .kinematics import ClosedPose
+from .laws import LAWS, Effect
 from .modules import KINDS
+from .recordings import Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
 from .robot import Robot
+from .simulation import Prediction, read_model, simulate
 from .spatial import Array, as_wrench
 from .statics import Compliance
 from .views import robot_text, terminal
 from .views.answer import Answer
 from .views.answer_text import print_answer
 from .views.as_json import answer_as_json, dump
+from .views.effect_options import parse_effect
 from .views.joints import coordinate_dimensions, dimension
+from .views.law_text import print_laws
 from .views.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+from .views.simulation_text import print_simulation
 
 if TYPE_CHECKING:
     from .views.meshcat_view import View
 
 __all__ = ["app", "main"]
+
+#: Seconds without a bar.
+_PATIENCE = 2.0
 
 
 class _Group(TyperGroup):
@@ -59,7 +69,8 @@ class _Group(TyperGroup):
 app = typer.Typer(
     name="prup-pin",
     cls=_Group,
-    help="Stiffness of robots with closed loops: how stiff, here, in this direction, and which part is soft.",
+    help="Stiffness of robots with closed loops: how stiff, here, in this direction, and which part is soft; "
+    "what a bench test of them would measure.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -281,6 +292,148 @@ def kinds(
     robot_text.print_kinds(terminal.console(), chosen)
 
 
+RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING.csv", help="A recording; docs/recording_file.md.")]
+PredictionFile = Annotated[Path, typer.Option("--out", metavar="FILE.csv", help="Where to write.")]
+Workers = Annotated[
+    int, typer.Option(metavar="N", min=1, help="Compute in so many processes; the numbers are the same.")
+]
+Stop = Annotated[bool, typer.Option("--stop", help="Stop at the first row without an answer.")]
+RobotOption = Annotated[
+    str | None,
+    typer.Option("--robot", metavar="ROBOT", help="Name or file. Default: what the recording, plan or model says."),
+]
+
+
+@app.command("simulate")
+def simulate_recording(
+    out: PredictionFile,
+    recording: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[RECORDING.csv]", help="Its actuator positions and loads are simulated.", show_default=False
+        ),
+    ] = None,
+    plan: Annotated[
+        Path | None, typer.Option("--plan", metavar="PLAN.json", help="Simulate a test plan; writes a whole recording.")
+    ] = None,
+    robot: RobotOption = None,
+    model: Annotated[
+        Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."),
+    ] = None,
+    workers: Workers = 1,
+    stop: Stop = False,
+    variant: Variant = None,
+    tool: Tool = None,
+    joint_stiffness: Springs = None,
+    actuated: Actuated = None,
+    home: Home = None,
+    package_folder: Packages = None,
+) -> None:
+    """What a bench would measure: the loaded robot in its deformed position, row by row."""
+    if (recording is None) == (plan is None):
+        raise InputError("give either a recording, RECORDING.csv, or a test plan, --plan PLAN.json")
+    _check_csv(out, recording)
+    source = plan if recording is None else recording
+    assert source is not None
+    read = read_recording(recording) if recording is not None else None
+    programme = read_plan(source) if read is None else None
+    corrected = read_model(model) if model is not None else None
+    named = read.robot if read is not None else programme.robot if programme is not None else None
+    notes: list[str] = []
+    if robot is None and corrected is not None:
+        robot, variant = corrected.robot, variant or corrected.variant
+    name = robot or _robot_beside(named, source)
+    loaded = _load(name, tool, joint_stiffness, variant, actuated, home, package_folder)
+    effects = [
+        *(corrected.effects if corrected else ()),
+        *(parse_effect(text, loaded.mechanism) for text in effect or ()),
+    ]
+    if read is not None:
+        _predict(loaded, read, effects, out, workers, stop, notes)
+        return
+    assert programme is not None
+    inputs = programme.inputs(lambda at: loaded.pose(**at).actuators)
+    if programme.noise.effort is not None:
+        none = np.full(len(inputs), np.nan)
+        inputs = inputs.with_measurements(efforts=dict.fromkeys(loaded.mechanism.actuated, none))
+    prediction = _simulated(loaded, inputs, effects, workers, stop)
+    measured = inputs.with_measurements(
+        position=prediction.position, rotation=prediction.rotation, efforts=prediction.efforts
+    )
+    written = replace(add_noise(measured, programme.noise, programme.seed), robot=name)
+    write_recording(written, out)
+    print_simulation(terminal.console(), loaded, effects, written, prediction, notes)
+    typer.echo(f"\nWritten: {out}\n         {out.with_suffix('.json')}")
+
+
+@app.command()
+def predict(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
+    recording: RecordingFile,
+    out: PredictionFile,
+    workers: Workers = 1,
+    stop: Stop = False,
+) -> None:
+    """What a corrected model says that a recording should have measured."""
+    _check_csv(out, recording)
+    corrected = read_model(model)
+    read = read_recording(recording)
+    notes = []
+    loaded = corrected.load()
+    if read.robot is not None and Path(read.robot).name not in (Path(corrected.robot).name, loaded.name):
+        notes.append(f"The recording is of '{read.robot}', the model of '{corrected.robot}'.")
+    _predict(loaded, read, corrected.effects, out, workers, stop, notes)
+
+
+@app.command("diagnose")
+def diagnose_recording(
+    recording: RecordingFile,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
+    robot: RobotOption = None,
+    variant: Variant = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html (extra: report).")] = True,
+) -> None:
+    """What a recording says that the simulation left out: where, which physics, how much of it."""
+    from .diagnosis import diagnose
+    from .views.diagnosis_files import check_before, write_diagnosis
+    from .views.diagnosis_text import print_diagnosis
+
+    check_before(out, recording, report)
+    read = read_recording(recording)
+    name = robot or _robot_beside(read.robot, recording)
+    loaded = _load(name, None, None, variant, None, None, None)
+    with _stages() as tell:
+        found = diagnose(loaded, read, tell=tell)
+    written = write_diagnosis(found, loaded, read, out, robot_name=name, variant=variant, report=report)
+    print_diagnosis(terminal.console(), loaded, read, found)
+    typer.echo("\nWritten: " + "\n         ".join(map(str, written)))
+
+
+@app.command()
+def laws(
+    physics: Annotated[
+        str | None, typer.Argument(metavar="[PHYSICS]", help="One law only.", show_default=False)
+    ] = None,
+    robot: Annotated[str, typer.Option(metavar="ROBOT", help="The robot whose places are listed.")] = "3prup",
+    variant: Variant = None,
+    tool: Tool = None,
+    joint_stiffness: Springs = None,
+    actuated: Actuated = None,
+    home: Home = None,
+    package_folder: Packages = None,
+) -> None:
+    """Physics that a simulation can be given: places, parameters, sources."""
+    chosen = [law for law in LAWS if physics in (None, law.physics)]
+    if not chosen:
+        raise UnknownNameError("law", str(physics), sorted({law.physics for law in LAWS}))
+    loaded = _load(robot, tool, joint_stiffness, variant, actuated, home, package_folder)
+    print_laws(terminal.console(), chosen, loaded)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"prup_pin {__version__}")
@@ -461,6 +614,107 @@ def _draw(folder: Path, robot: Robot, answer: Answer) -> list[Path]:
     except OSError as error:
         raise InputError(f"--pictures: cannot write to '{folder}': {error.strerror}") from error
     return paths
+
+
+# -- simulation --------------------------------------------------------------------------------------------------------
+
+
+def _robot_beside(named: str | None, source: Path) -> str:
+    """Return the robot that a file names; a path may be meant from that file's folder."""
+    if named is None:
+        raise InputError(f"which robot? '{source}' does not say; give --robot, for example --robot 3prup")
+    beside = source.parent / Path(named).expanduser()
+    is_path = Path(named).suffix or len(Path(named).parts) > 1
+    return str(beside) if is_path and beside.is_file() else named
+
+
+def _predict(
+    robot: Robot,
+    recording: Recording,
+    effects: Sequence[Effect],
+    out: Path,
+    workers: int,
+    stop: bool,
+    notes: Sequence[str],
+) -> None:
+    """Write what the robot would have measured, and print how it compares."""
+    try:
+        prediction = _simulated(robot, recording, effects, workers, stop)
+    except SimulationStoppedError as error:
+        if len(error.prediction):
+            _write_prediction(out, recording.select(slice(0, error.row)), error.prediction)
+            raise PrupPinError(f"{error}\n  {error.row} rows before it are in {out}") from error
+        raise
+    _write_prediction(out, recording, prediction)
+    print_simulation(terminal.console(), robot, effects, recording, prediction, notes)
+    typer.echo(f"\nWritten: {out}")
+
+
+def _simulated(robot: Robot, recording: Recording, effects: Sequence[Effect], workers: int, stop: bool) -> Prediction:
+    """Return the simulation, with a bar on stderr where it takes longer. Raises where no row has an answer."""
+    with _progress() as progress:
+        prediction = simulate(robot, recording, effects, workers=workers, stop=stop, progress=progress)
+    if len(prediction) and "ok" not in prediction.status:
+        reasons = "\n".join(f"  {word}: {text}" for word, text in prediction.reasons.items())
+        raise PrupPinError(f"none of {len(prediction)} rows has an answer\n{reasons}")
+    return prediction
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """Yield what draws a bar on a terminal once it has taken some seconds."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    out = terminal.console(stderr=True)
+    began = time.monotonic()
+    columns = (TextColumn("rows"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    bar = Progress(*columns, console=out, transient=True, disable=not out.is_terminal)
+    task = bar.add_task("")
+
+    def show(done: int, total: int) -> None:
+        bar.update(task, completed=done, total=total)
+        if not bar.live.is_started and time.monotonic() - began > _PATIENCE:
+            bar.start()
+
+    try:
+        yield show
+    finally:
+        bar.stop()
+
+
+@contextmanager
+def _stages() -> Iterator[Callable[[str, float], None]]:
+    """Yield what shows on a terminal how far a diagnosis is: the stage, and its share."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    out = terminal.console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=out, transient=True, disable=not out.is_terminal) as bar:
+        task = bar.add_task("reading", total=1.0)
+        yield lambda stage, share: bar.update(task, description=stage, completed=share)
+
+
+def _write_prediction(out: Path, recording: Recording, prediction: Prediction) -> None:
+    run = None if recording.run_names == ("",) else [recording.run_names[code] for code in recording.run.tolist()]
+    write_prediction(
+        out,
+        prediction.time,
+        position=prediction.position,
+        rotation=prediction.rotation,
+        efforts=prediction.efforts,
+        status=prediction.status,
+        run=run,
+        markers=prediction.markers,
+    )
+
+
+def _check_csv(out: Path, recording: Path | None) -> None:
+    """Raise InputError, before anything is computed, where the table cannot be written or would replace its source."""
+    _check_folder(out, "--out")
+    if out.suffix.lower() == ".json":
+        raise InputError(f"--out: '{out}' would be a table in a .json file; give a .csv file")
+    if recording is not None and recording.exists() and out.exists() and out.samefile(recording):
+        raise InputError(f"--out: '{out}' is the recording itself; give another file")
 
 
 # -- files -------------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 __all__ = [
@@ -16,10 +16,13 @@ __all__ = [
     "JointLimitWarning",
     "MissingExtraError",
     "NoStiffnessError",
+    "NotConvergedError",
     "ParameterError",
     "Problem",
     "PrupPinError",
+    "RecordingFileError",
     "RobotFileError",
+    "SimulationStoppedError",
     "SingularPoseError",
     "UnknownNameError",
     "UnreachablePoseError",
@@ -50,6 +53,19 @@ class RobotFileError(PrupPinError):
         self.path = str(path)
         self.problems = tuple(
             problem if problem.file else Problem(problem.message, problem.line, Path(path).name) for problem in problems
+        )
+        count = len(self.problems)
+        lines = "\n".join(f"  {problem}" for problem in self.problems)
+        super().__init__(f"{path}: {count} problem{'s' if count != 1 else ''}\n{lines}")
+
+
+class RecordingFileError(PrupPinError):
+    """A recording, test plan or corrected model that cannot be used. `problems` lists all that was found."""
+
+    def __init__(self, path: str | Path, problems: Sequence[Problem]):
+        self.path = str(path)
+        self.problems = tuple(
+            problem if problem.file else replace(problem, file=Path(path).name) for problem in problems
         )
         count = len(self.problems)
         lines = "\n".join(f"  {problem}" for problem in self.problems)
@@ -101,6 +117,31 @@ class NoStiffnessError(PrupPinError):
 
     def __init__(self, message: str, directions):
         self.directions = directions
+        super().__init__(message)
+
+
+class NotConvergedError(PrupPinError):
+    """No equilibrium was found under a load: the robot gives way before, or the search was lost.
+
+    `pose` is the rigid pose and `wrench` (6,) the wrench on the tool [N, N m]; `reached` is the largest share of it
+    under which an equilibrium was found, the load growing in proportion from zero.
+    """
+
+    def __init__(self, message: str, pose, wrench, reached: float):
+        self.pose = pose
+        self.wrench = wrench
+        self.reached = reached
+        super().__init__(message)
+
+
+class SimulationStoppedError(PrupPinError):
+    """A simulation that was asked to stop at the first sample without an answer.
+
+    `row` is that sample's, counted from 0, `status` says what is wrong with it; `prediction` holds the rows before it.
+    """
+
+    def __init__(self, message: str, row: int, status: str, prediction):
+        self.row, self.status, self.prediction = row, status, prediction
         super().__init__(message)
 
 

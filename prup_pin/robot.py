@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from .errors import InputError, UnreachablePoseError
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
+from .loaded import Chain, LoadedPose, find_loaded_pose
 from .mechanism import Mechanism
 from .parameters import Parameter
 from .spatial import as_wrench
@@ -58,6 +59,10 @@ class Robot:
         layout = StaticsLayout(self.mechanism)
         layout.check_beams(self.home)
         return layout
+
+    @cached_property
+    def _chain(self) -> Chain:
+        return Chain(self._statics)
 
     @cached_property
     def _scaling(self) -> np.ndarray:
@@ -119,6 +124,15 @@ class Robot:
             )
         wrench = None if load is None else as_wrench(load, "load")
         return Compliance(solve_statics(self._statics, pose, wrench), self._scaling, wrench)
+
+    def equilibrium(self, pose: ClosedPose, wrench, gravity: bool = False, spread_weight: bool = False) -> LoadedPose:
+        """Return the equilibrium in the deformed position under a dead `wrench` (6,) on the tool, base axes [N, N m].
+
+        Actuators hold the positions of `pose`. `gravity`: the robot's weight acts as well, that of each link at its
+        centre; `spread_weight`: that of beams along their length. Raises InputError where the pose belongs to another
+        robot, NotConvergedError where no equilibrium is found.
+        """
+        return find_loaded_pose(self._chain, pose, wrench, self._scaling, gravity, spread_weight)
 
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""

@@ -111,3 +111,46 @@ def as_wrench(value, name: str = "wrench") -> Array:
     if wrench.shape != (6,) or not np.isfinite(wrench).all():
         raise InputError(f"{name} must be six finite numbers fx fy fz mx my mz [N, N m]; got {value!r}")
     return wrench
+
+
+def rotation_exp(vector: Array) -> Array:
+    """Return exp([v]x), the rotation of rotation vectors (..., 3), as (..., 3, 3)."""
+    squared = (vector * vector).sum(-1)[..., None, None]
+    angle = np.sqrt(squared)
+    cross = skew(vector)
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
+
+
+def rotation_log(rotation: Array) -> Array:
+    """Return the rotation vectors (..., 3) of rotations (..., 3, 3), with angles up to pi."""
+    trace = np.clip((np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2, -1.0, 1.0)
+    odd = 0.5 * (rotation - np.swapaxes(rotation, -1, -2))
+    axis = np.stack([odd[..., 2, 1], odd[..., 0, 2], odd[..., 1, 0]], axis=-1)
+    sine = np.linalg.norm(axis, axis=-1)
+    angle = np.arctan2(sine, trace)
+    near_pi = trace < -0.99
+    small = sine < 1e-12
+    vector = axis * np.where(small, 1.0, angle / np.where(small, 1.0, sine))[..., None]
+    if np.any(near_pi):
+        # near half a turn the axis follows from the symmetric part, R + R^T = 2 cos I + 2 (1 - cos) a a^T
+        even = 0.5 * (rotation + np.swapaxes(rotation, -1, -2))
+        outer = even - trace[..., None, None] * np.eye(3)
+        column = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+        direction = np.take_along_axis(outer, column[..., None, None], axis=-1)[..., 0]
+        length = np.linalg.norm(direction, axis=-1, keepdims=True)
+        direction = direction / np.where(length > 0, length, 1.0)
+        direction = direction * np.where((direction * axis).sum(-1) < 0, -1.0, 1.0)[..., None]
+        vector = np.where(near_pi[..., None], direction * angle[..., None], vector)
+    return vector
+
+
+def rotation_tangent(vector: Array) -> Array:
+    """Return T (..., 3, 3) with exp(v + dv) = exp(T dv) exp(v) to first order, for rotation vectors v (..., 3)."""
+    squared = (vector * vector).sum(-1)[..., None, None]
+    cross = skew(vector)
+    small = squared < 1e-4
+    angle = np.sqrt(np.where(small, 1.0, squared))
+    # (1 - cos a)/a^2 and (a - sin a)/a^3, by their series near zero
+    first = np.where(small, 0.5 - squared / 24 + squared**2 / 720, (1 - np.cos(angle)) / angle**2)
+    second = np.where(small, 1 / 6 - squared / 120 + squared**2 / 5040, (angle - np.sin(angle)) / angle**3)
+    return np.eye(3) + first * cross + second * (cross @ cross)

@@ -82,6 +82,23 @@ def drawings() -> None:
     shares_figure(compliance, load).savefig(OUT / "shares.png")
 
 
+def diagnosis() -> None:
+    """Draw what a diagnosis finds: a bench test of a device with play in one drive, its place, its local curve."""
+    from concealed.draw import draw, write
+
+    from prup_pin.diagnosis import diagnose
+    from prup_pin.recordings import read_recording
+    from prup_pin.views.diagnosis_figures import place_figure
+    from prup_pin.views.recovered import recovered
+
+    robot, _ = three_prup()
+    with tempfile.TemporaryDirectory() as folder:
+        drawn = draw(10, ["backlash"], (15.0, 25.0), 60.0, poses=(14, 2))
+        write(drawn, Path(folder), Path(folder) / "sealed", "bench")
+        found = diagnose(robot, read_recording(Path(folder) / "bench.csv"))
+    place_figure(robot, found, recovered(found, robot)[0]).savefig(OUT / "diagnosis.png")
+
+
 def main(wanted: list[str]) -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -92,6 +109,8 @@ def main(wanted: list[str]) -> None:
             render.render(str(page) + (f"#t={moment}" if moment else ""), OUT / f"{name}.png", (1200, 750))
     if not wanted or {"pose", "shares"} & set(wanted):
         drawings()
+    if not wanted or "diagnosis" in wanted:
+        diagnosis()
     for path in sorted(OUT.glob("*.png")):
         size = path.stat().st_size
         print(f"{path.relative_to(ROOT)}  {size / 1000:.0f} kB{'  TOO LARGE' if size > LARGEST else ''}")

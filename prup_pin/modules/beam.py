@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..parameters import Quantity
@@ -17,11 +19,13 @@ from .module import Mask, ModuleGeometry, Values, WrenchModule
 from .section import (
     BODY_LENGTH,
     CIRCLE,
+    CLAMP,
     DENSITY,
     MATERIAL,
     SMOOTH,
     circle_area,
     circle_second_moment,
+    clamp_compliance,
     constant,
     mass_per_length,
     shear_flexibility,
@@ -54,6 +58,7 @@ class Beam(WrenchModule):
     summary = "straight beam of constant section: axial, two bendings, torsion, optional shear"
     is_body = True
     spans_frames = True
+    bends_exactly = True
     quantities = (
         *CIRCLE,
         Quantity("area", "m^2", "section area", circle_area, derived_from=_DIAMETERS),
@@ -68,6 +73,7 @@ class Beam(WrenchModule):
             derived_from=("second_moment_x", "second_moment_y", *_ROUND),
         ),
         *MATERIAL,
+        CLAMP,
         DENSITY,
         BODY_LENGTH,
     )
@@ -89,7 +95,13 @@ class Beam(WrenchModule):
         powers = values.get("powers_of_length")
         linear, square, cube = self.prepare(values)["powers_of_length"] if powers is None else powers
         length = at.length[..., None, None]
-        return length * (linear + length * (square + length * cube))
+        bent = length * (linear + length * (square + length * cube))
+        if np.isinf(values["root_tilting_stiffness"]).all():
+            return bent
+        return bent + clamp_compliance(values, at.length)
+
+    def line_density(self, values: Values, at: ModuleGeometry) -> Callable[[Array], Array]:
+        return constant(mass_per_length(values["density"], values["area"]))
 
     def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities:
         e = values["youngs_modulus"]
@@ -108,7 +120,7 @@ class Beam(WrenchModule):
         overhang_is_inboard = at.anchored_at_tip == at.inboard_is_root
         return own_weight_deformation(
             gravity,
-            constant(mass_per_length(values["density"], values["area"])),
+            self.line_density(values, at),
             np.where(overhang_is_inboard, _overhang(values, at), 0.0),
             at.length,
             at.inboard_is_root,
@@ -116,8 +128,7 @@ class Beam(WrenchModule):
         )
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:
-        density = constant(mass_per_length(values["density"], values["area"]))
-        return body_weight(density, at.length, _overhang(values, at), at.anchored_at_tip, SMOOTH)
+        return body_weight(self.line_density(values, at), at.length, _overhang(values, at), at.anchored_at_tip, SMOOTH)
 
     def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         return at.length <= 0

@@ -16,7 +16,7 @@ pose axes, so that a single pose is the batch of one.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -64,6 +64,8 @@ class CompliantModule(ABC):
     nonlinear: ClassVar[bool] = False
     #: True where the compliance depends on the joint's position.
     follows_joint: ClassVar[bool] = False
+    #: True for a beam whose section law holds along its deformed line, so that it can be followed under any load.
+    bends_exactly: ClassVar[bool] = False
     quantities: ClassVar[tuple[Quantity, ...]] = ()
 
     @property
@@ -100,6 +102,10 @@ class CompliantModule(ABC):
     def section_law(self, values: Values, at: ModuleGeometry) -> SectionFlexibilities | None:
         """Return a beam's flexibilities along its length, from which its elastic line follows, or None."""
         return None
+
+    def line_density(self, values: Values, at: ModuleGeometry) -> Callable[[Array], Array]:
+        """Return a beam's mass per length [kg/m] as a function of the distances (..., n, points) from the tip."""
+        return lambda u: np.zeros_like(u)
 
     def holds_joint(self, values: Values) -> bool:
         """Return True where the module carries a load along its joint's own axis, so that the joint is not free."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..parameters import Quantity
 from ..spatial import Array
+from .flexibility import tip_compliance
 from .module import Values, required
 
 MATERIAL = (
@@ -15,6 +16,7 @@ MATERIAL = (
     Quantity("shear_modulus", "Pa", "shear modulus G; infinite neglects shear and torsion", default=np.inf),
     Quantity("shear_coefficient", "1", "Timoshenko's kappa (circle: 0.886); 0: Euler-Bernoulli", 0.0, positive=False),
 )
+CLAMP = Quantity("root_tilting_stiffness", "N m/rad", "of the clamp at the root, about both axes across", np.inf)
 DENSITY = Quantity("density", "kg/m^3", "density; 0 neglects the beam's own weight", 0.0, positive=False)
 BODY_LENGTH = Quantity("body_length", "m", "whole body, overhang included; 0: from root to tip", 0.0, positive=False)
 CIRCLE = (
@@ -40,6 +42,14 @@ def shear_flexibility(values: Values, area: Array) -> Array:
     """Return 1/(kappa G A); zero (Euler-Bernoulli) where no shear modulus or no shear coefficient is given."""
     kappa = np.asarray(values["shear_coefficient"], float)
     return 1 / (np.where(kappa > 0, kappa, np.inf) * values["shear_modulus"] * area)
+
+
+def clamp_compliance(values: Values, length: Array) -> Array:
+    """Return what a clamp at the root that tilts adds to the tip compliance, (..., n, 6, 6)."""
+    tilting = 1 / np.asarray(values["root_tilting_stiffness"], float)
+    bending = (tilting, length * tilting, length**2 * tilting)
+    zero = np.zeros_like(length * tilting)
+    return tip_compliance(zero, (zero, zero), zero, bending, bending)
 
 
 def mass_per_length(density: Array, area: Array) -> Array:

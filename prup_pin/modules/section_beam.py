@@ -10,6 +10,7 @@ from ..parameters import Quantity
 from ..spatial import Array
 from .flexibility import BodyWeight, SectionFlexibilities, body_weight, own_weight_deformation
 from .module import Mask, ModuleGeometry, Values, WrenchModule
+from .section import CLAMP, clamp_compliance
 
 
 def _table(name: str, unit: str, description: str, default=None, **options) -> Quantity:
@@ -31,6 +32,7 @@ class SectionBeam(WrenchModule):
     summary = "beam with EA, EI, GJ and shear stiffnesses tabulated along its length: stepped, tapered, any section"
     is_body = True
     spans_frames = True
+    bends_exactly = True
     quantities = (
         _table("stations", "1", "places from root (0) to tip (1); a repeated one is a step", positive=False, upper=1.0),
         _table("axial_stiffness", "N", "EA at the stations"),
@@ -40,6 +42,7 @@ class SectionBeam(WrenchModule):
         _table("shear_stiffness_x", "N", "kappa G A along x at the stations", _infinite),
         _table("shear_stiffness_y", "N", "kappa G A along y at the stations", _infinite),
         _table("line_density", "kg/m", "mass per length", lambda v: np.zeros_like(v["stations"]), positive=False),
+        CLAMP,
     )
 
     @staticmethod
@@ -85,15 +88,18 @@ class SectionBeam(WrenchModule):
         )
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        return self.section_law(values, at).tip_compliance(at.length)
+        return self.section_law(values, at).tip_compliance(at.length) + clamp_compliance(values, at.length)
+
+    def line_density(self, values: Values, at: ModuleGeometry) -> Callable[[Array], Array]:
+        return self._profile(values, at.length, "line_density")
 
     def weight_deformation(self, values: Values, at: ModuleGeometry, gravity: Array) -> Array:
-        density = self._profile(values, at.length, "line_density")
+        density = self.line_density(values, at)
         law = self.section_law(values, at)
         return own_weight_deformation(gravity, density, np.zeros_like(at.length), at.length, at.inboard_is_root, law)
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:
-        density = self._profile(values, at.length, "line_density")
+        density = self.line_density(values, at)
         none = np.zeros_like(at.length)
         return body_weight(density, at.length, none, at.anchored_at_tip, self._from_tip(values))
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..parameters import Quantity
 from ..spatial import Array
 from .flexibility import BodyWeight, SectionFlexibilities, body_weight, own_weight_deformation
 from .module import Mask, ModuleGeometry, Values, WrenchModule, required
-from .section import DENSITY, MATERIAL, SMOOTH, shear_flexibility
+from .section import CLAMP, DENSITY, MATERIAL, SMOOTH, clamp_compliance, shear_flexibility
 
 
 class TaperedBeam(WrenchModule):
@@ -18,11 +20,13 @@ class TaperedBeam(WrenchModule):
     summary = "circular beam with linear taper, solid or with a constant bore"
     is_body = True
     spans_frames = True
+    bends_exactly = True
     quantities = (
         required("root_diameter", "m", "outer diameter at the root"),
         required("tip_diameter", "m", "outer diameter at the tip"),
         Quantity("inner_diameter", "m", "constant bore", 0.0, positive=False),
         *MATERIAL,
+        CLAMP,
         DENSITY,
     )
 
@@ -61,16 +65,16 @@ class TaperedBeam(WrenchModule):
         )
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        return self.section_law(values, at).tip_compliance(at.length)
+        return self.section_law(values, at).tip_compliance(at.length) + clamp_compliance(values, at.length)
 
-    def _line_density(self, values: Values, length: Array):
-        area = self._area(values, length)
+    def line_density(self, values: Values, at: ModuleGeometry) -> Callable[[Array], Array]:
+        area = self._area(values, at.length)
         return lambda u: values["density"][..., None] * area(u)
 
     def weight_deformation(self, values: Values, at: ModuleGeometry, gravity: Array) -> Array:
         return own_weight_deformation(
             gravity,
-            self._line_density(values, at.length),
+            self.line_density(values, at),
             np.zeros_like(at.length),
             at.length,
             at.inboard_is_root,
@@ -78,7 +82,7 @@ class TaperedBeam(WrenchModule):
         )
 
     def weight(self, values: Values, at: ModuleGeometry) -> BodyWeight:
-        density = self._line_density(values, at.length)
+        density = self.line_density(values, at)
         return body_weight(density, at.length, np.zeros_like(at.length), at.anchored_at_tip, SMOOTH)
 
     def problems(self, values: Values, at: ModuleGeometry) -> Mask:

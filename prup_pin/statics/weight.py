@@ -44,7 +44,7 @@ def weight_strains(statics: Statics) -> tuple[Array, Array]:
             if owner != module.joint and mechanism.support[owner, module.joint]:
                 # The joint lies beyond the beam, so its load lacks the beam's weight; the correction expects it there.
                 missing[group.slots.start + index] = wrench_in_frame(frames[index], wrench[:, None])[:, 0]
-    for joint, mass, lever in _link_masses(mechanism, carried):
+    for joint, mass, lever in link_masses(mechanism, carried):
         loads[joint, :, 0] += _weight(mass * mechanism.gravity, (pose.placements[joint] @ np.append(lever, 1.0))[:3])
     transmitted = transmitted_wrenches(layout, pose, carried_from_bodies(layout, loads))
     wrench_loads, drive_loads = module_loads(layout, pose, statics.frames, transmitted)
@@ -65,7 +65,7 @@ def _weight(force: Array, point: Array) -> Array:
     return base_wrench_from_point(point)[:, :3] @ force
 
 
-def _link_masses(mechanism: Mechanism, without: set[str]):
+def link_masses(mechanism: Mechanism, without: set[str]):
     """Yield (joint id, mass [kg], centre in the joint's frame) of the links that are not in `without`."""
     model = mechanism.model
     # Pinocchio merges links on fixed joints into the joint's body and keeps their inertia on the fixed frame.

@@ -14,7 +14,7 @@ from ..spatial import TWIST_NAMES, WRENCH_NAMES
 from .answer import Answer
 from .joints import coordinate_dimensions, dimension
 
-__all__ = ["answer_as_json", "dump"]
+__all__ = ["answer_as_json", "dump", "plain"]
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
@@ -82,7 +82,7 @@ def answer_as_json(
         "assumptions": list(robot.assumptions),
         "notes": list(notes),
     }
-    return _plain(document)
+    return plain(document)
 
 
 def dump(document: Mapping[str, Any]) -> str:
@@ -90,14 +90,14 @@ def dump(document: Mapping[str, Any]) -> str:
     return json.dumps(document, indent=2, allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return lists, dicts and finite floats; what is not finite becomes None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float | np.floating):
         return (float(value) + 0.0) if math.isfinite(value) else None
     return value

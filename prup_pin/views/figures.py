@@ -24,7 +24,15 @@ from .plotting import Figure, FigureCanvasAgg, Line2D, Patch, Polygon, plain_wor
 from .quantities import length_text, number
 from .skeleton import BodyMotions, Skeleton, skeleton
 
-__all__ = ["pose_figure", "shares_figure"]
+__all__ = [
+    "draw_compass",
+    "draw_legend",
+    "draw_mechanism",
+    "draw_tool",
+    "leg_colours",
+    "pose_figure",
+    "shares_figure",
+]
 
 _LEGS = ("#0072B2", "#009E73", "#CC79A7", "#8C6BB1", "#A6761D", "#56B4E9")
 _PART, _PLATE, _GHOST, _LOAD = "#4A5058", "#AEB6BF", "#E8590C", "#B5179E"
@@ -41,7 +49,8 @@ def _nice_below(value: float) -> float:
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)) * power)
 
 
-def _leg_colours(legs: Sequence[str]) -> dict[str, str]:
+def leg_colours(legs: Sequence[str]) -> dict[str, str]:
+    """Return a colour per leg."""
     return {leg: _LEGS[index % len(_LEGS)] for index, leg in enumerate(legs)}
 
 
@@ -90,13 +99,13 @@ def pose_figure(
     figure.canvas.draw()
     labels = Labels(figure, axes)
     drawing = Drawing(figure, axes, camera, labels)
-    colours = _leg_colours(list(parts.legs))
-    _draw_mechanism(drawing, parts, colours)
+    colours = leg_colours(list(parts.legs))
+    draw_mechanism(drawing, parts, colours)
     if compliance is not None:
         draw_small_ellipsoid(drawing, compliance, tool, size)
     if ghost is not None:
         _draw_ghost(drawing, parts, ghost)
-    texts = _draw_tool(drawing, parts)
+    texts = draw_tool(drawing, parts)
     if load is not None and load.any():
         texts += _draw_wrench(drawing, tool, load, size)
     for text, at, colour, towards in texts:
@@ -105,10 +114,10 @@ def pose_figure(
     for leg, point in parts.legs.items():
         at = camera.flat(point)
         labels.put(leg, at, colours[leg], at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
-    _draw_compass(figure, camera, robot.mechanism.gravity)
+    draw_compass(figure, camera, robot.mechanism.gravity)
     if compliance is not None:
         draw_ellipsoid(figure, camera, compliance)
-    _draw_legend(figure, parts, load is not None and bool(load.any()), ghost is not None, scale)
+    draw_legend(figure, parts, load is not None and bool(load.any()), ghost is not None, scale)
     _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None)
     return figure
 
@@ -125,7 +134,8 @@ def _fitting_scale(compliance: Compliance, load: Array, parts: Skeleton) -> floa
     return _nice_below(0.14 * parts.size / largest) if largest > 0 else None
 
 
-def _draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -> None:
+def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -> None:
+    """Draw bodies, joints and loop closures."""
     axes, camera = drawing.axes, drawing.camera
     for plate in parts.plates:
         outline = hull(camera.flat(plate.corners))
@@ -190,7 +200,7 @@ def _draw_ghost(drawing: Drawing, parts: Skeleton, ghost: BodyMotions) -> None:
     drawing.mark(ghost.move(parts.tool_body, parts.tool[:3, 3]), "o", 6, _GHOST, "white", lift=26)
 
 
-def _draw_tool(drawing: Drawing, parts: Skeleton) -> list[tuple]:
+def draw_tool(drawing: Drawing, parts: Skeleton) -> list[tuple]:
     """Draw the tool's axes; return their labels."""
     at, turn = parts.tool[:3, 3], parts.tool[:3, :3]
     texts: list[tuple] = []
@@ -235,7 +245,7 @@ def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[
 # -- around the drawing ------------------------------------------------------------------------------------------------
 
 
-def _draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
+def draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
     """Draw the base's axes and gravity in the corner."""
     axes = figure.add_axes((0.015, 0.02, 0.13, 0.19))
     axes.set_aspect("equal")
@@ -265,7 +275,7 @@ def _draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
     labels.put("base", np.zeros(2), _FAINT, np.array([-1, -1]), 8.5)
 
 
-def _draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, scale: float | None) -> None:
+def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, scale: float | None) -> None:
     """Explain every sign that occurs."""
     kinds = {segment.kind for segment in parts.segments}
     roles = {word.strip() for joint in parts.joints for word in joint.role.split(",")}
@@ -349,7 +359,7 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
         label = rest[0] if len(rest) == 1 else f"{len(rest)} others"
         rows.append((label, sum(shares[name] for name in rest), sum(answer.contributions[name] for name in rest)))
     legs = {module.name: module.leg for module in answer.mechanism.modules}
-    colours = _leg_colours(list(compliance.legs))
+    colours = leg_colours(list(compliance.legs))
     height = 2.0 + 0.33 * len(rows)
     figure = Figure(figsize=(9.5, height), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)

@@ -44,7 +44,7 @@ from .tables import (
     stiffness_table,
 )
 
-__all__ = ["report_html"]
+__all__ = ["page_template", "report_html", "svg"]
 
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
@@ -79,7 +79,7 @@ def report_html(
     Without the extra `view` the scene is left out and the page says so. Raises MissingExtraError, and what
     `robot.pose` and `robot.compliance` raise.
     """
-    template = _template()
+    template = page_template("report_page.html")
     if pose is None:
         pose = robot.home
     elif not isinstance(pose, ClosedPose):
@@ -129,7 +129,8 @@ def report_html(
     )
 
 
-def _template():
+def page_template(name: str):
+    """Return a page's template, which escapes whatever is put into it. Raises MissingExtraError."""
     try:
         import jinja2
     except ImportError as error:
@@ -141,7 +142,7 @@ def _template():
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report_page.html")
+    return environment.get_template(name)
 
 
 # -- what the page says ------------------------------------------------------------------------------------------------
@@ -353,19 +354,26 @@ def _drawing(robot: Robot, answer: Answer, scale: float | None) -> str:
     from .figures import pose_figure
 
     load = answer.load.wrench if answer.load.wrench.any() else None
-    return _svg(lambda: pose_figure(robot, answer.compliance.pose, answer.compliance, load, scale))
+    return svg(lambda: pose_figure(robot, answer.compliance.pose, answer.compliance, load, scale))
 
 
 def _chart(answer: Answer) -> str | None:
     from .figures import shares_figure
 
-    return None if answer.shares is None else _svg(lambda: shares_figure(answer.compliance, answer.load.wrench))
+    return None if answer.shares is None else svg(lambda: shares_figure(answer.compliance, answer.load.wrench))
 
 
-def _svg(draw: Callable[[], Any]) -> str:
-    """Return a figure as a data address; as an image it can neither run scripts nor fetch anything."""
+def svg(draw: Callable[[], Any], pixels: bool = False) -> str:
+    """Return a figure as a data address; as an image it can neither run scripts nor fetch anything.
+
+    With `pixels` it is a PNG, for figures of very many points.
+    """
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
-        draw().savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return f"data:image/svg+xml;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+        if pixels:
+            draw().savefig(buffer, format="png", dpi=160, metadata={"Software": None})
+        else:
+            draw().savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    kind = "png" if pixels else "svg+xml"
+    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

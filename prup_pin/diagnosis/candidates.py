@@ -1,0 +1,115 @@
+"""The laws that may compete for a recording: every law at every place where these data could show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..laws import LAWS, Effect, Inputs, Law, Place
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from ..spatial import Array
+
+__all__ = ["Candidate", "candidates"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A law at a place, as something to fit. Positive parameters are fitted by their logarithms."""
+
+    law: Law
+    place: Place
+    mechanism: Mechanism
+    sample_interval: float = 0.0
+
+    @cached_property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The law's parameters; what is over within a sample is no history but another stiffness."""
+        found = self.law.quantities_at(self.place, self.mechanism)
+        return tuple(
+            replace(q, lower=max(q.lower, self.sample_interval)) if q.name == "time_constant" else q for q in found
+        )
+
+    @cached_property
+    def logarithmic(self) -> np.ndarray:
+        return np.array([quantity.positive and quantity.lower >= 0 for quantity in self.quantities])
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.quantities)
+
+    @property
+    def name(self) -> str:
+        return f"{self.law.physics} at {self.place}"
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Bounds of the fitted coordinates, (p,) each."""
+        low = np.array([max(q.lower, 1e-9 * self._scale(q)) if log else q.lower for q, log in self._pairs()])
+        high = np.array([q.upper for q in self.quantities])
+        return self.coordinates_of(low), self.coordinates_of(high)
+
+    def _pairs(self):
+        return zip(self.quantities, self.logarithmic, strict=True)
+
+    @staticmethod
+    def _scale(quantity: Quantity) -> float:
+        return float(quantity.default) if isinstance(quantity.default, int | float) else 1.0
+
+    def coordinates_of(self, values: Array) -> Array:
+        """Return fitted coordinates of parameter values, (p,)."""
+        safe = np.where(self.logarithmic, np.maximum(values, 1e-300), 1.0)
+        return np.where(self.logarithmic, np.log(safe), values)
+
+    def values_of(self, coordinates: Array) -> Array:
+        """Return parameter values of fitted coordinates, (p,)."""
+        return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, coordinates, 0.0)), coordinates)
+
+    def effect(self, coordinates: Array) -> Effect:
+        """Return the law with the values that coordinates stand for."""
+        values = self.values_of(coordinates)
+        lowest = [np.nextafter(q.lower, np.inf) if q.positive else q.lower for q in self.quantities]
+        values = np.clip(values, lowest, [q.upper for q in self.quantities])
+        named = {q.name: float(value) for q, value in zip(self.quantities, values, strict=True)}
+        return Effect(self.law, self.place, named)
+
+    def starts(self) -> list[Array]:
+        """Return the coordinates from which a fit starts."""
+        return [self._coordinates(start) for start in self.law.starts(self.place, self.mechanism)]
+
+    def scan(self) -> list[Array]:
+        """Return the starts, and the first of them at sizes up to ten thousand times as large and small."""
+        found = self.starts()
+        if self.logarithmic[0]:
+            low, high = self.bounds
+            for decades in (-4, -2, -1, 1, 2, 4):
+                moved = found[0].copy()
+                moved[0] += decades * np.log(10.0)
+                if low[0] < moved[0] < high[0]:
+                    found.append(moved)
+        return found
+
+    def _coordinates(self, values: Mapping[str, float]) -> Array:
+        return self.coordinates_of(np.array([values[quantity.name] for quantity in self.quantities]))
+
+    def scales(self) -> Array:
+        """Return a typical change of every coordinate, (p,)."""
+        return np.array([1.0 if log else abs(self._scale(q)) or 1.0 for q, log in self._pairs()])
+
+
+def candidates(mechanism: Mechanism, inputs: Inputs) -> list[Candidate]:
+    """Return every law at every place that these inputs could show."""
+    warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > 0.2
+    fast = inputs.speeds is not None and np.nanmax(np.abs(inputs.speeds), initial=0.0) > 0
+    step = float(np.median(np.diff(inputs.time))) if len(inputs) > 1 else 0.0
+    has = {"temperature": warm, "speed": fast}
+    return [
+        Candidate(law, place, mechanism, step)
+        for law in LAWS
+        if all(has[need] for need in law.needs)
+        for place in law.places(mechanism)
+    ]

@@ -1,0 +1,323 @@
+"""Laws compete for the residual: forward selection, with every earlier choice tried again.
+
+A law enters where the chi squared that it removes passes a threshold for the whole library (chance, and the same
+residual with the signs of its blocks flipped), where it removes more than 1 % on blocks that were not used to fit it,
+and where the whole simulation confirms it. After each step every law that is in is challenged by every other one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2 as chi_squared
+
+from ..spatial import Array
+from .candidates import Candidate
+from .fit import Fit, Problem, Term
+
+__all__ = ["Rival", "Selection", "cross_validated", "select"]
+
+#: Chance that anything of the whole library is accepted on a clean recording.
+FALSE_ALARM = 0.01
+#: Share of the held-out squared residual that a law must remove.
+LEAST_GAIN = 0.01
+MOST_TERMS = 4
+#: Processor time after which no further law is looked for [s].
+MOST_SECONDS = 40.0
+_FIRST_STEPS = 4
+_FRONT = 24
+#: First-order changes may misjudge a rival's chi squared by this share of the effect's.
+_CURVATURE = 2e-4
+_FLIPS = 200
+_LEAST_PIECES = 14
+#: Offsets and the like are rarely this many times larger than where a fit starts.
+_USUAL = 30.0
+#: Alternatives whose chi squared is larger by less than this cannot be told apart.
+INDISTINCT = 10.0
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An alternative that was tried: its term, chi squared and change of the pose."""
+
+    term: Term
+    chi2: float
+    change: Array
+
+    @property
+    def score(self) -> float:
+        """Chi squared plus what its parameters and their implausibility cost."""
+        return self.chi2 + penalty(self.term)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The outcome: fits from the nominal simulation to the last one, rivals of every term, thresholds."""
+
+    first: Fit
+    last: Fit
+    rivals: tuple[tuple[Rival, ...], ...]
+    tried: int
+    screened: tuple[Rival, ...]  # what the last round tried on top, best first
+
+
+def penalty(term: Term) -> float:
+    """Return what a term costs: its parameters, and how far they lie from where such effects usually are."""
+    candidate = term.candidate
+    logs = candidate.logarithmic
+    starts = candidate.starts()
+    far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
+    far += float(((term.coordinates / (_USUAL * candidate.scales()))[~logs] ** 2).sum())
+    return 8.0 * candidate.size + far + candidate.law.cost + unlikely(candidate)
+
+
+def unlikely(candidate: Candidate) -> float:
+    """Return a small cost that decides between places that these data cannot tell apart at all."""
+    likely = getattr(candidate.law, "likely", ())
+    module = next((m for m in candidate.mechanism.modules if m.name == candidate.place.name), None)
+    return 0.0 if not likely or (module is not None and module.kind.kind in likely) else 1.0
+
+
+def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = 7) -> float:
+    """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly)."""
+    jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
+    return _held_out(fit.residual, jacobian, blocks, folds)
+
+
+def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int) -> float:
+    total = 0.0
+    labels = _segments(blocks)
+    kinds = np.unique(labels)
+    part = {label: index % folds for index, label in enumerate(kinds)}
+    fold = np.array([part[label] for label in labels])
+    for index in np.unique(fold):
+        out = fold == index
+        target = residual[out].ravel()
+        if jacobian.shape[-1] and (~out).any():
+            columns = jacobian[~out].reshape(-1, jacobian.shape[-1])
+            scale = np.linalg.norm(columns, axis=0)
+            scale = np.where(scale > 0, scale, 1.0)
+            step = np.linalg.lstsq(columns / scale, residual[~out].ravel(), rcond=1e-8)[0] / scale
+            target = target - jacobian[out].reshape(-1, jacobian.shape[-1]) @ step
+        total += float(target @ target)
+    return total
+
+
+def _segments(blocks: np.ndarray) -> np.ndarray:
+    """Return blocks, or pieces in time where there are too few of them."""
+    if len(np.unique(blocks)) >= 5:
+        return blocks
+    return np.arange(len(blocks)) * 10 // max(len(blocks), 1)
+
+
+def _pieces(blocks: np.ndarray) -> np.ndarray:
+    """Return blocks, each in so many pieces that flipping all signs alike is no likely accident."""
+    starts = np.concatenate(([True], blocks[1:] != blocks[:-1]))
+    block = np.cumsum(starts) - 1
+    count = int(block[-1]) + 1 if len(block) else 1
+    parts = int(np.ceil(_LEAST_PIECES / count))
+    inside = np.arange(len(blocks)) - np.flatnonzero(starts)[block]
+    return block * parts + inside * parts // np.bincount(block)[block]
+
+
+def threshold(problem_size: int, tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[Rival]):
+    """Return the least gain by number of parameters: a function of it."""
+    directions = [rival.change.ravel() for rival in rivals]
+    directions = [vector / np.linalg.norm(vector) for vector in directions if np.linalg.norm(vector) > 1e-9]
+    flipped = 0.0
+    if directions:
+        kinds, which = np.unique(_pieces(blocks), return_inverse=True)
+        per_block = np.array(
+            [
+                np.bincount(which, (vector.reshape(residual.shape) * residual).sum(1), len(kinds))
+                for vector in directions
+            ]
+        )
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(kinds), _FLIPS))
+        flipped = float(np.quantile(((per_block @ signs) ** 2).max(axis=0), 1 - FALSE_ALARM))
+    one = float(chi_squared.isf(FALSE_ALARM / tried, 1))
+
+    def least(parameters: int) -> float:
+        chance = float(chi_squared.isf(FALSE_ALARM / tried, parameters))
+        return max(chance, flipped + chance - one)
+
+    return least
+
+
+def select(
+    problem: Problem,
+    library: Sequence[Candidate],
+    blocks: np.ndarray,
+    first: Fit,
+    tell: Callable[[str, float], None] = lambda stage, share: None,
+) -> Selection:
+    """Return the selection of laws that the recording asks for."""
+    fit = first
+    screened: list[Rival] = []
+    refused: set[str] = set()
+    rivals: list[list[Rival]] = []
+    begun = time.process_time()
+    for step in range(MOST_TERMS + 1):
+        labels = blocks[fit.samples]
+        screened = screen(
+            problem, fit, fit.terms, library, lambda share, step=step: tell(f"laws, round {step + 1}", share)
+        )
+        if step == MOST_TERMS or time.process_time() - begun > MOST_SECONDS:
+            break
+        least = threshold(fit.residual.size, len(library), fit.residual, labels, screened)
+        before = cross_validated(problem, fit, labels)
+        taken = None
+        for rival in sorted(screened, key=lambda rival: rival.score)[:6]:
+            size = rival.term.candidate.size
+            if rival.term.candidate.name in refused or fit.chi2 - rival.chi2 < least(size):
+                continue
+            tell("the whole simulation", 0.3 + 0.1 * step)
+            trial = problem.refine([*fit.terms, rival.term], fit)
+            after = cross_validated(problem, trial, labels)
+            if fit.chi2 - trial.chi2 >= least(size) and before - after > LEAST_GAIN * before:
+                taken = trial
+                break
+            refused.add(rival.term.candidate.name)
+        if taken is None:
+            break
+        tell("earlier choices again", 0.4 + 0.1 * step)
+        if time.process_time() - begun > MOST_SECONDS:
+            fit, rivals = taken, []
+            continue
+        challenged, rivals = _challenged(problem, taken, library)
+        fit = _pruned(problem, _merged(problem, challenged, library), labels, least)
+        if fit is not challenged:
+            rivals = []
+    if len(rivals) != len(fit.terms):
+        rivals = [challengers(problem, fit, index, library) for index in range(len(fit.terms))]
+    return Selection(first, fit, tuple(tuple(each) for each in rivals), len(library), tuple(screened))
+
+
+def screen(problem: Problem, fit: Fit, kept, library, tell=lambda share: None) -> list[Rival]:
+    """Return all candidates fitted on top of `kept`, to first order, best first.
+
+    All get a few steps of their fit, those in front the rest of it.
+    """
+    rivals = []
+    present = {term.candidate.name for term in kept}
+    for index, candidate in enumerate(library):
+        tell(index / len(library))
+        if candidate.name in present:
+            continue
+        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS)
+        rivals.append(Rival(term, chi2, change))
+    rivals.sort(key=lambda rival: rival.score)
+    front = [_finished(problem, fit, kept, rival) for rival in rivals[:_FRONT] if rival.chi2 < fit.chi2 - 4.0]
+    return sorted([*front, *rivals[len(front) :]], key=lambda rival: rival.score)
+
+
+def _finished(problem: Problem, fit: Fit, kept, rival: Rival) -> Rival:
+    term = rival.term
+    chi2, new, change = problem.quick(fit, kept, term.candidate, starts=[term.coordinates], limit=20)
+    return Rival(new, chi2, change) if chi2 < rival.chi2 else rival
+
+
+def challengers(problem: Problem, fit: Fit, index: int, library) -> list[Rival]:
+    """Return what could stand in the place of term `index`, the term itself included, best first."""
+    kept = [term for place, term in enumerate(fit.terms) if place != index]
+    own = fit.terms[index]
+    changed = problem.change(fit, [term.effect for term in kept])
+    rivals = [Rival(own, fit.chi2, -changed)]
+    weight = float((changed**2).sum())
+    present = {term.candidate.name for term in fit.terms}
+    for candidate in library:
+        if candidate.name in present:
+            continue
+        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS)
+        if chi2 > fit.chi2 + max(0.5 * weight, 4 * INDISTINCT):
+            continue
+        rival = Rival(term, chi2, change)
+        if chi2 < fit.chi2 + max(0.1 * weight, 4 * INDISTINCT):
+            rival = _finished(problem, fit, kept, rival)
+        rivals.append(Rival(rival.term, rival.chi2, rival.change - changed))
+    return sorted(rivals, key=lambda rival: rival.score)
+
+
+def _challenged(problem: Problem, fit: Fit, library) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals.
+
+    First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
+    """
+    rivals: list[list[Rival]] = []
+    for _ in range(2):
+        swapped = False
+        rivals = []
+        for index in range(len(fit.terms)):
+            found = challengers(problem, fit, index, library)
+            own = fit.chi2 + penalty(fit.terms[index])
+            weight = float((found[0].change ** 2).sum()) if found else 0.0
+            reach = _CURVATURE * weight
+            judged: list[Rival] = []
+            simulated, most = 0, 3 if reach < 100 else 6
+            for rival in found:
+                close = rival.score < own + reach and (rival.score < own - 1.0 or reach > 2.0)
+                twin = any(_alike(rival, other) for other in judged)
+                if rival.term is fit.terms[index] or not close or twin or simulated == most:
+                    judged.append(rival)
+                    continue
+                simulated += 1
+                terms = list(fit.terms)
+                terms[index] = rival.term
+                trial = problem.refine(terms, fit, rounds=4)
+                judged.append(Rival(trial.terms[index], trial.chi2, rival.change))
+                if trial.chi2 + penalty(trial.terms[index]) < own - 0.5:
+                    fit, swapped = trial, True
+                    break
+            if swapped:
+                break
+            rivals.append(sorted(judged, key=lambda rival: rival.score))
+        if not swapped:
+            break
+    return fit, rivals if not swapped else []
+
+
+def _merged(problem: Problem, fit: Fit, library) -> Fit:
+    """Return the fit with one law in the place of two that act on the same part, where it does as well."""
+    for one in range(len(fit.terms)):
+        for other in range(one + 1, len(fit.terms)):
+            place = fit.terms[one].candidate.place.name
+            if fit.terms[other].candidate.place.name != place:
+                continue
+            kept = [term for index, term in enumerate(fit.terms) if index not in (one, other)]
+            both = fit.chi2 + penalty(fit.terms[one]) + penalty(fit.terms[other])
+            rivals = []
+            for candidate in library:
+                if candidate.place.name == place:
+                    chi2, term, change = problem.quick(fit, kept, candidate)
+                    rivals.append(Rival(term, chi2, change))
+            for rival in sorted(rivals, key=lambda rival: rival.score)[:3]:
+                trial = problem.refine([*kept, rival.term], fit, rounds=5)
+                if trial.chi2 + penalty(trial.terms[-1]) < both:
+                    return trial
+    return fit
+
+
+def _alike(one: Rival, other: Rival) -> bool:
+    """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
+    a, b = one.change.ravel(), other.change.ravel()
+    return float(a @ b) > (1 - 1e-6) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < 1.0
+
+
+def _pruned(problem: Problem, fit: Fit, blocks: np.ndarray, least) -> Fit:
+    """Return the fit without terms that the others have made needless."""
+    while len(fit.terms) > 1:
+        for index, term in enumerate(fit.terms):
+            kept = [other for place, other in enumerate(fit.terms) if place != index]
+            changed = problem.change(fit, [other.effect for other in kept])
+            if float(((fit.residual - changed) ** 2).sum()) - fit.chi2 > 4 * least(term.candidate.size):
+                continue
+            without = problem.refine(kept, fit, rounds=4)
+            if without.chi2 - fit.chi2 < least(term.candidate.size):
+                fit = without
+                break
+        else:
+            return fit
+    return fit

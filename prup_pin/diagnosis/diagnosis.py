@@ -1,0 +1,90 @@
+"""The verdict: what a recording says that the simulation left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..laws import Effect
+from ..simulation import Run
+from ..spatial import Array
+from .local_curve import LocalCurve
+from .residual import Noise
+
+__all__ = ["Detectable", "Diagnosis", "Finding", "FittedParameter"]
+
+VERDICTS = ("nothing_missing", "explained", "unexplained")
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """A fitted value with its unit and 95 % confidence interval."""
+
+    value: float
+    unit: str
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the simulation left out.
+
+    `candidates` are the places that these data cannot tell apart, `alternatives` other laws that fit as well;
+    `heldout_gain` is the share of the held-out squared residual that this finding alone removes; `effect` is None for
+    `finite_deflection` and for what no law explains; then `curve` is what was recovered.
+    """
+
+    physics: str
+    location: str
+    candidates: tuple[str, ...]
+    parameters: Mapping[str, FittedParameter]
+    heldout_gain: float
+    statement: str
+    effect: Effect | None = None
+    alternatives: tuple[str, ...] = ()
+    curve: LocalCurve | None = None
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """An effect that these data could not have shown, with the smallest size that they could."""
+
+    physics: str
+    location: str
+    parameter: str
+    smallest: float | None
+    unit: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What `diagnose` returns.
+
+    Residuals are RMS values of the whitened residual: `before` and `after`, each {'fit', 'heldout'}; `by_channel` the
+    same for position and rotation, with µm and µrad. `linear` and `final` are the simulated poses (N, 6) less measured.
+    """
+
+    verdict: str
+    noise: Noise
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    by_channel: Mapping[str, Mapping[str, float]]
+    findings: tuple[Finding, ...]
+    not_detectable: tuple[Detectable, ...]
+    next_experiment: Mapping[str, Any]
+    remarks: tuple[str, ...]
+    effects: tuple[Effect, ...]
+    samples: np.ndarray
+    residual_before: Array
+    residual_after: Array
+    final: Run | None = None
+    timing: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def explained(self) -> bool:
+        """True where what is left is noise."""
+        return self.verdict != "unexplained"

@@ -1,0 +1,122 @@
+"""Which poses and loads would best separate what these data leave together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import PrupPinError
+from ..laws import Inputs
+from ..robot import Robot
+from ..simulation import Simulator
+from ..spatial import WRENCH_NAMES
+from .compete import INDISTINCT, Selection
+from .fit import Problem
+from .influence import Influence
+
+__all__ = ["next_experiment"]
+
+_POSES = 12
+_LOADS = 8
+_CHOSEN = 4
+
+
+def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
+    """Return a test plan whose samples differ most between the explanations that are left, with the reason."""
+    pairs = _pairs(selection)
+    plan: dict[str, Any] = {"robot": robot.name}
+    inputs = problem.simulator.inputs
+    finite = np.isfinite(inputs.actuators).all(axis=1)
+    if not finite.any():
+        return {"why": "no complete sample", "plan": {}}
+    generator = np.random.default_rng(1)
+    low, high = inputs.actuators[finite].min(axis=0), inputs.actuators[finite].max(axis=0)
+    wide = np.maximum(0.25 * (high - low), 0.02)
+    positions = list(_reachable(robot, low - wide, high + wide, generator))
+    force = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, :3], axis=1), initial=0.0)), 50.0)
+    moment = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, 3:], axis=1), initial=0.0)), 10.0)
+    loads = _unit_loads(generator) * np.array(3 * [force] + 3 * [moment])
+    if not positions:
+        return {"why": "no pose near the recorded ones is reachable", "plan": {}}
+    count = len(positions) * len(loads)
+    trial = Inputs(
+        time=np.arange(count, dtype=float),
+        actuators=np.repeat(np.array(positions), len(loads), axis=0),
+        wrench=np.tile(loads, (len(positions), 1)),
+        blocks=np.repeat(np.arange(len(positions)), len(loads)),
+    )
+    simulator = Simulator(robot, trial)
+    usable = [term for pair in pairs for term in pair if not term.candidate.law.needs]
+    value = np.zeros(count)
+    why = "the largest deflections, where anything left out shows most"
+    run = simulator.run()
+    influence = Influence(simulator, run)
+    noise = np.array(3 * [problem.noise.position] + 3 * [problem.noise.rotation])
+    if pairs and len(usable) == 2 * len(pairs):
+        for one, other in pairs:
+            both = [influence.change(simulator.setup([term.effect])) for term in (one, other)]
+            value[run.samples] += (((both[0] - both[1]) / noise) ** 2).sum(axis=1)
+        listed = "; ".join(f"{one.candidate.name} against {other.candidate.name}" for one, other in pairs[:3])
+        why = f"separates {listed}"
+        distinct = float(np.sqrt(value.max(initial=0.0)))
+        if distinct < 1:
+            why += f" (hardly: at most {distinct:.2g} times the noise in a sample; they may be one and the same)"
+    else:
+        moved = (influence.compliance @ trial.wrench[run.samples][..., None])[..., 0] / noise
+        value[run.samples] = (moved**2).sum(axis=1)
+    per_pose = value.reshape(len(positions), len(loads))
+    best = np.argsort(-per_pose.max(axis=1))[:_CHOSEN]
+    plan["poses"] = [
+        {
+            "actuators": {
+                name: round(float(q), 6) for name, q in zip(robot.mechanism.actuated, positions[i], strict=True)
+            }
+        }
+        for i in best
+    ]
+    plan["loads"] = [
+        {
+            "cycle": [0, 0.5, 1, 0.5, 0, -0.5, -1, -0.5, 0],
+            "wrench": {
+                n: round(float(x), 4) for n, x in zip(WRENCH_NAMES, loads[int(np.argmax(per_pose[i]))], strict=True)
+            },
+            "poses": [place],
+        }
+        for place, i in enumerate(best)
+    ]
+    return {"why": why, "plan": plan}
+
+
+def _pairs(selection: Selection) -> list:
+    """Return pairs of terms (ours, rival) that the data leave together."""
+    pairs = []
+    for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
+        for rival in rivals:
+            other = rival.term
+            if other is term or rival.chi2 - selection.last.chi2 > 3 * INDISTINCT:
+                continue
+            pairs.append((term, other))
+    return pairs[:6]
+
+
+def _reachable(robot: Robot, low, high, generator):
+    found = 0
+    for _ in range(10 * _POSES):
+        values = generator.uniform(low, high)
+        try:
+            robot.pose_from_actuators(values)
+        except PrupPinError:
+            continue
+        found += 1
+        yield values
+        if found == _POSES:
+            return
+
+
+def _unit_loads(generator) -> np.ndarray:
+    axes = np.eye(6)
+    mixed = generator.normal(size=(_LOADS, 6))
+    mixed[:, :3] /= np.linalg.norm(mixed[:, :3], axis=1, keepdims=True)
+    mixed[:, 3:] /= np.linalg.norm(mixed[:, 3:], axis=1, keepdims=True)
+    return np.concatenate((axes, mixed))

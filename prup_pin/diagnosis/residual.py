@@ -1,0 +1,128 @@
+"""What is left between recording and simulation, in multiples of the noise.
+
+A sample's residual is (position, rotation vector of R_measured R_simulated^T), base axes. It is whitened with the noise
+of the pose sensor and that of the wrench sensor, which reaches the pose through the compliance: S = S_pose + C S_w C^T.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..recordings import Recording
+from ..spatial import Array, rotation_exp, rotation_log
+
+__all__ = ["Measured", "Noise", "estimate_noise", "whitening"]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations: position [m], rotation [rad], force [N], moment [N m]; where they come from."""
+
+    position: float
+    rotation: float
+    force: float
+    moment: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The measured pose: position (N, 3), rotation (N, 3, 3), and which of the six channels exist, (N, 6)."""
+
+    position: Array
+    rotation: Array
+    exists: np.ndarray
+
+    @classmethod
+    def of(cls, recording: Recording) -> Measured:
+        """Return the pose channel of a recording; missing cells are marked, not guessed."""
+        n = len(recording)
+        position = np.full((n, 3), np.nan) if recording.position is None else np.array(recording.position)
+        vector = np.full((n, 3), np.nan) if recording.rotation is None else np.array(recording.rotation)
+        exists = np.concatenate((np.isfinite(position), np.repeat(np.isfinite(vector).all(1)[:, None], 3, 1)), axis=1)
+        return cls(np.nan_to_num(position), rotation_exp(np.nan_to_num(vector)), exists)
+
+    def residual(self, position: Array, rotation: Array) -> Array:
+        """Return measured less simulated, (N, 6) [m, rad]; zero where nothing was measured or simulated."""
+        turn = rotation_log(self.rotation @ np.nan_to_num(rotation).mT)
+        both = np.concatenate((self.position - position, turn), axis=1)
+        return np.where(self.exists & np.isfinite(both), both, 0.0)
+
+
+def whitening(noise: Noise, compliance: Array, exists: np.ndarray) -> Array:
+    """Return W (N, 6, 6) with cov(W r) = 1 for residuals r of noise alone; rows of missing channels are zero."""
+    sensor = np.diag(3 * [noise.position**2] + 3 * [noise.rotation**2])
+    wrench = np.array(3 * [noise.force**2] + 3 * [noise.moment**2])
+    covariance = sensor + (compliance * wrench) @ compliance.mT
+    missing = ~exists
+    # A missing channel is decoupled before factoring, and weighs nothing afterwards.
+    covariance = np.where(missing[:, :, None] | missing[:, None, :], 0.0, covariance)
+    index = np.arange(6)
+    covariance[:, index, index] += missing * 1.0
+    inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+    return np.where(missing[:, :, None], 0.0, inverse)
+
+
+def estimate_noise(
+    recording: Recording, measured: Measured, compliance: Array, blocks: np.ndarray, wrench: Array
+) -> Noise:
+    """Return the noise that repeats show: samples of one block under the same wrench.
+
+    Their difference, less what the small difference of their wrenches explains, is noise times sqrt(2). Where too few
+    repeat, neighbours in time of the high-passed residual serve. Declared values are kept where the recording has them.
+    """
+    declared = recording.noise
+    first, second = _repeats(blocks, wrench)
+    position, rotation = np.zeros(0), np.zeros(0)
+    if len(first) >= 8:
+        moved = measured.position[first] - measured.position[second]
+        turned = rotation_log(measured.rotation[first] @ measured.rotation[second].mT)
+        change = np.concatenate((moved, turned), axis=1)
+        change -= (compliance[first] @ (wrench[first] - wrench[second])[..., None])[..., 0]
+        both = measured.exists[first] & measured.exists[second]
+        position = change[:, :3][both[:, :3]]
+        rotation = change[:, 3:][both[:, 3:]]
+
+    def spread(values: Array, fallback: float) -> float:
+        if len(values) < 12:
+            return fallback
+        robust = 1.4826 * float(np.median(np.abs(values))) / np.sqrt(2)
+        return robust if robust > 0 else fallback
+
+    sources = []
+    values = []
+    for name, found, fallback in (
+        ("position", position, 1e-6),
+        ("rotation", rotation, 5e-6),
+    ):
+        given = getattr(declared, name)
+        sources.append("declared" if given is not None else "estimated")
+        values.append(given if given is not None else spread(found, fallback))
+    source = "declared" if all(word == "declared" for word in sources) else "estimated"
+    force = declared.force if declared.force is not None else 0.0
+    moment = declared.moment if declared.moment is not None else 0.0
+    return Noise(values[0], values[1], force, moment, source)
+
+
+def _repeats(blocks: np.ndarray, wrench: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of samples of one block under wrenches that differ by less than 2 % of the largest."""
+    size = np.abs(wrench[:, :3]).max(initial=0.0), np.abs(wrench[:, 3:]).max(initial=0.0)
+    scale = np.array(3 * [max(size[0], 1e-9)] + 3 * [max(size[1], 1e-9)])
+    first, second = [], []
+    for block in np.unique(blocks):
+        members = np.flatnonzero(blocks == block)[:200]
+        scaled = wrench[members] / scale
+        used: set[int] = set()
+        for i in range(len(members)):
+            if i in used:
+                continue
+            near = [
+                j for j in range(i + 1, len(members)) if j not in used and np.abs(scaled[i] - scaled[j]).max() < 0.02
+            ]
+            if near:
+                first.append(members[i])
+                second.append(members[near[0]])
+                used.update((i, near[0]))
+    return np.array(first, int), np.array(second, int)

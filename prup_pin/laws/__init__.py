@@ -1,0 +1,79 @@
+"""Laws: pieces of physics that a simulation may have left out. One library, for simulation and diagnosis alike.
+
+To add one: a final class in a file, and one line in `LAWS`. The contract is in `law.py`; the tests in
+`tests/laws/test_contract.py` run over this tuple.
+"""
+
+from ..errors import UnknownNameError
+from ..mechanism import Mechanism
+from .backlash import Backlash
+from .coulomb_friction import CoulombFriction
+from .creep import CreepLaw
+from .encoder import EncoderDelay, EncoderOffset
+from .geometric_offset import GeometricOffset
+from .hertzian_contact import HertzianContact
+from .law import Creep, Effect, Inputs, Law, Place, Resistance, Setup, Strain
+from .lead_error import LeadError, PeriodicLeadError
+from .model_equation_error import ModelEquationError
+from .payload import OffCentrePayload, Payload
+from .pose_sensor import PoseSensorMisalignment
+from .root_tilt import HubRootCompliance, RootTiltCompliance
+from .self_weight import SelfWeight, SpreadSelfWeight
+from .shear import Shear, Torsion
+from .stiffness_changed import StiffnessChanged
+from .thermal_growth import ThermalGrowth
+from .viscous_friction import ViscousFriction
+from .wrench_sensor import WrenchSensorBias, WrenchSensorCommonGain, WrenchSensorGain, WrenchSensorMisalignment
+
+LAWS: tuple[Law, ...] = (
+    StiffnessChanged(),
+    RootTiltCompliance(),
+    HubRootCompliance(),
+    Backlash(),
+    HertzianContact(),
+    CoulombFriction(),
+    ViscousFriction(),
+    SelfWeight(),
+    SpreadSelfWeight(),
+    Payload(),
+    OffCentrePayload(),
+    Shear(),
+    Torsion(),
+    ThermalGrowth(),
+    LeadError(),
+    PeriodicLeadError(),
+    GeometricOffset(),
+    EncoderOffset(),
+    EncoderDelay(),
+    WrenchSensorMisalignment(),
+    WrenchSensorGain(),
+    WrenchSensorCommonGain(),
+    WrenchSensorBias(),
+    PoseSensorMisalignment(),
+    CreepLaw(),
+    ModelEquationError(),
+)
+
+__all__ = ["LAWS", "Creep", "Effect", "Inputs", "Law", "Place", "Resistance", "Setup", "Strain", "law_at"]
+
+
+def law_at(physics: str, place: Place, mechanism: Mechanism | None = None) -> Law:
+    """Return the law of that name that acts at a place. Raises UnknownNameError.
+
+    Without the mechanism, the place's aspect tells between laws that share a name.
+    """
+    named = [law for law in LAWS if law.physics == physics]
+    if not named:
+        raise UnknownNameError("law", physics, sorted({law.physics for law in LAWS}))
+    if mechanism is None:
+        return next((law for law in named if law.variant == place.aspect), named[0])
+    places: list[str] = []
+    for law in named:
+        there = law.places(mechanism)
+        if place in there:
+            return law
+        places += [str(other) for other in there]
+    raise UnknownNameError(f"place of {physics}", str(place), places, "" if places else _NOWHERE.format(physics))
+
+
+_NOWHERE = "This robot has no place for {}."

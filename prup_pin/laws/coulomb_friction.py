@@ -1,0 +1,58 @@
+"""A joint that sticks and slips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .law import Law, Place, Resistance, Setup
+from .modules_at import bush_of, is_slide, joint_places, let_beams_twist
+
+
+class CoulombFriction(Law):
+    """A spring that yields at the friction limit, in a joint that should be free (Prandtl's elastoplastic element).
+
+    The joint sticks, giving a little before it slides; it remembers where it slid to. A move of the actuators
+    relaxes it: it starts to resist after the first sample there. Its torque twists the beams, which nothing else does;
+    those that the robot file leaves stiff in torsion get that of round steel.
+    """
+
+    physics = "coulomb_friction"
+    summary = "dry friction"
+    source = "Prandtl (1928); Jenkins (1962)"
+    has_memory = True
+    quantities = (
+        Quantity("limit", "N m", "torque (force, in a slide) at which it slides", 0.3, upper=1e3),
+        Quantity("presliding_stiffness", "N m/rad", "of the joint while it sticks", 2000.0, lower=1.0, upper=1e7),
+    )
+    neutral: ClassVar = {"limit": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name) for name in joint_places(mechanism)]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        joint = joint_places(mechanism)[place.name]
+        if not is_slide(mechanism, joint):
+            return self.quantities
+        return (
+            Quantity("limit", "N", "force at which it slides", 5.0, upper=1e4),
+            Quantity("presliding_stiffness", "N/m", "of the slide while it sticks", 1e5, lower=100.0, upper=1e9),
+        )
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        base = {quantity.name: float(quantity.default) for quantity in self.quantities_at(place, mechanism)}  # type: ignore[arg-type]
+        return [base, {**base, "limit": 4 * base["limit"]}]
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        joint = joint_places(mechanism)[place.name]
+        return bush_of(joint, mechanism) if is_slide(mechanism, joint) else ()
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        joint = joint_places(setup.mechanism)[place.name]
+        let_beams_twist(setup)
+        setup.resistances.append(Resistance(joint, values["limit"], values["presliding_stiffness"]))
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"{place.name} sticks and slips: it slides at {values['limit']:.3g} N m (N, if it is a slide)"

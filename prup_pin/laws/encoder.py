@@ -1,0 +1,53 @@
+"""Encoders that are off, or late."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .law import Law, Place, Setup
+from .modules_at import actuator_places, drive_of
+
+
+class EncoderOffset(Law):
+    """An actuator stands at q + offset where its encoder reports q."""
+
+    physics = "encoder_offset"
+    summary = "an encoder with an offset"
+    quantities = (Quantity("offset", "m or rad", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1),)
+    neutral: ClassVar = {"offset": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name) for name in actuator_places(mechanism)]
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return drive_of(place.name, mechanism)
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        setup.travel[:, actuator_places(setup.mechanism)[place.name]] += values["offset"]
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"the encoder at {place} is off by {1e3 * values['offset']:+.3g} mm (mrad, if it turns)"
+
+
+class EncoderDelay(Law):
+    """The encoders report where the actuators were a little ago: they stand at q + delay dq/dt."""
+
+    physics = "encoder_delay"
+    summary = "encoders that report late"
+    needs = ("speed",)
+    quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, lower=-0.2, upper=0.2),)
+    neutral: ClassVar = {"delay": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name) for name in actuator_places(mechanism)]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        column = actuator_places(setup.mechanism)[place.name]
+        if setup.inputs.speeds is not None:
+            setup.travel[:, column] += values["delay"] * setup.inputs.speeds[:, column]
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"the encoder at {place} reports {1e3 * values['delay']:.3g} ms late"

@@ -1,0 +1,99 @@
+"""Joints that are not where the drawing has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .law import Law, Place, Setup
+from .modules_at import is_slide
+
+
+class GeometricOffset(Law):
+    """The lengths that the robot file gives for a place are off, each by a small amount.
+
+    What lies beyond a part moves with its error. Where a robot file has a length that leaves the far end in place,
+    because the actuator's position is counted to there (a longer yoke, a shorter rod), the far end moves all the same.
+    """
+
+    physics = "geometric_offset"
+    summary = "a part is not where the drawing has it"
+    cost = 3.0
+    quantities = ()
+    neutral: ClassVar = {}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        names = [length.parameter.name.rpartition(".")[0] for length in mechanism.description.lengths]
+        return [Place(name) for name in dict.fromkeys(names)]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return tuple(
+            Quantity(name.rpartition(".")[2], "m", "error of this length", 1e-4, lower=-0.05, upper=0.05)
+            for name in _lengths(mechanism, place.name)
+        )
+
+    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
+        return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        for name, moves in _lengths(setup.mechanism, place.name).items():
+            error = values[name.rpartition(".")[2]]
+            given = setup.parameters.get(name, setup.mechanism.parameters[name].value)
+            setup.parameters[name] = given + error
+            held = _held_by(setup.mechanism, moves)
+            if held is not None:
+                column, rate = held
+                setup.travel[:, column] += rate * error
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        listed = ", ".join(f"{name} {1e3 * value:+.3g} mm" for name, value in values.items())
+        return f"{place.name} is not where the drawing has it: {listed}"
+
+
+def _lengths(mechanism: Mechanism, place: str) -> dict[str, tuple]:
+    """Return the moves of joints by the lengths of a place."""
+    return {
+        length.parameter.name: length.moves
+        for length in mechanism.description.lengths
+        if length.parameter.name.rpartition(".")[0] == place
+    }
+
+
+def _held_by(mechanism: Mechanism, moves: tuple) -> tuple[int, float] | None:
+    """Return the actuated slide against which a length moves joints to and fro, and the far end's travel per length.
+
+    None where the joints beyond do move, or where no slide carries them.
+    """
+    model = mechanism.model
+    data = model.createData()
+    pin.forwardKinematics(model, data, mechanism.home_configuration())
+    joints = [(int(model.getJointId(name)), np.array(direction)) for name, direction in moves]
+    inside = [(joint, direction) for joint, direction in joints if 0 < joint < model.njoints]
+    shifts = [data.oMi[int(model.parents[joint])].rotation @ direction for joint, direction in inside]
+    if len(shifts) < 2 or np.abs(np.sum(shifts, axis=0)).max() > 1e-9:
+        return None
+    for column, name in enumerate(mechanism.actuated):
+        slide = mechanism.joint_id(name)
+        below = all(mechanism.support[slide, joint] and joint != slide for joint, _ in inside)
+        if below and is_slide(mechanism, name):
+            axis = data.oMi[slide].rotation @ _axis(mechanism, slide)
+            return column, float(-shifts[0] @ axis)
+    return None
+
+
+def _axis(mechanism: Mechanism, joint: int) -> np.ndarray:
+    """Return a slide's direction in its own frame, (3,)."""
+    model = mechanism.model
+    start = pin.neutral(model)
+    step = np.zeros(model.nv)
+    step[model.joints[joint].idx_v] = 1.0
+    first, second = model.createData(), model.createData()
+    pin.forwardKinematics(model, first, start)
+    pin.forwardKinematics(model, second, pin.integrate(model, start, step))
+    moved = second.oMi[joint].translation - first.oMi[joint].translation
+    return first.oMi[joint].rotation.T @ moved

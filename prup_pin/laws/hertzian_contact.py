@@ -1,0 +1,62 @@
+"""A contact that stiffens with its load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from ..spatial import Array
+from .law import ASPECTS, Law, Place, Setup, Strain, along, module_named
+from .modules_at import stiffness_of, turns, yielding
+
+
+class HertzianContact(Law):
+    """The module's constant stiffness k gives way to dF/dx = k ((F + F_0) / F_r)^(1/3).
+
+    Point contacts deform as F^(2/3) (Hertz): x = 3/2 F_r^(1/3)/k ((F + F_0)^(2/3) - F_0^(2/3)). F_r is the load at
+    which the contact is as stiff as the robot file says. A module that is a contact in the robot file is left alone.
+    """
+
+    physics = "hertzian_contact"
+    summary = "stiffness that grows with the load"
+    source = "Hertz (1881); Johnson, Contact Mechanics, ch. 4"
+    quantities = (
+        Quantity("reference_load", "N", "load at which the stiffness is the robot file's", 2e4, upper=1e12),
+        Quantity("preload", "N", "load that is there at rest", 3.0, lower=0.01, upper=1e4),
+    )
+    neutral: ClassVar = {"reference_load": 1e15, "preload": 1e15}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        nonlinear = {module.name for module in mechanism.modules if module.kind.nonlinear}
+        return [place for place in yielding(mechanism, ("", "radial", "axial")) if place.name not in nonlinear]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        if not turns(mechanism, place):
+            return self.quantities
+        return (
+            Quantity("reference_load", "N m", "torque at which the stiffness is the robot file's", 100.0, upper=1e9),
+            Quantity("preload", "N m", "torque that is there at rest", 0.02, lower=1e-5, upper=1e3),
+        )
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        module = module_named(setup.mechanism, place.name)
+        name = stiffness_of(module, place.aspect)
+        assert name is not None
+        stiffness = setup.module_value(place.name, name)
+        at, preload = values["reference_load"], values["preload"]
+
+        def contact(force: Array) -> tuple[Array, Array]:
+            grown = np.expm1(2 / 3 * np.log1p(force / preload))  # (1 + F/F_0)^(2/3) - 1, exact for small loads too
+            extent = 1.5 * (at * preload**2) ** (1 / 3) / stiffness * grown
+            slope = (at / (force + preload)) ** (1 / 3) / stiffness
+            return extent - force / stiffness, slope - 1 / stiffness
+
+        direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
+        setup.add_strain(place.name, Strain(along(direction, contact, 6)))
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"{place} stiffens with its load, as contacts do (preload {values['preload']:.3g})"

@@ -1,0 +1,58 @@
+"""Screws whose lead is not what the controller believes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .law import Law, Place, Setup
+from .modules_at import screws
+
+
+class LeadError(Law):
+    """The nut travels q (1 + relative) where the encoder says q."""
+
+    physics = "lead_error"
+    summary = "a screw with another lead"
+    quantities = (Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.05, upper=0.05),)
+    neutral: ClassVar = {"relative": 0.0}
+    variant = "proportional"
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name, self.variant) for name in screws(mechanism)]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        column, _ = screws(setup.mechanism)[place.name]
+        setup.travel[:, column] += values["relative"] * setup.inputs.actuators[:, column]
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"{place.name} has another lead: the nut travels {1e3 * values['relative']:+.3g} um more per millimetre"
+
+
+class PeriodicLeadError(Law):
+    """The nut swings about where the encoder says it is, once a turn of the screw."""
+
+    physics = "lead_error"
+    summary = "a screw that errs once a turn"
+    quantities = (
+        Quantity("sine", "m", "amplitude that follows the sine of the screw's angle", 5e-6, lower=-1e-3, upper=1e-3),
+        Quantity("cosine", "m", "amplitude that follows the cosine", 5e-6, lower=-1e-3, upper=1e-3),
+    )
+    neutral: ClassVar = {"sine": 0.0, "cosine": 0.0}
+    variant = "periodic"
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name, self.variant) for name, (_, lead) in screws(mechanism).items() if np.isfinite(lead)]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        column, lead = screws(setup.mechanism)[place.name]
+        angle = 2 * np.pi * setup.inputs.actuators[:, column] / lead
+        setup.travel[:, column] += values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle)
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])
+        return f"{place.name} errs once a turn, by +-{amplitude:.3g} um"

@@ -1,0 +1,179 @@
+"""What laws share about a robot's modules: where they can act, and what modules are there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from ..mechanism import Mechanism, Module
+from ..modules import DriveModule
+from ..spatial import Array
+from .law import Place, Setup
+
+#: Poisson's ratio of steel: its shear modulus is E / 2 (1 + nu).
+_POISSON = 0.3
+
+#: The quantities that are stiffnesses, by the motion they belong to.
+_STIFFNESSES = {
+    "radial": ("radial_stiffness", "reference_stiffness"),
+    "axial": ("axial_stiffness",),
+    "tilting": ("tilting_stiffness",),
+}
+_WHOLE = ("stiffness", "torsional_stiffness", "youngs_modulus")
+
+
+def stiffness_of(module: Module, aspect: str) -> str | None:
+    """Return the name of the finite stiffness of a module's motion, or None."""
+    for name in _STIFFNESSES[aspect] if aspect else _WHOLE:
+        value = module.values.get(name)
+        if value is not None and np.ndim(value) == 0 and np.isfinite(value) and value > 0:
+            return name
+    return None
+
+
+def yielding(mechanism: Mechanism, aspects: tuple[str, ...]) -> list[Place]:
+    """Return the places of all modules that yield along one of `aspects`; '' is a drive's only motion."""
+    return [
+        Place(module.name, aspect)
+        for module in mechanism.modules
+        for aspect in aspects
+        if stiffness_of(module, aspect) and not (aspect == "" and not isinstance(module.kind, DriveModule))
+    ]
+
+
+def beams(mechanism: Mechanism) -> list[Module]:
+    """Return the modules that are beams."""
+    return [module for module in mechanism.modules if module.kind.bends_exactly]
+
+
+def turns(mechanism: Mechanism, place: Place) -> bool:
+    """Return True where a module's motion is a rotation, so that its load is a moment."""
+    module = next(module for module in mechanism.modules if module.name == place.name)
+    if not isinstance(module.kind, DriveModule):
+        return place.aspect == "tilting"
+    return module.kind.kind == "motor" or not is_slide(mechanism, str(mechanism.model.names[module.joint]))
+
+
+def is_slide(mechanism: Mechanism, joint: str) -> bool:
+    """Return True for a prismatic joint."""
+    return mechanism.model.joints[mechanism.joint_id(joint)].shortname().startswith("JointModelP")
+
+
+def without_shear(module: Module) -> bool:
+    """Return True for a beam of one material whose shear modulus the robot file leaves out."""
+    return "shear_modulus" in module.values and bool(np.isinf(module.values["shear_modulus"]))
+
+
+def steel_shear_modulus(setup: Setup, module: Module) -> float:
+    """Return the shear modulus that goes with a beam's present Young's modulus [Pa]."""
+    return setup.module_value(module.name, "youngs_modulus") / (2 * (1 + _POISSON))
+
+
+def let_beams_twist(setup: Setup) -> None:
+    """Give the beams that the robot file has stiff in torsion the torsion of solid round steel.
+
+    Without friction no torque reaches them and it makes no difference; what resists a joint twists them.
+    """
+    for module in beams(setup.mechanism):
+        if not without_shear(module):
+            continue
+        given = setup.module_value(module.name, "shear_modulus"), setup.module_value(module.name, "torsion_constant")
+        if np.isinf(given[0]):
+            setup.values[f"{module.name}.shear_modulus"] = steel_shear_modulus(setup, module)
+        if np.isinf(given[1]):
+            setup.values[f"{module.name}.torsion_constant"] = module.values["torsion_constant"]
+
+
+def lengths_of(setup: Setup, module: Module) -> Array:
+    """Return a beam's length at every sample [m], (N,): it changes with the actuator it stands on."""
+    mechanism = setup.mechanism
+    assert module.root is not None
+    home = mechanism.home_configuration()
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, home)
+    tip = data.oMi[module.frame.joint].homogeneous @ module.frame.placement
+    root = data.oMi[module.root.joint].homogeneous @ module.root.placement
+    length = abs(float((tip[:3, 3] - root[:3, 3]) @ tip[:3, 2]))
+    ids = [mechanism.joint_id(name) for name in mechanism.actuated]
+    if module.joint not in ids or module.root.joint == module.frame.joint:
+        return np.full(len(setup.inputs), length)
+    start = home[mechanism.model.joints[module.joint].idx_q]
+    return length + setup.inputs.actuators[:, ids.index(module.joint)] - start
+
+
+def joint_places(mechanism: Mechanism) -> dict[str, str]:
+    """Return the free joints with one freedom that carry a module, by the place's name: the module's."""
+    free = set(mechanism.free_dofs.tolist())
+    found: dict[str, str] = {}
+    for module in mechanism.modules:
+        joint = mechanism.model.joints[module.joint]
+        if joint.nv == 1 and joint.idx_v in free:
+            found[module.name] = str(mechanism.model.names[module.joint])
+    bare = {mechanism.model.names[index] for index in range(1, mechanism.model.njoints)} - set(found.values())
+    for index in range(1, mechanism.model.njoints):
+        joint, name = mechanism.model.joints[index], str(mechanism.model.names[index])
+        if name in bare and joint.nv == 1 and joint.idx_v in free:
+            found[name] = name
+    return found
+
+
+def actuator_places(mechanism: Mechanism) -> dict[str, int]:
+    """Return the actuated joints' columns by the place of their encoder: the motor module, else the joint."""
+    found: dict[str, int] = {}
+    for column, name in enumerate(mechanism.actuated):
+        joint = mechanism.joint_id(name)
+        motors = [module.name for module in mechanism.modules if module.joint == joint and module.kind.kind == "motor"]
+        found[motors[0] if motors else name] = column
+    return found
+
+
+def screws(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
+    """Return actuated screws by name: their actuator's column and lead [m] (nan where no module tells it)."""
+    found: dict[str, tuple[int, float]] = {}
+    ids = [mechanism.joint_id(name) for name in mechanism.actuated]
+    for module in mechanism.modules:
+        if module.kind.kind == "ball_screw" and module.joint in ids:
+            leads = [
+                m.values["screw_lead"]
+                for m in mechanism.modules
+                if m.joint == module.joint and "screw_lead" in m.values
+            ]
+            found[module.name] = ids.index(module.joint), float(leads[0]) if leads else np.nan
+    return found
+
+
+def drive_of(place: str, mechanism: Mechanism) -> list[str]:
+    """Return the modules of the drive that a module or joint belongs to: they share its travel."""
+    joints = {module.joint for module in mechanism.modules if module.name == place}
+    joints |= {mechanism.joint_id(place)} if place in list(mechanism.model.names) else set()
+    return [
+        module.name for module in mechanism.modules if module.joint in joints and isinstance(module.kind, DriveModule)
+    ]
+
+
+def bush_of(joint: str, mechanism: Mechanism) -> list[str]:
+    """Return the modules of the joint that shares a slide's bush: it turns about the line that the slide follows."""
+    model = mechanism.model
+    index = mechanism.joint_id(joint)
+    parent = int(model.parents[index])
+    fixed = model.jointPlacements[index]
+    if (
+        not parent
+        or model.joints[index].nv != 1
+        or model.joints[parent].nv != 1
+        or np.linalg.norm(fixed.translation) > 1e-9
+    ):
+        return []
+    along = _axis(model, index), _axis(model, parent)
+    if along[0] is None or along[1] is None or abs(abs(float(fixed.rotation @ along[0] @ along[1])) - 1) > 1e-9:
+        return []
+    return [module.name for module in mechanism.modules if module.joint == parent]
+
+
+def _axis(model, joint: int):
+    """Return a joint's axis in its own frame, whether it turns or slides about it."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    column = np.array(pin.getJointJacobian(model, data, joint, pin.LOCAL))[:, model.joints[joint].idx_v]
+    part = column[:3] if np.linalg.norm(column[:3]) > 0 else column[3:]
+    return part / np.linalg.norm(part)

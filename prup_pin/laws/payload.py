@@ -1,0 +1,62 @@
+"""A mass on the tool that nobody told the simulation about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .law import Law, Place, Setup
+
+
+class Payload(Law):
+    """A mass at the tool point; its weight is a dead force."""
+
+    physics = "payload"
+    summary = "a mass on the tool"
+    cost = 6.0
+    quantities: ClassVar[tuple[Quantity, ...]] = (Quantity("mass", "kg", "mass at the tool point", 1.0, upper=1e3),)
+    neutral: ClassVar = {"mass": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        if not np.any(mechanism.gravity) or mechanism.tool is None:
+            return []
+        names = {module.name.rpartition("/")[2] for module in mechanism.modules}
+        return [Place("moving_star" if "moving_star_branch" in names else mechanism.tool.name, self.variant)]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        weight = values["mass"] * setup.mechanism.gravity
+        arm = setup.turns @ self._centre(values)
+        force = np.broadcast_to(weight, arm.shape)
+        setup.unsensed = setup.unsensed + np.concatenate((force, np.cross(arm, weight)), axis=1)
+
+    def _centre(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return the centre of mass in the tool's axes [m], (3,)."""
+        return np.zeros(3)
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"the tool carries {values['mass']:.3g} kg that the simulation does not know of"
+
+
+class OffCentrePayload(Payload):
+    """The same with its centre beside the tool point; the arm turns with the tool, before anything deforms."""
+
+    summary = "a mass beside the tool point"
+    variant = "off centre"
+    quantities = (
+        Quantity("mass", "kg", "mass that the tool carries", 1.0, upper=1e3),
+        *(
+            Quantity(axis, "m", f"centre of the mass along the tool's {axis}", 0.01, lower=-1.0, upper=1.0)
+            for axis in "xyz"
+        ),
+    )
+
+    def _centre(self, values: Mapping[str, float]) -> np.ndarray:
+        return np.array([values[axis] for axis in "xyz"])
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        centre = ", ".join(f"{1e3 * values[axis]:.3g}" for axis in "xyz")
+        return f"{super().statement(place, values)}, centred at ({centre}) mm in its axes"

@@ -1,0 +1,42 @@
+"""A pose sensor that stands elsewhere than believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from ..spatial import Array, rotation_exp
+from .law import Law, Place, Setup
+
+
+class PoseSensorMisalignment(Law):
+    """The measuring frame is turned and shifted: it reports M p + t and M R."""
+
+    physics = "pose_sensor_misalignment"
+    summary = "a pose sensor whose frame is turned or shifted"
+    quantities = (
+        *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-0.5, upper=0.5) for name in ("rx", "ry", "rz")),
+        *(Quantity(name, "m", f"shift along {name[1]}", 1e-4, lower=-1.0, upper=1.0) for name in ("tx", "ty", "tz")),
+    )
+    neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("pose_sensor")]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        turn = rotation_exp(np.array([values["rx"], values["ry"], values["rz"]]))
+        shift = np.array([values["tx"], values["ty"], values["tz"]])
+
+        def reported(position: Array, rotation: Array) -> tuple[Array, Array]:
+            return position @ turn.T + shift, turn @ rotation
+
+        setup.sensors.append(reported)
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        turn = 1e3 * np.linalg.norm([values["rx"], values["ry"], values["rz"]])
+        shift = 1e3 * np.linalg.norm([values["tx"], values["ty"], values["tz"]])
+        return f"the pose sensor's frame is turned by {turn:.3g} mrad and shifted by {shift:.3g} mm"

@@ -1,0 +1,43 @@
+"""A module softer or stiffer than its data sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .law import Law, Place, Setup, module_named
+from .modules_at import beams, stiffness_of, yielding
+
+
+class StiffnessChanged(Law):
+    """A stiffness times a factor; a beam's moduli, which its bending, stretching, shear and torsion share."""
+
+    physics = "stiffness_changed"
+    summary = "a stiffness differs from the robot file's"
+    quantities = (Quantity("factor", "1", "true stiffness over the robot file's", 0.5, lower=0.0, upper=100.0),)
+    neutral: ClassVar = {"factor": 1.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        bodies = [Place(module.name) for module in beams(mechanism) if stiffness_of(module, "")]
+        joints = yielding(mechanism, ("radial", "axial", "tilting"))
+        drives = yielding(mechanism, ("",))
+        return [*bodies, *joints, *drives]
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        return [{"factor": 0.5}, {"factor": 1.6}]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        module = module_named(setup.mechanism, place.name)
+        name = stiffness_of(module, place.aspect)
+        assert name is not None
+        for changed in (
+            (name, "shear_modulus") if name == "youngs_modulus" and "shear_modulus" in module.values else (name,)
+        ):
+            setup.values[f"{place.name}.{changed}"] = setup.module_value(place.name, changed) * values["factor"]
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        share = 100 * values["factor"]
+        what = f"{place.aspect} stiffness" if place.aspect else "stiffness"
+        return f"the {what} of {place.name} is {share:.3g} % of the robot file's"

@@ -1,0 +1,51 @@
+"""Bodies that grow as they warm up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from ..spatial import Array
+from .law import Law, Place, Setup, Strain, module_named
+from .modules_at import beams, lengths_of, screws
+
+
+class ThermalGrowth(Law):
+    """A screw grows between its fixed support and the nut, by alpha q (T - 20 deg C); a beam along its length.
+
+    The actuator's encoder turns with the motor, so it does not see a screw grow.
+    """
+
+    physics = "thermal_growth"
+    summary = "growth with temperature"
+    needs = ("temperature",)
+    quantities = (Quantity("expansion", "1/K", "coefficient of expansion", 1e-5, lower=0.0, upper=5e-4),)
+    neutral: ClassVar = {"expansion": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        rods = [Place(module.name) for module in beams(mechanism) if module.inboard_is_root]
+        return [*(Place(name) for name in screws(mechanism)), *rods]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        growth = values["expansion"] * setup.inputs.warming
+        found = screws(setup.mechanism)
+        if place.name in found:
+            column, _ = found[place.name]
+            setup.travel[:, column] += growth * setup.inputs.actuators[:, column]
+            return
+        module = module_named(setup.mechanism, place.name)
+        lengths = lengths_of(setup, module)
+
+        def grow(load: Array, extent: Array) -> tuple[Array, Array]:
+            strain = np.zeros_like(load)
+            strain[:, 2] = extent
+            return strain, np.zeros((*load.shape, load.shape[1]))
+
+        setup.add_strain(place.name, Strain(grow, (growth * lengths,)))
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"{place} grows as it warms up, by {1e6 * values['expansion']:.3g} um per metre and kelvin"

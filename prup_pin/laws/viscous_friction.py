@@ -1,0 +1,41 @@
+"""A joint that resists its speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .law import Law, Place, Resistance, Setup
+from .modules_at import bush_of, is_slide, joint_places, let_beams_twist
+
+
+class ViscousFriction(Law):
+    """A damper in a joint that should be free; its speed is that between samples in one pose."""
+
+    physics = "viscous_friction"
+    summary = "friction that grows with speed"
+    has_memory = True
+    quantities = (Quantity("damping", "N m s/rad", "torque per speed", 100.0, upper=1e7),)
+    neutral: ClassVar = {"damping": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name) for name in joint_places(mechanism)]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        if not is_slide(mechanism, joint_places(mechanism)[place.name]):
+            return self.quantities
+        return (Quantity("damping", "N s/m", "force per speed", 1e4, upper=1e9),)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        joint = joint_places(mechanism)[place.name]
+        return bush_of(joint, mechanism) if is_slide(mechanism, joint) else ()
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        joint = joint_places(setup.mechanism)[place.name]
+        let_beams_twist(setup)
+        setup.resistances.append(Resistance(joint, damping=values["damping"]))
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"{place} resists its speed, by {values['damping']:.3g} N m s/rad (N s/m, if it is a slide)"

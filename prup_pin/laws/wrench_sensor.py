@@ -1,0 +1,99 @@
+"""A wrench sensor that is turned, scaled or shifted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from ..spatial import WRENCH_NAMES, rotation_exp
+from .law import Law, Place, Setup
+
+
+def _small(name: str, unit: str, description: str, start: float, bound: float) -> Quantity:
+    return Quantity(name, unit, description, start, lower=-bound, upper=bound)
+
+
+class WrenchSensorMisalignment(Law):
+    """The sensor is turned: the true wrench is the reported one turned by a small rotation vector."""
+
+    physics = "wrench_sensor_misalignment"
+    summary = "a wrench sensor that is turned"
+    quantities = tuple(_small(f"r{axis}", "rad", f"rotation about {axis}", 0.01, 0.6) for axis in "xyz")
+    neutral: ClassVar = {"rx": 0.0, "ry": 0.0, "rz": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("wrench_sensor")]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        turn = rotation_exp(np.array([values[f"r{axis}"] for axis in "xyz"]))
+        setup.sensed = np.concatenate((setup.sensed[:, :3] @ turn.T, setup.sensed[:, 3:] @ turn.T), axis=1)
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        turn = np.degrees(np.linalg.norm([values[f"r{axis}"] for axis in "xyz"]))
+        return f"the wrench sensor is turned by {turn:.3g} degrees against the base frame"
+
+
+class WrenchSensorGain(Law):
+    """The true wrench is gain times the reported one, channel by channel."""
+
+    physics = "wrench_sensor_gain"
+    summary = "a wrench sensor with another gain"
+    quantities = tuple(
+        Quantity(name, "1", f"true over reported {name}", 1.05, lower=0.2, upper=5.0) for name in WRENCH_NAMES
+    )
+    neutral: ClassVar = dict.fromkeys(WRENCH_NAMES, 1.0)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("wrench_sensor")]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        setup.sensed = setup.sensed * np.array([values[name] for name in WRENCH_NAMES])
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        off = ", ".join(f"{name} {100 * (values[name] - 1):+.3g} %" for name in WRENCH_NAMES)
+        return f"the true wrench differs from the sensor's by {off}"
+
+
+class WrenchSensorCommonGain(Law):
+    """The true wrench is gain times the reported one, all channels alike: a wrong amplifier setting."""
+
+    physics = "wrench_sensor_gain"
+    summary = "a wrench sensor with another gain"
+    quantities = (Quantity("gain", "1", "true over reported", 1.05, lower=0.2, upper=5.0),)
+    neutral: ClassVar = {"gain": 1.0}
+    variant = "all channels"
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("wrench_sensor", self.variant)]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        setup.sensed = setup.sensed * values["gain"]
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        return f"the true wrench is {100 * values['gain']:.4g} % of what the sensor reports"
+
+
+class WrenchSensorBias(Law):
+    """The sensor reports something at rest: the true wrench is the reported one less a bias."""
+
+    physics = "wrench_sensor_bias"
+    summary = "a wrench sensor that is not zeroed"
+    quantities = tuple(
+        _small(name, "N" if name[0] == "f" else "N m", f"reported {name} at rest", 0.5, 1e3) for name in WRENCH_NAMES
+    )
+    neutral: ClassVar = dict.fromkeys(WRENCH_NAMES, 0.0)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("wrench_sensor")]
+
+    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+        setup.sensed = setup.sensed - np.array([values[name] for name in WRENCH_NAMES])
+
+    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+        force = np.linalg.norm([values[name] for name in WRENCH_NAMES[:3]])
+        moment = np.linalg.norm([values[name] for name in WRENCH_NAMES[3:]])
+        return f"the wrench sensor reports {force:.3g} N and {moment:.3g} N m at rest"

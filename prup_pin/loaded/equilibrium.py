@@ -1,0 +1,214 @@
+"""The equilibrium in the deformed position: Newton's method on the chain's equations, many samples at once.
+
+Samples in one rigid pose share one derivative, which changes little with the load; a sample that does not converge fast
+with it gets its own, and one that fails is loaded in steps. What does not converge is said so, sample by sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..kinematics import ClosedPose
+from ..spatial import Array
+from .chain import Chain, Conditions, Evaluation, RigidSamples, State
+
+__all__ = ["Equilibria", "find_equilibria"]
+
+_ITERATIONS, _FEW = 40, 12
+#: Converged when no unknown displacement moves farther than this [m, rad].
+TOLERANCE = 1e-11
+#: A shared derivative is kept while it shrinks the step by this factor.
+_FAST = 0.25
+_LONGEST = 0.2
+#: A sample whose steps have doubled so often is given up.
+_DIVERGING = 4
+_LOAD_STEPS = (2, 8, 32)
+#: Samples solved together: what fits a processor's cache is fastest, and memory stays bounded.
+CHUNK = 512
+#: A derivative of a greater condition number counts as singular; what is smaller than this share is then left out.
+_CONDITION, _IDLE = 1e13, 1e-11
+
+
+@dataclass(frozen=True)
+class Equilibria:
+    """Equilibria of N samples. `converged` (N,); where False the other values are the last ones tried.
+
+    tool (N, 4, 4); loads (N, n, 6), strains (N, n, 6) of wrench modules; drive_loads, drives (N, d).
+    """
+
+    chain: Chain
+    rigid: RigidSamples
+    conditions: Conditions
+    state: State
+    evaluation: Evaluation
+    converged: np.ndarray
+    steps: Array  # last step of every sample
+    iterations: int
+    inverses: tuple[Array, Array] | None  # shared inverse matrices and which one belongs to each sample
+
+    @property
+    def tool(self) -> Array:
+        """Placement of the tool, (N, 4, 4)."""
+        return self.evaluation.tool
+
+    def own_inverses(self) -> Array:
+        """Return the inverse of every sample's own derivative, (N, m, m)."""
+        return _inverse(self.chain.matrix(self.state, self.evaluation, self.conditions))
+
+    def tangent_compliance(self) -> Array:
+        """Return d(tool's displacement)/d(wrench) at the equilibrium, (N, 6, 6), geometric stiffness included."""
+        inverse = self.own_inverses()
+        loads = self.chain.load_columns(self.evaluation)
+        return -self.chain.tool_columns(self.evaluation) @ (inverse @ loads)
+
+
+def find_equilibria(
+    chain: Chain,
+    poses: list[ClosedPose],
+    rows: Array,
+    conditions: Conditions,
+    start: Equilibria | None = None,
+    by_steps: bool = True,
+) -> Equilibria:
+    """Return the equilibria of samples that stand in `poses[rows]` under `conditions`.
+
+    `start`: equilibria of the same samples under other conditions, from which the search starts. `by_steps`: what is
+    not found so is searched again from the rigid pose, with a load that grows; else it is soon given up.
+    """
+    rows = np.asarray(rows, int)
+    rigid = start.rigid if start is not None else RigidSamples.of(chain.layout, poses, rows)
+    if start is not None and conditions.actuators is None and start.conditions.actuators is None:
+        state = start.state
+    else:
+        state = chain.with_actuators(chain.rigid_state(poses, rows), conditions.actuators)
+        if start is not None:
+            old = start.state
+            state = replace(state, strain=old.strain, closure=old.closure)
+    shared = start.inverses if start is not None else None
+    state, evaluation, converged, steps, count, shared = _newton(
+        chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps else _FEW
+    )
+    if by_steps and not converged.all():
+        state, converged, steps = _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps)
+        evaluation = chain.evaluate(rigid, state, conditions)
+    return Equilibria(chain, rigid, conditions, state, evaluation, converged, steps, count, shared)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _newton(
+    chain: Chain,
+    rigid: RigidSamples,
+    state: State,
+    conditions: Conditions,
+    rows: np.ndarray,
+    shared: Any,
+    most: int = _ITERATIONS,
+):
+    """Return state, evaluation, which samples converged, their last steps, iterations and the shared inverses."""
+    n = len(rows)
+    size = np.full(n, np.inf)
+    if not n:
+        return state, chain.evaluate(rigid, state, conditions), np.zeros(n, bool), size, 0, shared
+    groups, which = np.unique(rows, return_inverse=True)
+    if shared is None or len(shared[0]) != len(groups):
+        first = np.array([np.flatnonzero(which == index)[0] for index in range(len(groups))])
+        part, some = state.take(first), conditions.take(first)
+        shared = _inverse(chain.matrix(part, chain.evaluate(rigid.take(first), part, some), some)), which
+    inverses, which = shared
+    own: dict[int, Array] = {}
+    state = state.take(np.arange(n))
+    best = np.full(n, np.inf)
+    grown = np.zeros(n, int)
+    active = np.arange(n)
+    part, inside, some = state, rigid, conditions
+    iteration = 0
+    for iteration in range(1, most + 1):
+        at = chain.evaluate(inside, part, some)
+        kept = np.isfinite(at.residual).all(axis=1) & (grown[active] < _DIVERGING)
+        residual = at.residual[kept]
+        slow = kept & (size[active] > _FAST * best[active]) if iteration > 2 else np.zeros(len(active), bool)
+        if slow.any():
+            if not slow.all():
+                there, under = part.take(slow), some.take(slow)
+                matrix = chain.matrix(there, chain.evaluate(inside.take(slow), there, under), under)
+            else:
+                matrix = chain.matrix(part, at, some)
+            own.update(zip(active[slow].tolist(), _inverse(matrix), strict=True))
+        active, part = active[kept], part.take(kept)
+        if not len(active):
+            break
+        change = np.empty_like(residual)
+        common = np.array([index not in own for index in active.tolist()])
+        for group in np.unique(which[active[common]]):
+            members = common & (which[active] == group)
+            change[members] = -(residual[members] @ inverses[group].T)
+        for place in np.flatnonzero(~common):
+            change[place] = -(own[int(active[place])] @ residual[place])
+        moved = np.abs(change[:, : -chain.closure_count or None]).max(axis=1, initial=0.0)
+        best[active] = np.minimum(best[active], size[active])
+        grown[active] += moved > 2 * size[active]
+        size[active] = moved
+        too_long = moved > _LONGEST
+        change[too_long] *= (_LONGEST / moved[too_long])[:, None]
+        part = chain.step(part, np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
+        state.put(active, part)
+        left = ~(moved < TOLERANCE)
+        if not left.any():
+            break
+        active, part = active[left], part.take(left)
+        inside, some = rigid.take(active), conditions.take(active)
+    evaluation = chain.evaluate(rigid, state, conditions)
+    return state, evaluation, (size < TOLERANCE) & chain.balanced(evaluation), size, iteration, shared
+
+
+def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
+    """Solve what failed again, raising the load in ever finer steps."""
+    state = State(*(array.copy() for array in (state.joints, state.travel, state.strain, state.drive, state.closure)))
+    converged, steps = converged.copy(), steps.copy()
+    for count in _LOAD_STEPS:
+        failed = np.flatnonzero(~converged)
+        if not len(failed):
+            break
+        some, inside = conditions.take(failed), rigid.take(failed)
+        part = chain.with_actuators(chain.rigid_state(poses, rows[failed]), some.actuators)
+        done = np.ones(len(failed), bool)
+        size = np.zeros(len(failed))
+        for step in range(1, count + 1):
+            share = step / count
+            partly = replace(some, wrench=share * some.wrench)
+            part, _, reached, size, _, _ = _newton(chain, inside, part, partly, np.arange(len(failed)), None, _FEW)
+            done &= reached
+            if not done.any():
+                break
+        state.put(failed[done], part.take(done))
+        converged[failed[done]] = True
+        steps[failed[done]] = size[done]
+    return state, converged, steps
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverses (N, m, m), least ones where rows are redundant or motions idle, NaN of what is not finite."""
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    if not finite.all():
+        inverse = np.full_like(matrix, np.nan)
+        if finite.any():
+            inverse[finite] = _inverse(matrix[finite])
+        return inverse
+    rows: Array = np.abs(matrix).max(axis=2, keepdims=True)
+    scaled = matrix / np.where(rows > 0, rows, 1.0)
+    columns = np.abs(scaled).max(axis=1, keepdims=True)
+    columns = np.where(columns > 0, columns, 1.0)
+    scaled = scaled / columns
+    rows = np.where(rows > 0, rows, 1.0)
+    try:
+        inverse = np.linalg.inv(scaled)  # type: ignore[assignment]
+        bound = np.linalg.norm(inverse, axis=(1, 2)) * np.linalg.norm(scaled, axis=(1, 2))
+        regular = bound < _CONDITION
+    except np.linalg.LinAlgError:
+        inverse, regular = np.empty_like(scaled), np.zeros(len(scaled), bool)
+    if not regular.all():
+        inverse[~regular] = np.linalg.pinv(scaled[~regular], rcond=_IDLE)
+    return inverse / columns.mT / rows.mT

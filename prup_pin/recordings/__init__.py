@@ -1,0 +1,36 @@
+"""Recordings of bench tests: the table in memory, its files, and the plan of a test."""
+
+from .plan import (
+    ActuatorPose,
+    LoadProgramme,
+    RandomPoses,
+    TaskPose,
+    TestPlan,
+    add_noise,
+    read_plan,
+    write_plan,
+)
+from .problems import KeyProblem, TableProblem
+from .reader import read_recording
+from .recording import Noise, Recording
+from .suspicions import suspicions
+from .writer import write_prediction, write_recording
+
+__all__ = [
+    "ActuatorPose",
+    "KeyProblem",
+    "LoadProgramme",
+    "Noise",
+    "RandomPoses",
+    "Recording",
+    "TableProblem",
+    "TaskPose",
+    "TestPlan",
+    "add_noise",
+    "read_plan",
+    "read_recording",
+    "suspicions",
+    "write_plan",
+    "write_prediction",
+    "write_recording",
+]

@@ -1,0 +1,84 @@
+"""The names that columns of a recording can have. One place for reader, writer and messages."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from ..spatial import WRENCH_NAMES
+
+#: Prefix of the columns of one joint -> the field of Recording that holds them.
+JOINT_GROUPS = {"q": "positions", "qd": "velocities", "qdd": "accelerations", "tau": "efforts"}
+AXES = ("x", "y", "z")
+#: Columns with a fixed name, and their unit.
+UNITS = {
+    "time": "s",
+    **{f"w.{name}": "N" if name.startswith("f") else "N m" for name in WRENCH_NAMES},
+    **{f"p.{axis}": "m" for axis in AXES},
+    **{f"r.{axis}": "rad" for axis in AXES},
+    "temperature": "degrees Celsius",
+    "run": "",
+}
+#: Keys of the JSON beside a recording -> the field of Noise.
+NOISE_KEYS = {f"{name}_noise": name for name in ("position", "rotation", "force", "moment", "effort")}
+NOISE_UNITS = {"position": "m", "rotation": "rad", "force": "N", "moment": "N m", "effort": "N or N m"}
+
+_UNIT_AT_END = re.compile(r"\s*[\[(][^\[\]()]*[\])]\s*$")
+_KNOWN_UNIT = re.compile(
+    r"\s*[\[(]\s*(?:[mµuk]?m|[mµu]?rad|deg|°|[kM]?N|[kM]?N\s*[·*.]?\s*m{0,2})(?:/s(?:\^?2|²)?)?\s*[\])]\s*$", re.I
+)
+
+
+def marker_of(name: str) -> tuple[str, int] | None:
+    """Return the marker and the axis (0 to 2) of a column p.<marker>.<axis>, or None."""
+    if name.startswith("p.") and len(name) > 4 and name[-2:] in (".x", ".y", ".z"):
+        return name[2:-2], AXES.index(name[-1])
+    return None
+
+
+def joint_of(name: str) -> tuple[str, str] | None:
+    """Return the field of Recording and the joint of a column q.<joint> and the like, or None."""
+    prefix, dot, joint = name.partition(".")
+    return (JOINT_GROUPS[prefix], joint) if dot and joint and prefix in JOINT_GROUPS else None
+
+
+def is_known(name: str) -> bool:
+    """Return whether a column's name belongs to the format."""
+    return name in UNITS or joint_of(name) is not None or marker_of(name) is not None
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a column that belongs to the format."""
+    if name in UNITS:
+        return UNITS[name]
+    if marker_of(name):
+        return "m"
+    return {"q": "m or rad", "qd": "m/s or rad/s", "qdd": "m/s^2 or rad/s^2", "tau": "N or N m"}[name.partition(".")[0]]
+
+
+def meant(name: str) -> str | None:
+    """Return the column that a name stands for but for its unit, case or separators, or None.
+
+    'w.fx [N]', 'W.Fx' and 'w_fx' stand for w.fx, 'Q.leg1_slide (m)' for q.leg1_slide. Names that belong to the format
+    and names that have nothing to do with it give None.
+    """
+    plain = _UNIT_AT_END.sub("", name).strip()
+    letters = re.sub(r"[._\s-]", "", plain).lower()
+    for known in UNITS:
+        separated = "." not in known or re.search(r"[._\s-]", plain)  # 'rx' may be anything
+        if letters == known.replace(".", "") and name != known and separated:
+            return known
+    if is_known(name):
+        plain = _KNOWN_UNIT.sub("", name)  # a joint may be named with brackets, but hardly 'slide [mm]'
+        return plain if plain != name and is_known(plain) else None
+    prefix, dot, rest = plain.partition(".")
+    for candidate in (f"{prefix.lower()}.{rest}", f"{prefix.lower()}.{rest[:-1]}{rest[-1:].lower()}"):
+        if dot and rest and is_known(candidate):
+            return candidate
+    return None
+
+
+def candidates(header: Iterable[str]) -> list[str]:
+    """Return names to compare a misspelt one with: the fixed ones and what the header's joints would give."""
+    joints = {found[1] for name in header if (found := joint_of(name))}
+    return [*UNITS, *(f"{prefix}.{joint}" for prefix in JOINT_GROUPS for joint in sorted(joints))]

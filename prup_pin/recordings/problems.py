@@ -1,0 +1,184 @@
+"""Collects what is wrong with a recording or a test plan, so that all of it is told at once."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeGuard
+
+from ..errors import Problem, RecordingFileError
+
+#: More than anybody repairs by hand; what is wrong in a thousand places is wrong in one way.
+MAX_PROBLEMS = 100
+#: Of one kind in one column, so that a bad column does not hide the others.
+MAX_PER_COLUMN = 20
+#: Longer texts are garbage, and would make the messages unreadable.
+MAX_SHOWN = 60
+#: A million samples of sixteen channels are about 0.2 GB.
+MAX_BYTES = 4 * 2**30
+
+
+@dataclass(frozen=True)
+class TableProblem(Problem):
+    """One defect of a table: `line` is the line that an editor shows, `column` the column's name."""
+
+    column: str | None = None
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        column = f"column '{shown(self.column)}'" if self.column is not None else ""
+        return ": ".join(part for part in (place, column, self.message) if part)
+
+
+@dataclass(frozen=True)
+class KeyProblem(Problem):
+    """One defect of a JSON file: `key` is the place in it, such as poses[3].at.z."""
+
+    key: str | None = None
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        return ": ".join(part for part in (place, self.key, self.message) if part)
+
+
+class Problems:
+    """The problems found so far in one file."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.found: list[Problem] = []
+        self.more = 0
+        self._per_column: Counter[tuple[str | None, str]] = Counter()
+
+    def __len__(self) -> int:
+        return len(self.found) + self.more
+
+    def add(self, problem: Problem) -> None:
+        if len(self.found) < MAX_PROBLEMS:
+            self.found.append(problem)
+        else:
+            self.more += 1
+
+    def cells(self, column: str | None, kind: str, places: Sequence[tuple[int, str]]) -> None:
+        """Add problems of one kind in one column, given as (line, message); beyond a number they are only counted."""
+        counted = self._per_column[column, kind]
+        self._per_column[column, kind] += len(places)
+        for line, message in places[: max(0, MAX_PER_COLUMN - counted)]:
+            self.add(TableProblem(message, line, column=column))
+
+    def raise_all(self) -> None:
+        """Raise RecordingFileError where anything was found."""
+        if self:
+            raise self.error()
+
+    def error(self, *also: Problem) -> RecordingFileError:
+        """Return the error to raise: what concerns a whole file first, then by lines, then what is not listed."""
+        for problem in also:
+            self.add(problem)
+        found = sorted(
+            self.found,
+            key=lambda problem: (
+                problem.file not in (None, self.path.name),
+                -1 if problem.line is None else problem.line,
+            ),
+        )
+        rest: list[Problem] = []
+        for (column, kind), count in self._per_column.items():
+            if count > MAX_PER_COLUMN and len(rest) < MAX_PROBLEMS // 2:
+                message = f"{count - MAX_PER_COLUMN} more are not listed ({kind})"
+                rest.append(TableProblem(message, column=column))
+        room = MAX_PROBLEMS - len(rest)
+        if self.more or len(found) > room:
+            more = self.more + len(found) - (room - 1)
+            found = found[: room - 1]
+            rest.append(Problem(f"{more} more problems are not listed"))
+        return RecordingFileError(self.path, [*found, *rest])
+
+
+def shown(text: object, limit: int = MAX_SHOWN) -> str:
+    """Return a text as it can stand in a message: one line, printable, not too long."""
+    line = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in str(text)[: limit + 1])
+    return line if len(line) <= limit else line[: limit - 1] + "…"
+
+
+def read_bytes(path: Path, what: str, endings: Iterable[str]) -> bytes:
+    """Return a file's content, or raise RecordingFileError. `what` says in words what was expected."""
+    endings = tuple(endings)
+
+    def refuse(message: str) -> RecordingFileError:
+        return RecordingFileError(path, [Problem(message)])
+
+    try:
+        if path.is_dir():
+            raise refuse(f"is a folder; expected {what}")
+        if path.exists() and not path.is_file():
+            raise refuse(f"is not a regular file; expected {what}")
+        if path.stat().st_size > MAX_BYTES:
+            raise refuse(f"is larger than {MAX_BYTES / 2**30:g} GB; split it into several files")
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        near = sorted(other.name for ending in endings for other in path.parent.glob(f"*{ending}"))[:8]
+        also = f" The folder holds: {', '.join(near)}." if near else ""
+        raise refuse(f"file not found.{also}") from error
+    except OSError as error:
+        raise refuse(f"cannot be read: {error.strerror}") from error
+    except ValueError as error:  # a NUL character in the path
+        raise refuse(f"cannot be read: {error}") from error
+    if not re.search(rb"[^\xef\xbb\xbf\s]", content):
+        raise refuse(f"is empty; expected {what}")
+    return content
+
+
+def read_json_object(content: bytes, path: Path, problems: Problems) -> dict[str, Any]:
+    """Return the object that a JSON file holds; what is wrong is added to `problems`, and {} returned."""
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        for key, count in Counter(key for key, _ in pairs).items():
+            if count > 1:
+                problems.add(KeyProblem(f"stands {count} times; expected once", None, path.name, key=shown(key)))
+        return dict(pairs)
+
+    try:
+        value = json.loads(content.decode("utf-8-sig"), object_pairs_hook=unique)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        message = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); save it as UTF-8"
+        problems.add(KeyProblem(message, line, path.name))
+    except json.JSONDecodeError as error:
+        message = f"is not valid JSON: {error.msg} (character {error.colno} of the line)"
+        problems.add(KeyProblem(message, error.lineno, path.name))
+    except RecursionError:
+        problems.add(KeyProblem("nests its values too deep", None, path.name))
+    except ValueError as error:  # an integer of thousands of digits
+        problems.add(KeyProblem(f"is not valid JSON: {shown(error)}", None, path.name))
+    else:
+        if isinstance(value, dict):
+            return value
+        problems.add(KeyProblem(f'holds {json_kind(value)}; expected an object {{"key": …}}', None, path.name))
+    return {}
+
+
+def json_kind(value: object) -> str:
+    """Return in words what a JSON value is: 'the text "abc"', 'a list'."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return f"the number {shown(value)}"
+    if isinstance(value, str):
+        return f'the text "{shown(value)}"'
+    return "a list" if isinstance(value, list) else "an object"
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Return whether a JSON value is a finite number; true and false are not."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False

@@ -1,0 +1,535 @@
+"""Reads a recording: a CSV file and the JSON beside it. Every problem is reported at once, with its line and column."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Problem, nearest_names
+from ..spatial import WRENCH_NAMES, Array
+from .columns import (
+    AXES,
+    JOINT_GROUPS,
+    NOISE_KEYS,
+    NOISE_UNITS,
+    candidates,
+    is_known,
+    joint_of,
+    marker_of,
+    meant,
+    unit_of,
+)
+from .problems import KeyProblem, Problems, TableProblem, is_number, json_kind, read_bytes, read_json_object, shown
+from .recording import Noise, Recording
+
+#: Keys of the JSON beside the table.
+KEYS = ("robot", *NOISE_KEYS, "notes")
+#: Rows that the careful reader holds as text at a time.
+_CHUNK = 20_000
+_EXPECTED = "a table of comma-separated values (.csv) with one header row"
+_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
+_DECIMAL_COMMA = re.compile(r"[+-]?[\d.]*\d,\d+(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?nan", re.I | re.A)
+
+
+@dataclass
+class _Table:
+    """The columns of a table that are used, still without meaning. `lines` is (N,), the editor's line of each row."""
+
+    lines: NDArray[np.int64]
+    numbers: dict[str, Array]
+    run: NDArray[np.int64] | None
+    run_names: tuple[str, ...]
+    blank: Sequence[int] = ()
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Return the recording of a CSV file and of the JSON file of the same stem beside it, if there is one.
+
+    Empty cells and 'nan' are 'not measured'. Columns that the format does not know are left out and named in `remarks`.
+
+    Raises RecordingFileError with all problems of both files, each with its line and column.
+    """
+    path = Path(path)
+    content = read_bytes(path, _EXPECTED, (".csv",))
+    problems = Problems(path)
+    content = _text(content, problems)
+    header = _header(content, problems)
+    table = _fast(content, header) or _careful(content, header, problems)
+    _check(table, header, problems)
+    noise, robot, notes, remarks = _beside(path, problems)
+    problems.raise_all()
+    return _recording(path, header, table, noise, robot, notes, remarks)
+
+
+def _text(content: bytes, problems: Problems) -> bytes:
+    """Return the content as UTF-8 with plain line ends, or raise what makes it no table of text at all."""
+    whole = ""
+    start = content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
+    if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        whole = "is a spreadsheet or an archive, not text; export the sheet as CSV (UTF-8)"
+    elif content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        whole = "is UTF-16 text; save it as UTF-8"
+    elif start in (b"{", b"["):
+        whole = f"looks like JSON; expected {_EXPECTED}, and the JSON file beside it"
+    elif start == b"<":
+        whole = f"looks like XML or HTML; expected {_EXPECTED}"
+    elif b"\0" in content[:4096].partition(b"\n")[0]:
+        whole = f"is not text (its first line holds zero bytes); expected {_EXPECTED}"
+    if whole:
+        raise problems.error(Problem(whole))
+    content = content.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    places: dict[str, list[tuple[int, int]]] = {}
+    if b"\0" in content:
+        kind = "holds zero (NUL) bytes: the file was not written to its end, or is damaged. Export it again"
+        places[kind] = _lines_with(content, rb"\0")
+    if not content.isascii():
+        try:
+            content.decode("utf-8")
+        except UnicodeDecodeError as error:
+            # Bytes that are not UTF-8 become lone surrogates, which nothing else does.
+            marked = content.decode("utf-8", "surrogateescape").encode("utf-8", "surrogatepass")
+            kind = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); save the file as UTF-8"
+            places[kind] = _lines_with(marked, rb"\xed[\xb2\xb3][\x80-\xbf]")
+    if places:
+        names = next(csv.reader([content.split(b"\n", 1)[0].decode("utf-8", "replace").replace("\0", "")]), [])
+        for kind, found in places.items():
+            for line, cell in found:
+                column = names[cell].strip() if line > 1 and cell < len(names) else None
+                problems.cells(column, kind, [(line, kind)])
+        problems.raise_all()
+    return content
+
+
+def _lines_with(content: bytes, pattern: bytes) -> list[tuple[int, int]]:
+    """Return (line, index of the cell) of the first match in each line."""
+    found = []
+    line, end = 1, 0
+    search = re.compile(pattern)
+    while match := search.search(content, end):
+        line += content.count(b"\n", end, match.start())
+        begin = content.rfind(b"\n", 0, match.start()) + 1
+        found.append((line, content.count(b",", begin, match.start())))
+        following = content.find(b"\n", match.end())
+        if following < 0:
+            break
+        end = following
+    return found
+
+
+def _header(content: bytes, problems: Problems) -> list[str]:
+    """Return the names of all columns; raise where there is no header to speak of."""
+    lines = io.BytesIO(content)
+    text, second = (lines.readline().rstrip(b"\n").decode("utf-8") for _ in range(2))
+    for separator, word in _SEPARATORS.items():
+        if text.count(separator) > text.count(","):
+            decimal = " and decimal points instead of decimal commas" if re.search(r"\d,\d", second) else ""
+            message = f"the columns are separated by {word}; export the table again with commas{decimal}"
+            raise problems.error(TableProblem(message, 1))
+    try:
+        header = [name.strip() for name in next(csv.reader([text], strict=True), [])]
+    except csv.Error as error:
+        message = f"the header cannot be split into names: {error}; is a quotation mark not closed?"
+        raise problems.error(TableProblem(message, 1)) from error
+    if not any(header):
+        raise problems.error(TableProblem("the first row is blank; expected the header: time, q.<joint>, …", 1))
+    if all(_NUMBER.fullmatch(name) for name in header if name):
+        raise problems.error(TableProblem("the first row holds numbers; expected the header: time, q.<joint>, …", 1))
+    if not re.compile(rb"\S").search(content, max(content.find(b"\n"), 0) or len(content)):
+        problems.add(TableProblem("holds a header but no rows; expected one row per sample", 1))
+    for index, name in enumerate(header):
+        if not name:
+            message = f"the name of column {index + 1} of {len(header)} is empty; name the column or remove it"
+            problems.add(TableProblem(message, 1, column=""))
+        elif header.index(name) < index:
+            count = f"column {header.index(name) + 1} and column {index + 1}"
+            problems.add(TableProblem(f"stands twice in the header ({count}); rename or remove one", 1, column=name))
+        elif (wanted := meant(name)) and wanted not in header:
+            unit = f" in {unit_of(wanted)}" if unit_of(wanted) else ""
+            message = f"is not a name of the format. Did you mean '{wanted}'? Expected exactly that{unit}"
+            problems.add(TableProblem(message, 1, column=name))
+    wanted_names = {meant(name) for name in header}
+    there = ", ".join(shown(name, 30) for name in header[:12]) + (", …" if len(header) > 12 else "")
+    if "time" not in header and "time" not in wanted_names:
+        close = [name for name in header if name.lower() in ("t", "timestamp", "zeit", "tiem", "tmie")]
+        hint = f" Is it column '{close[0]}'?" if close else ""
+        problems.add(TableProblem(f"is missing.{hint} The header has: {there}", 1, column="time"))
+    if not any(name and name.startswith("q.") and is_known(name) for name in {*header, *wanted_names}):
+        alike = [name for name in header if re.match(r"q[_ ]?\w", name, re.I) and not is_known(name)]
+        hint = f" Is it column '{shown(alike[0])}'?" if alike else ""
+        message = f"no column q.<joint>: expected the position of at least one actuated joint.{hint} There are: {there}"
+        problems.add(TableProblem(message, 1, column="q.<joint>"))
+    return header
+
+
+def _used(header: Sequence[str]) -> dict[int, str]:
+    """Return index -> name of the columns that hold numbers of the format."""
+    return {i: name for i, name in enumerate(header) if name != "run" and is_known(name) and header.index(name) == i}
+
+
+def _label(table: dict[str, int], cell: str) -> int:
+    label = cell.strip()
+    return table.setdefault("" if label.lower() == "nan" else label, len(table))
+
+
+def _fast(content: bytes, header: Sequence[str]) -> _Table | None:
+    """Return the table where all is in order, at numpy's speed, or None: the careful reader then says why."""
+    end = len(content)
+    while content[end - 1 : end].isspace():
+        end -= 1
+    body = content[content.find(b"\n") + 1 : end]
+    if not body:
+        return None
+    run = header.index("run") if "run" in header else None
+    used = _used(header)
+    labels: dict[str, int] = {}
+    table = _loadtxt(body, header, used, run, labels)
+    if table is None and b'"' not in body:
+        labels.clear()
+        table = _loadtxt(_filled_cells(body), header, used, run, labels)
+    # Where numpy skipped blank lines or took a quoted line end for one row, lines are no longer counted by rows.
+    if table is None or table.shape != (body.count(b"\n") + 1, len(header)) or np.isinf(table).any():
+        return None
+    numbers = {name: np.ascontiguousarray(table[:, i]) for i, name in used.items()}
+    codes = None if run is None else table[:, run].astype(np.int64)
+    return _Table(np.arange(2, len(table) + 2), numbers, codes, tuple(labels) if labels else ("",))
+
+
+def _filled_cells(body: bytes) -> bytes:
+    """Return rows without quotation marks with 'nan' in their empty cells."""
+    body = b"\n" + body + b"\n"
+    for old, new in ((b",,", b",nan,"), (b",,", b",nan,"), (b",\n", b",nan\n"), (b"\n,", b"\nnan,")):
+        body = body.replace(old, new)
+    return body[1:-1]
+
+
+def _loadtxt(
+    body: bytes, header: Sequence[str], used: Mapping[int, str], run: int | None, labels: dict[str, int]
+) -> Array | None:
+    """Return (rows, columns) with codes of labels in the column `run` and 0 in unused ones, or None."""
+
+    def code(cell: str) -> float:
+        return _label(labels, cell)
+
+    def ignored(cell: str) -> float:
+        return 0.0
+
+    converters: dict[int | str, Callable[[str], float]] = {
+        i: code if i == run else ignored for i in range(len(header)) if i not in used
+    }
+    try:
+        return np.loadtxt(
+            io.TextIOWrapper(io.BytesIO(body), encoding="utf-8"),
+            delimiter=",",
+            comments=None,
+            quotechar='"',
+            converters=converters or None,
+            ndmin=2,
+        )
+    except ValueError:
+        return None
+
+
+def _careful(content: bytes, header: Sequence[str], problems: Problems) -> _Table:
+    """Return the rows that can be read, and add what is wrong with every cell."""
+    used = _used(header)
+    run = header.index("run") if "run" in header else None
+    labels: dict[str, int] = {}
+    columns: dict[str, list[Array]] = {name: [] for name in used.values()}
+    codes: list[int] = []
+    lines: list[int] = []
+    blank: list[int] = []
+    reader = csv.reader(io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="\n"), strict=True)
+    next(reader)
+    rows = _rows(reader, header, problems, blank)
+    while chunk := list(itertools.islice(rows, _CHUNK)):
+        chunk_lines = [line for line, _ in chunk]
+        if not lines and _is_second_header([row for _, row in chunk[:2]], used):
+            message = "is a row of words, such as units; expected one header row and then numbers. Remove it"
+            problems.add(TableProblem(message, chunk_lines[0]))
+            chunk, chunk_lines = chunk[1:], chunk_lines[1:]
+        cells = list(zip(*(row for _, row in chunk), strict=True))
+        for i, name in used.items():
+            column = cells[i] if cells else ()
+            columns[name].append(_numbers(name, column, chunk_lines, problems))
+        if run is not None and cells:
+            codes.extend(_label(labels, cell) for cell in cells[run])
+        lines.extend(chunk_lines)
+    numbers = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()}
+    return _Table(
+        np.array(lines, dtype=np.int64),
+        numbers,
+        None if run is None else np.array(codes, dtype=np.int64),
+        tuple(labels) if labels else ("",),
+        blank,
+    )
+
+
+def _rows(reader, header: Sequence[str], problems: Problems, blank: list[int]):
+    """Yield (line, cells) of the rows that have as many cells as the header, and add the others to the problems."""
+    pending: list[int] = []
+    while True:
+        line = reader.line_num + 1
+        try:
+            row = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            message = f"cannot be split into cells: {error}; is a quotation mark opened and not closed?"
+            problems.add(TableProblem(message, line))
+            return
+        if len(row) <= 1 and not any(cell.strip() for cell in row):
+            pending.append(line)
+            continue
+        blank.extend(pending)  # those at the end of the file are nobody's concern
+        pending = []
+        if len(row) != len(header):
+            problems.cells(*_ragged(line, row, header))
+            continue
+        yield line, row
+
+
+def _ragged(line: int, row: Sequence[str], header: Sequence[str]) -> tuple[str | None, str, list[tuple[int, str]]]:
+    """Return column, kind and place of a row with too few or too many cells."""
+    if len(row) < len(header):
+        missing = header[len(row)]
+        message = f"the row has {len(row)} cells, {len(header)} expected; it ends before this column"
+        return missing, "too few cells", [(line, message)]
+    surplus = f"; the first one too many is '{shown(row[len(header)])}'"
+    text = f"the row has {len(row)} cells, {len(header)} expected{surplus}"
+    if len(row) > len(header) + 1 and not any("." in cell for cell in row):
+        text += ". If these are decimal commas, export the table with decimal points"
+    return None, "too many cells", [(line, text)]
+
+
+def _is_second_header(rows: Sequence[Sequence[str]], used: Mapping[int, str]) -> bool:
+    """Return whether the first row is one of words while the second holds numbers."""
+
+    def words(row: Sequence[str]) -> int:
+        return sum(bool(row[i].strip()) and not _NUMBER.fullmatch(row[i].strip()) for i in used)
+
+    return len(rows) == 2 and len(used) > 1 and words(rows[0]) == len(used) and words(rows[1]) == 0
+
+
+def _numbers(name: str, cells: Sequence[str], lines: Sequence[int], problems: Problems) -> Array:
+    """Return (n,) numbers, NaN for empty cells; cells that hold something else are added to the problems."""
+    together = "".join(cells)
+    if together.isascii() and "_" not in together:  # Python reads 1_000 and other scripts' digits
+        try:
+            values = np.array([float(cell) if cell else np.nan for cell in cells])
+        except ValueError:
+            pass
+        else:
+            if not np.isinf(values).any():
+                return values
+    values = np.empty(len(cells))
+    bad: list[tuple[int, str]] = []
+    for i, cell in enumerate(cells):
+        text = cell.strip()
+        values[i] = np.nan
+        if not text:
+            continue
+        if not _NUMBER.fullmatch(text):
+            bad.append((lines[i], _not_a_number(text)))
+            continue
+        values[i] = float(text)
+        if np.isinf(values[i]):
+            values[i] = np.nan
+            bad.append((lines[i], f"'{shown(text)}' is too large for a number"))
+    problems.cells(name, "not a number", bad)
+    return values
+
+
+def _not_a_number(text: str) -> str:
+    label = f"'{shown(text)}'"
+    if _DECIMAL_COMMA.fullmatch(text):
+        return f"{label} has a decimal comma; export the table with decimal points"
+    if re.fullmatch(r"[+-]?inf(inity)?", text, re.I):
+        return f"{label} is infinite; expected a finite number, or an empty cell where nothing was measured"
+    if re.match(r"(n/?a|null|none|-+|missing|#.*|1\.#.*|\?+)$", text, re.I):
+        return f"{label} is not a number; leave the cell empty where nothing was measured"
+    return f"{label} is not a number; expected digits with a decimal point, or an empty cell"
+
+
+def _check(table: _Table, header: Sequence[str], problems: Problems) -> None:
+    """Add what is wrong with the numbers taken together: time that is empty or does not increase within a run."""
+    time = table.numbers.get("time")
+    if time is None or not len(time):
+        return
+    # Cells already reported as text are not reported as empty again.
+    reported = {
+        problem.line for problem in problems.found if isinstance(problem, TableProblem) and problem.column == "time"
+    }
+    empty = [int(line) for line in table.lines[np.isnan(time)] if int(line) not in reported]
+    problems.cells("time", "empty", [(line, "is empty; every sample needs its time") for line in empty])
+    run = np.zeros(len(time), np.int64) if table.run is None else table.run
+    rows = np.flatnonzero(np.isfinite(time))
+    rows = rows[np.argsort(run[rows], kind="stable")]
+    before, after = rows[:-1], rows[1:]
+    wrong = np.flatnonzero((run[before] == run[after]) & (time[after] <= time[before]))
+    where = " within a run" if table.run is not None else ""
+    hint = "" if table.run is not None else "; a new session needs another label in a column 'run'"
+    places = [
+        (
+            int(table.lines[after[k]]),
+            f"{time[after[k]]:.15g} s after {time[before[k]]:.15g} s (line {table.lines[before[k]]}): "
+            f"time must increase{where}{hint}",
+        )
+        for k in wrong.tolist()
+    ]
+    problems.cells("time", "not increasing", sorted(places))
+
+
+def _beside(path: Path, problems: Problems) -> tuple[Noise, str | None, str, list[str]]:
+    """Return noise, robot, notes and remarks from the JSON file beside the table."""
+    beside = path.with_suffix(".json")
+    if not beside.exists():
+        return Noise(), None, "", [f"There is no {beside.name} beside the table: the noise is not declared."]
+    remarks = []
+    content = read_bytes(beside, "a JSON object", (".json",))
+    values = read_json_object(content, beside, problems)
+    noise = {}
+    for key, value in values.items():
+        if key in NOISE_KEYS:
+            checked = noise_value(key, value, problems, beside.name)
+            if checked is not None:
+                noise[NOISE_KEYS[key]] = checked
+        elif key in ("robot", "notes"):
+            if value is not None and not isinstance(value, str):
+                message = f"is {json_kind(value)}; expected a text"
+                problems.add(KeyProblem(message, None, beside.name, key=key))
+        else:
+            remarks.append(
+                f"{beside.name}: the unknown key '{shown(key)}' is ignored. {nearest_names(shown(key), KEYS)}"
+            )
+    robot, notes = values.get("robot"), values.get("notes")
+    return (
+        Noise(**noise),
+        robot if isinstance(robot, str) else None,
+        notes if isinstance(notes, str) else "",
+        remarks,
+    )
+
+
+def noise_value(key: str, value: object, problems: Problems, file: str, at: str = "") -> float | None:
+    """Return a declared standard deviation, or None where it is null or wrong; what is wrong is added."""
+    if value is None:
+        return None
+    if not is_number(value) or value <= 0:
+        unit = f"one standard deviation above 0 [{NOISE_UNITS[NOISE_KEYS[key]]}]"
+        message = f"is {json_kind(value)}; expected {unit}, or no such key where it is not known"
+        problems.add(KeyProblem(message, None, file, key=f"{at}{key}"))
+        return None
+    return float(value)
+
+
+def _recording(
+    path: Path,
+    header: Sequence[str],
+    table: _Table,
+    noise: Noise,
+    robot: str | None,
+    notes: str,
+    remarks: Sequence[str],
+) -> Recording:
+    n = len(table.lines)
+    numbers = table.numbers
+    groups: dict[str, dict[str, Array]] = {group: {} for group in JOINT_GROUPS.values()}
+    markers: dict[str, Array] = {}
+    for name, values in numbers.items():
+        if joint := joint_of(name):
+            groups[joint[0]][joint[1]] = values
+        elif marker := marker_of(name):
+            markers.setdefault(marker[0], np.full((n, 3), np.nan))[:, marker[1]] = values
+
+    def triple(prefix: str) -> Array | None:
+        columns = [numbers.get(f"{prefix}.{axis}") for axis in AXES]
+        if all(values is None for values in columns):
+            return None
+        return np.column_stack([np.full(n, np.nan) if values is None else values for values in columns])
+
+    wrench_columns = tuple(name for name in WRENCH_NAMES if f"w.{name}" in numbers)
+    wrench = np.zeros((n, 6))
+    for k, name in enumerate(WRENCH_NAMES):
+        if name in wrench_columns:
+            wrench[:, k] = numbers[f"w.{name}"]
+    return Recording(
+        time=numbers["time"],
+        wrench=wrench,
+        wrench_columns=wrench_columns,
+        position=triple("p"),
+        rotation=triple("r"),
+        markers=markers,
+        temperature=numbers.get("temperature"),
+        run=np.zeros(n, np.int64) if table.run is None else table.run,
+        run_names=table.run_names,
+        noise=noise,
+        robot=robot,
+        notes=notes,
+        path=str(path),
+        remarks=(*_remarks(header, numbers, table.blank), *remarks, *_undeclared(numbers, noise)),
+        **groups,
+    )
+
+
+def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequence[int]) -> list[str]:
+    """Return sentences on what the table ignores or lacks."""
+    remarks = []
+    for name in header:
+        if name != "run" and not is_known(name):
+            near = nearest_names(name, candidates(header))
+            hint = f" {near}" if near.startswith("Did") else ""
+            remarks.append(f"The unknown column '{shown(name)}' is ignored.{hint}")
+    if blank:
+        remarks.append(f"{len(blank)} blank lines within the table are skipped, the first is line {blank[0]}.")
+    loads = [f"w.{name}" for name in WRENCH_NAMES if f"w.{name}" not in numbers]
+    if len(loads) == 6:
+        remarks.append("There is no column w.fx … w.mz: the external wrench is taken as zero.")
+    elif loads:
+        remarks.append(f"There is no column {', '.join(loads)}: these components of the wrench are taken as zero.")
+    triples = {"p": "position", "r": "orientation"}
+    triples |= {f"p.{marker[0]}": f"position of {marker[0]}" for name in numbers if (marker := marker_of(name))}
+    for prefix, what in triples.items():
+        missing = [f"{prefix}.{axis}" for axis in AXES if f"{prefix}.{axis}" not in numbers]
+        if len(missing) == 3:
+            remarks.append(f"There is no column {', '.join(missing)}: the {what} was not measured.")
+        elif missing:
+            remarks.append(f"There is no column {', '.join(missing)}: this part of the {what} was not measured.")
+    positions = [name[2:] for name in numbers if name.startswith("q.")]
+    efforts = [name[4:] for name in numbers if name.startswith("tau.")]
+    lacking = [f"tau.{joint}" for joint in positions if joint not in efforts]
+    if not efforts:
+        remarks.append("There is no column tau.<joint>: the actuators' efforts were not measured.")
+    elif lacking:
+        remarks.append(f"There is no column {', '.join(lacking)}: these efforts were not measured.")
+    loose = [f"tau.{joint}" for joint in efforts if joint not in positions]
+    if loose:
+        remarks.append(f"{', '.join(loose)} has no column q. of the same joint.")
+    if "temperature" not in numbers:
+        remarks.append("There is no column temperature.")
+    return remarks
+
+
+def _undeclared(numbers: Mapping[str, Array], noise: Noise) -> list[str]:
+    """Return a sentence on measured channels whose noise is not declared while that of others is."""
+    if noise == Noise():
+        return []
+    channels = {
+        "position": any(name.startswith("p.") for name in numbers),
+        "rotation": any(name.startswith("r.") for name in numbers),
+        "force": any(name.startswith("w.f") for name in numbers),
+        "moment": any(name.startswith("w.m") for name in numbers),
+        "effort": any(name.startswith("tau.") for name in numbers),
+    }
+    silent = [f"{name}_noise" for name, there in channels.items() if there and getattr(noise, name) is None]
+    return [f"{', '.join(silent)} is not declared."] if silent else []

@@ -1,0 +1,226 @@
+"""A recording in memory: what was commanded, applied and measured, sample by sample. SI units and radians."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, UnknownNameError
+from ..spatial import WRENCH_NAMES, Array
+
+#: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
+STANDSTILL = 1e-5
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One standard deviation per channel, or None where it is not declared."""
+
+    position: float | None = None  # m
+    rotation: float | None = None  # rad
+    force: float | None = None  # N
+    moment: float | None = None  # N m
+    effort: float | None = None  # N or N m
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"noise {item.name} = {value!r}: expected a number above 0, or None")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording:
+    """The table that a bench test leaves behind, N samples in time order. NaN is 'not measured'.
+
+    time: (N,) [s].
+    positions, velocities, accelerations, efforts: joint name -> (N,), columns q., qd., qdd. and tau.
+    wrench: (N, 6) external wrench on the tool point, base frame [N, N m]; zero where its column is absent.
+    wrench_columns: the components of the wrench that have a column, out of fx fy fz mx my mz.
+    position: (N, 3) of the tool point in the base frame [m], or None where it has no column.
+    rotation: (N, 3) rotation vector of the platform in the base frame [rad], or None.
+    markers: frame name -> (N, 3) position in the base frame [m].
+    temperature: (N,) [degrees Celsius], or None.
+    run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
+    noise, robot, notes: what the JSON file beside the table says.
+    path: the file that was read, or ''.
+    remarks: sentences for a person, on what is absent or was ignored.
+    """
+
+    time: Array
+    positions: Mapping[str, Array] = field(default_factory=dict)
+    velocities: Mapping[str, Array] = field(default_factory=dict)
+    accelerations: Mapping[str, Array] = field(default_factory=dict)
+    efforts: Mapping[str, Array] = field(default_factory=dict)
+    wrench: Array = None  # type: ignore[assignment]  # becomes zeros
+    wrench_columns: tuple[str, ...] = None  # type: ignore[assignment]  # becomes all six, or none without a wrench
+    position: Array | None = None
+    rotation: Array | None = None
+    markers: Mapping[str, Array] = field(default_factory=dict)
+    temperature: Array | None = None
+    run: NDArray[np.int64] = None  # type: ignore[assignment]  # becomes zeros
+    run_names: tuple[str, ...] = ("",)
+    noise: Noise = field(default_factory=Noise)
+    robot: str | None = None
+    notes: str = ""
+    path: str = ""
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = np.shape(self.time)[0] if np.ndim(self.time) == 1 else -1
+        if n < 0:
+            raise InputError(f"time must have shape (N,); got {np.shape(self.time)}")
+
+        def store(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        if self.wrench_columns is None:
+            store("wrench_columns", () if self.wrench is None else WRENCH_NAMES)
+        for name in self.wrench_columns:
+            if name not in WRENCH_NAMES:
+                raise UnknownNameError("component of a wrench", name, WRENCH_NAMES)
+        store("time", _column("time", self.time, (n,)))
+        store("wrench", _column("wrench", np.zeros((n, 6)) if self.wrench is None else self.wrench, (n, 6)))
+        for group in ("positions", "velocities", "accelerations", "efforts"):
+            values = getattr(self, group)
+            checked = {str(joint): _column(f"{group}['{joint}']", value, (n,)) for joint, value in values.items()}
+            store(group, MappingProxyType(checked))
+        markers = {str(name): _column(f"markers['{name}']", value, (n, 3)) for name, value in self.markers.items()}
+        store("markers", MappingProxyType(markers))
+        for name, shape in (("position", (n, 3)), ("rotation", (n, 3)), ("temperature", (n,))):
+            if getattr(self, name) is not None:
+                store(name, _column(name, getattr(self, name), shape))
+        run = np.asarray(np.zeros(n) if self.run is None else self.run).astype(np.int64)
+        if run.shape != (n,) or (n and not (run.min() >= 0 and run.max() < len(self.run_names))):
+            raise InputError(f"run must be {n} indices into run_names, which has {len(self.run_names)} entries")
+        run.flags.writeable = False
+        store("run", run)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        parts = [f"{len(self)} samples"]
+        if self.run_names != ("",):
+            parts.append(f"{len(np.unique(self.run))} runs")
+        measured = [
+            name
+            for name, there in (
+                ("wrench", self.has_wrench),
+                ("position", self.position is not None),
+                ("rotation", self.rotation is not None),
+                ("efforts", bool(self.efforts)),
+                ("temperature", self.temperature is not None),
+            )
+            if there
+        ]
+        parts.append("joints " + (", ".join(self.positions) or "none"))
+        parts.append("with " + (", ".join([*measured, *(f"marker {name}" for name in self.markers)]) or "nothing else"))
+        return f"<Recording {self.path + ': ' if self.path else ''}{'; '.join(parts)}>"
+
+    @property
+    def has_wrench(self) -> bool:
+        """Whether any component of the wrench has a column."""
+        return bool(self.wrench_columns)
+
+    def actuator_positions(self, names: Sequence[str]) -> Array:
+        """Return the encoders' positions (N, len(names)) [m or rad], or raise UnknownNameError."""
+        missing = [name for name in names if name not in self.positions]
+        if missing:
+            also = f" Also missing: {', '.join(f'q.{name}' for name in missing[1:])}." if missing[1:] else ""
+            there = ", ".join(f"q.{name}" for name in self.positions) or "no q. column at all"
+            hint = f"{self.path or 'The recording'} has: {there}.{also}"
+            raise UnknownNameError("column", f"q.{missing[0]}", [f"q.{name}" for name in self.positions], hint)
+        if not names:
+            return np.zeros((len(self), 0))
+        return np.column_stack([self.positions[name] for name in names])
+
+    def select(self, rows: ArrayLike | slice) -> Recording:
+        """Return the recording of some samples: a mask (N,), indices or a slice. `run_names` stay as they are."""
+        index: Any = rows if isinstance(rows, slice) else np.asarray(rows)
+        if not isinstance(index, slice):
+            if index.dtype == bool and index.shape != (len(self),):
+                raise InputError(f"a mask must have shape ({len(self)},); got {index.shape}")
+            if index.dtype != bool:
+                if index.ndim != 1 or not (np.issubdtype(index.dtype, np.integer) or index.size == 0):
+                    raise InputError(f"rows must be a mask, indices or a slice; got {rows!r}")
+                index = index.astype(np.int64)
+        changes: dict[str, Any] = {}
+        for name in ("time", "wrench", "position", "rotation", "temperature", "run"):
+            value = getattr(self, name)
+            changes[name] = None if value is None else value[index]
+        for name in ("positions", "velocities", "accelerations", "efforts", "markers"):
+            changes[name] = {key: value[index] for key, value in getattr(self, name).items()}
+        return replace(self, **changes)
+
+    def with_measurements(
+        self,
+        *,
+        position: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        efforts: Mapping[str, ArrayLike] | None = None,
+        markers: Mapping[str, ArrayLike] | None = None,
+    ) -> Recording:
+        """Return a copy with other measurements, in the shapes of the fields. What is not given stays as it is."""
+        given = {"position": position, "rotation": rotation, "efforts": efforts, "markers": markers}
+        changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        return replace(self, **changes)
+
+    def blocks(self, tolerance: float = STANDSTILL) -> NDArray[np.int64]:
+        """Return (N,) labels 0, 1, … of consecutive samples of one run with the same actuator positions.
+
+        A block ends where an actuator is further than `tolerance` [m or rad] from its position in the block's first
+        sample, so that encoders may jitter but slow motion is not taken for standstill. Unmeasured positions never
+        end a block.
+        """
+        n = len(self)
+        names = list(self.positions)
+        starts = np.zeros(n, bool)
+        if not n:
+            return np.zeros(0, np.int64)
+        positions = np.column_stack([_filled(self.positions[name]) for name in names]) if names else np.zeros((n, 0))
+        starts[0] = True
+        starts[1:] = np.diff(self.run) != 0
+        # Plain lists: where every sample starts a block, numpy would need a call per sample.
+        rows, fresh = positions.tolist(), starts.tolist()
+        first = rows[0]
+        for i in range(1, n):
+            row = rows[i]
+            if fresh[i]:
+                first = row
+            elif row != first:
+                for a, b in zip(row, first, strict=True):
+                    if abs(a - b) > tolerance:
+                        first = row
+                        fresh[i] = True
+                        break
+        return np.cumsum(fresh, dtype=np.int64) - 1
+
+
+def _column(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return a read-only view of `value` as floats of one shape."""
+    try:
+        array = np.asarray(value, float).view()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be numbers of shape {shape}") from error
+    if array.shape != shape:
+        raise InputError(f"{name} must have shape {shape}, one row per sample; got {array.shape}")
+    array.flags.writeable = False
+    return array
+
+
+def _filled(values: Array) -> Array:
+    """Return (N,) with NaN replaced by the last number before it, or the first after it; zeros if there is none."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    if not known.any():
+        return np.zeros(len(values))
+    source = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
+    source[: int(np.argmax(known))] = int(np.argmax(known))
+    return values[source]

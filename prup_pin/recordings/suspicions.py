@@ -1,0 +1,155 @@
+"""What looks wrong in a recording that can be read: units off by a thousand, dead channels, noise that cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..spatial import WRENCH_NAMES, Array
+from .columns import AXES, JOINT_GROUPS, NOISE_UNITS
+from .recording import Recording
+
+#: Larger than any bench that is measured in metres, newtons and radians.
+_LARGEST_POSITION = 50.0
+_LARGEST_FORCE = 1e5
+#: A moment this many metres times the force is more likely in N mm.
+_LONGEST_LEVER = 20.0
+#: Fewer repeats tell little about the noise.
+_FEWEST_REPEATS = 5
+
+
+def suspicions(recording: Recording) -> tuple[str, ...]:
+    """Return sentences for a person on values that are hardly meant so. An empty tuple if nothing stands out."""
+    return (*_units(recording), *_channels(recording), *_duplicates(recording), *_noise(recording))
+
+
+def _columns(recording: Recording) -> Iterator[tuple[str, Array]]:
+    """Yield the name and the values (N,) of every column but time and run."""
+    for prefix, group in JOINT_GROUPS.items():
+        for joint, values in getattr(recording, group).items():
+            yield f"{prefix}.{joint}", values
+    for name in recording.wrench_columns:
+        yield f"w.{name}", recording.wrench[:, WRENCH_NAMES.index(name)]
+    triples = {"p": recording.position, "r": recording.rotation}
+    triples |= {f"p.{name}": values for name, values in recording.markers.items()}
+    for prefix, array in triples.items():
+        if array is not None:
+            for k, axis in enumerate(AXES):
+                yield f"{prefix}.{axis}", array[:, k]
+    if recording.temperature is not None:
+        yield "temperature", recording.temperature
+
+
+def _largest(values: Array | None) -> float:
+    return 0.0 if values is None or not np.isfinite(values).any() else float(np.nanmax(np.abs(values)))
+
+
+def _units(recording: Recording) -> Iterator[str]:
+    if (largest := _largest(recording.rotation)) > 2 * np.pi:
+        yield f"r.x r.y r.z reach {largest:.4g} rad, more than a full turn: are they degrees? Expected radians."
+    for name, values in (("p", recording.position), *((f"p.{key}", value) for key, value in recording.markers.items())):
+        if (largest := _largest(values)) > _LARGEST_POSITION:
+            yield f"{name}.x {name}.y {name}.z reach {largest:.4g} m: are they millimetres? Expected metres."
+    for joint, values in recording.positions.items():
+        if (largest := _largest(values)) > _LARGEST_POSITION:
+            yield f"q.{joint} reaches {largest:.4g}: is it in millimetres or degrees? Expected metres or radians."
+    force, moment = _largest(recording.wrench[:, :3]), _largest(recording.wrench[:, 3:])
+    for name, largest, unit in (("w.fx w.fy w.fz", force, "N"), ("w.mx w.my w.mz", moment, "N m")):
+        if largest > _LARGEST_FORCE:
+            yield f"{name} reach {largest:.4g} {unit}: is the unit right? Expected {unit}."
+    if force > 1 and moment > _LONGEST_LEVER * force:
+        yield (
+            f"w.mx w.my w.mz reach {moment:.4g} N m at forces up to {force:.4g} N, a lever of {moment / force:.3g} m: "
+            "are they N mm, 1000 times too large? Expected N m."
+        )
+    if recording.temperature is not None:
+        temperature = recording.temperature
+        if np.isfinite(temperature).any() and np.nanmin(temperature) < -60:
+            yield f"temperature falls to {np.nanmin(temperature):.4g} degrees Celsius: is the sensor connected?"
+        elif _largest(temperature) > 200:
+            yield f"temperature reaches {_largest(temperature):.4g}: is it kelvin? Expected degrees Celsius."
+
+
+def _channels(recording: Recording) -> Iterator[str]:
+    empty, constant = [], []
+    for name, values in _columns(recording):
+        known = values[np.isfinite(values)]
+        # A part of a triple that has no column is NaN too, and stands among the remarks of the reader.
+        if not len(known):
+            empty.append(name)
+        elif len(known) > 2 and known.min() == known.max():
+            constant.append(name)
+    if empty:
+        yield f"Nothing was measured in {', '.join(empty)}: every cell is empty."
+    if constant:
+        yield f"{', '.join(constant)} never changes, in no digit: a dead or unused channel?"
+
+
+def _duplicates(recording: Recording) -> Iterator[str]:
+    columns = [values for _, values in _columns(recording)]
+    if len(recording) < 2 or (recording.position is None and recording.rotation is None and not recording.efforts):
+        return
+    # Equal rows have equal sums of their bits times odd random numbers; the converse fails once in 2^64.
+    factors = np.random.default_rng(0).integers(0, 2**63, size=len(columns), dtype=np.uint64) * np.uint64(2)
+    mixed = np.zeros(len(recording), np.uint64)
+    for values, factor in zip(columns, factors + np.uint64(1), strict=True):
+        bits = np.where(np.isnan(values), np.nan, values + 0.0).view(np.uint64)  # one zero, one NaN
+        mixed += (bits ^ (bits >> np.uint64(32))) * factor
+    count = len(mixed) - len(np.unique(mixed))
+    if count:
+        yield (
+            f"{count} of {len(mixed)} rows repeat an earlier row in every digit but the time: a section copied twice, "
+            "a frozen logger, or a simulation without noise?"
+        )
+
+
+def _repeats(recording: Recording) -> Array:
+    """Return a mask (N - 1,) of consecutive samples with the same actuator positions and the same load."""
+    same = np.diff(recording.blocks()) == 0
+    declared = {"f": recording.noise.force, "m": recording.noise.moment}
+    largest = {"f": _largest(recording.wrench[:, :3]), "m": _largest(recording.wrench[:, 3:])}
+    for k, name in enumerate(WRENCH_NAMES):
+        if name in recording.wrench_columns:
+            load = recording.wrench[:, k]
+            noise = declared[name[0]]
+            allowed = 6 * noise if noise is not None else 1e-2 * largest[name[0]]
+            same &= ~(np.abs(np.diff(load)) > allowed)
+    return same
+
+
+def _noise(recording: Recording) -> Iterator[str]:
+    """Yield where the declared noise exceeds all that was measured, or is far below what repeats differ by."""
+    if len(recording) < 3:
+        return
+    efforts = np.column_stack(list(recording.efforts.values())) if recording.efforts else None
+    has_wrench = recording.has_wrench
+    channels = {
+        "position": recording.position,
+        "rotation": recording.rotation,
+        "force": recording.wrench[:, :3] if has_wrench else None,
+        "moment": recording.wrench[:, 3:] if has_wrench else None,
+        "effort": efforts,
+    }
+    same = _repeats(recording)
+    for name, values in channels.items():
+        noise, unit = getattr(recording.noise, name), NOISE_UNITS[name]
+        if noise is None or values is None or not np.isfinite(values).any():
+            continue
+        known = values[:, np.isfinite(values).any(axis=0)]
+        spread = float(np.nanstd(known, axis=0).max())
+        if 0 < spread < 0.9 * noise:
+            yield (
+                f"{name}_noise is declared as {noise:.3g} {unit}, but the whole recording varies by {spread:.3g} only "
+                "(standard deviation): is its unit right?"
+            )
+        steps = np.diff(known, axis=0)[same]
+        steps = steps[np.isfinite(steps)]
+        if len(steps) < _FEWEST_REPEATS or name in ("force", "moment"):
+            continue  # repeats were chosen by their load
+        repeat = float(np.sqrt(np.mean(steps**2) / 2))
+        if noise < repeat / 100:
+            yield (
+                f"{name}_noise is declared as {noise:.3g} {unit}, but samples at the same actuator positions and load "
+                f"differ by {repeat:.3g} (standard deviation): is its unit right?"
+            )

@@ -1,0 +1,174 @@
+"""Writes recordings and predictions: whole files or none."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import secrets
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..spatial import WRENCH_NAMES, Array
+from .columns import AXES, JOINT_GROUPS, NOISE_KEYS
+from .recording import Recording
+
+#: Significant digits of all columns but the time.
+DIGITS = 9
+#: Time is exact to what a float holds: with 9 digits, seconds since 1970 would stand still.
+TIME_DIGITS = 15
+_CHUNK = 20_000
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Write a recording as CSV, and noise, robot and notes as JSON of the same stem beside it.
+
+    Only columns that exist are written. Both files are replaced as a whole or not at all; a JSON file that was there
+    before never stays, because it would speak of another table.
+
+    Raises InputError where the recording could not be read again, or the files cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".json":
+        raise InputError(f"cannot write the table to {path}: the JSON file beside it has this name; expected .csv")
+    columns: dict[str, Array | list[str]] = {"time": recording.time}
+    for prefix, group in JOINT_GROUPS.items():
+        columns |= {f"{prefix}.{joint}": values for joint, values in getattr(recording, group).items()}
+    for name in recording.wrench_columns:
+        columns[f"w.{name}"] = recording.wrench[:, WRENCH_NAMES.index(name)]
+    columns |= _triple("p", recording.position) | _triple("r", recording.rotation)
+    for name, values in recording.markers.items():
+        columns |= _triple(f"p.{name}", values)
+    if recording.temperature is not None:
+        columns["temperature"] = recording.temperature
+    if recording.run_names != ("",):
+        columns["run"] = [recording.run_names[code] for code in recording.run.tolist()]
+    _check(recording, columns)
+    beside: dict[str, Any] = {} if recording.robot is None else {"robot": recording.robot}
+    for key, name in NOISE_KEYS.items():
+        if getattr(recording.noise, name) is not None:
+            beside[key] = float(getattr(recording.noise, name))
+    if recording.notes:
+        beside["notes"] = recording.notes
+    write_whole({path: _lines(columns), path.with_suffix(".json"): json_lines(beside)})
+
+
+def write_prediction(
+    path: str | Path,
+    time: ArrayLike,
+    position: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    efforts: Mapping[str, ArrayLike] | None = None,
+    status: Sequence[str] | None = None,
+    run: Sequence[str] | None = None,
+    markers: Mapping[str, ArrayLike] | None = None,
+) -> None:
+    """Write predicted measurements as CSV: time, p, r, tau, a run where given, and a column `status`.
+
+    time: (N,) [s]; position, rotation: (N, 3) [m, rad]; efforts: joint name -> (N,) [N or N m]; markers: frame name ->
+    (N, 3) [m]. NaN, no prediction for this sample, becomes an empty cell.
+    status: (N,) 'ok' or a short word on why there is no prediction; all 'ok' by default. run: (N,) labels.
+
+    Raises InputError where lengths differ or the file cannot be written.
+    """
+    path = Path(path)
+    times = np.asarray(time, float)
+    n = len(times)
+    columns: dict[str, Array | list[str]] = {"time": times}
+    columns |= _triple("p", position, all_axes=True) | _triple("r", rotation, all_axes=True)
+    for name, values in (markers or {}).items():
+        columns |= _triple(f"p.{name}", values, all_axes=True)
+    columns |= {f"tau.{joint}": np.asarray(values, float) for joint, values in (efforts or {}).items()}
+    if run is not None:
+        columns["run"] = [str(label) for label in run]
+    columns["status"] = ["ok"] * n if status is None else [str(word) for word in status]
+    for name, column in columns.items():
+        if np.shape(column) != (n,):
+            raise InputError(f"column '{name}' has shape {np.shape(column)}; expected ({n},), as many as times")
+    write_whole({path: _lines(columns)})
+
+
+def _triple(prefix: str, values: ArrayLike | None, all_axes: bool = False) -> dict[str, Array | list[str]]:
+    """Return the columns of an (N, 3) array. One that is all NaN beside others is left out, unless `all_axes`."""
+    if values is None:
+        return {}
+    array = np.asarray(values, float)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"columns {prefix}.x {prefix}.y {prefix}.z need an array (N, 3); got {array.shape}")
+    there = ~np.isnan(array).all(axis=0)
+    return {f"{prefix}.{axis}": array[:, k] for k, axis in enumerate(AXES) if all_axes or there[k] or not there.any()}
+
+
+def _check(recording: Recording, columns: Mapping[str, Array | list[str]]) -> None:
+    """Raise InputError for what the reader would refuse."""
+    if not len(recording):
+        raise InputError("a recording without samples cannot be written")
+    if not recording.positions:
+        raise InputError("a recording without the position of any actuated joint cannot be written")
+    for name, values in columns.items():
+        if name != name.strip() or "\n" in name or "\r" in name:
+            raise InputError(f"column {name!r} cannot be written: the name has spaces around it or a line end")
+        if isinstance(values, np.ndarray) and np.isinf(values).any():
+            raise InputError(f"column '{name}' has infinite values, the first in row {np.argmax(np.isinf(values))}")
+    order = np.argsort(recording.run, kind="stable")
+    time, run = recording.time[order], recording.run[order]
+    wrong = np.isnan(time[1:]) | (np.diff(time) <= 0) & (np.diff(run) == 0)
+    if np.isnan(time[0]) or wrong.any():
+        row = 0 if np.isnan(time[0]) else int(order[1:][wrong].min())
+        raise InputError(f"time must increase within a run; it does not in row {row} (time {recording.time[row]:g} s)")
+
+
+def _lines(columns: Mapping[str, Array | list[str]]) -> Iterable[str]:
+    """Yield a CSV file in pieces."""
+    yield ",".join(_quoted(name) for name in columns) + "\n"
+    n = len(next(iter(columns.values())))
+    for start in range(0, n, _CHUNK):
+        cells = [_cells(name, values[start : start + _CHUNK]) for name, values in columns.items()]
+        yield "".join(map("{}\n".format, map(",".join, zip(*cells, strict=True))))
+
+
+def _cells(name: str, values: Array | list[str]) -> list[str]:
+    if isinstance(values, list):
+        known = {label: _quoted(label) for label in set(values)}
+        return [known[label] for label in values]
+    form = f"%.{TIME_DIGITS if name == 'time' else DIGITS}g"
+    return [form % value if value == value else "" for value in values.tolist()]
+
+
+def _quoted(text: str) -> str:
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="").writerow([text])
+    # A lone empty cell is quoted by the csv module, lest the row look blank; here it stands in a row of others.
+    return "" if not text else stream.getvalue()
+
+
+def json_lines(value: Any) -> Iterable[str]:
+    """Return a JSON file in pieces."""
+    return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n",)
+
+
+def write_whole(files: Mapping[Path, Iterable[str]]) -> None:
+    """Write text files so that each is there as a whole or as it was before. Raises InputError."""
+    written: list[tuple[Path, Path]] = []
+    try:
+        for path, pieces in files.items():
+            if path.is_dir():
+                raise InputError(f"cannot write {path}: it is a folder")
+            partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+            written.append((partial, path))
+            with partial.open("x", encoding="utf-8", newline="") as stream:
+                for piece in pieces:
+                    stream.write(piece)
+        for partial, path in written:
+            os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        for partial, _ in written:
+            partial.unlink(missing_ok=True)

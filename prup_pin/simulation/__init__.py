@@ -1,0 +1,21 @@
+"""A robot under the inputs of a recording, with any laws switched on."""
+
+from .memory import Memory
+from .model_file import CorrectedModel, effect_named, read_model, write_model
+from .prediction import Agreement, Prediction, compare, inputs_of, simulate
+from .simulator import Run, Simulator
+
+__all__ = [
+    "Agreement",
+    "CorrectedModel",
+    "Memory",
+    "Prediction",
+    "Run",
+    "Simulator",
+    "compare",
+    "effect_named",
+    "inputs_of",
+    "read_model",
+    "simulate",
+    "write_model",
+]

@@ -1,0 +1,286 @@
+"""The corrected model: a robot and the physics added to it, in a file that a person can read and change."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
+from ..laws import LAWS, Effect, Law, Place
+from ..loading import load
+from ..mechanism import Mechanism
+from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, read_json_object, shown
+from ..recordings.writer import json_lines, write_whole
+from ..robot import Robot
+
+__all__ = [
+    "FORMAT",
+    "VERSION",
+    "CorrectedModel",
+    "effect_named",
+    "law_named",
+    "place_named",
+    "read_model",
+    "write_model",
+]
+
+FORMAT = "prup_pin corrected model"
+VERSION = 1
+_KEYS = ("format", "version", "robot", "variant", "finite_deflection", "effects", "notes")
+_EFFECT_KEYS = ("physics", "location", "aspect", "parameters")
+
+
+@dataclass(frozen=True)
+class CorrectedModel:
+    """A robot, by a name or a path that `load` takes and a variant of its file, and the effects added to it."""
+
+    robot: str
+    effects: tuple[Effect, ...] = ()
+    variant: str | None = None
+    notes: str = ""
+
+    def load(self) -> Robot:
+        """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
+        return load(self.robot, variant=self.variant)
+
+
+def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | None = None) -> Law:
+    """Return the law of that name; where several share it, the one that acts at `place`. Raises UnknownNameError."""
+    named = [law for law in LAWS if law.physics == physics]
+    if not named:
+        raise UnknownNameError("law", physics, sorted({law.physics for law in LAWS}))
+    if place is not None and mechanism is not None:
+        for law in named:
+            if place in law.places(mechanism):
+                return law
+    return named[0]
+
+
+def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> Place:
+    """Return the place of a law on this robot; an empty aspect may stand for the only one. Raises UnknownNameError."""
+    law_named(physics)
+    places = [place for law in LAWS if law.physics == physics for place in law.places(mechanism)]
+    if not places:
+        raise UnknownNameError(f"place of {physics}", name, [], f"{physics} cannot act on '{mechanism.name}'.")
+    there = [place for place in places if place.name == name]
+    if not there:
+        raise UnknownNameError(f"place of {physics}", name, list(dict.fromkeys(place.name for place in places)))
+    if Place(name, aspect) in there:
+        return Place(name, aspect)
+    aspects = [place.aspect for place in there if place.aspect]
+    if aspect or len(there) != 1:
+        if not aspect:
+            raise InputError(f"{physics} at {name} acts on one of {', '.join(aspects)}; say which")
+        hint = "" if aspects else f"{physics} at {name} has none."
+        raise UnknownNameError(f"aspect of {physics} at {name}", aspect, aspects, hint)
+    return there[0]
+
+
+def effect_named(physics: str, name: str, aspect: str, values: Mapping[str, float], mechanism: Mechanism) -> Effect:
+    """Return an effect by names. Raises UnknownNameError, InputError or ParameterError for what does not fit."""
+    place = place_named(physics, name, aspect, mechanism)
+    return Effect(law_named(physics, place, mechanism), place, dict(values)).checked(mechanism)
+
+
+def write_model(model: CorrectedModel, path: str | Path) -> None:
+    """Write a corrected model as JSON; `read_model` returns an equal one. It is replaced as a whole or not at all.
+
+    A path of a robot file is written relative to the model's folder. Raises InputError where the file cannot be written
+    or an effect does not fit the robot.
+    """
+    path = Path(path)
+    mechanism = model.load().mechanism
+    effects = []
+    for effect in model.effects:
+        units = {q.name: q.unit for q in effect.checked(mechanism).law.quantities_at(effect.place, mechanism)}
+        effects.append(
+            {
+                "physics": effect.law.physics,
+                "location": effect.place.name,
+                "aspect": effect.place.aspect,
+                "parameters": {
+                    name: {"value": float(value), "unit": units[name]} for name, value in effect.values.items()
+                },
+            }
+        )
+    robot = Path(model.robot).expanduser()
+    is_file = robot.is_file()
+    beside = os.path.relpath(robot.resolve(), path.resolve().parent) if is_file else model.robot
+    if is_file and os.sep not in beside:
+        beside = os.path.join(os.curdir, beside)
+    value: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "robot": Path(beside).as_posix() if is_file else beside,
+    }
+    if model.variant is not None:
+        value["variant"] = model.variant
+    value |= {"finite_deflection": True, "effects": effects}
+    if model.notes:
+        value["notes"] = model.notes
+    write_whole({path: json_lines(value)})
+
+
+def read_model(path: str | Path) -> CorrectedModel:
+    """Return the corrected model of a JSON file.
+
+    Raises RecordingFileError with all problems, each with its place in the file.
+    """
+    path = Path(path)
+    problems = Problems(path)
+    content = read_bytes(path, "a corrected model, a JSON object", (".json",))
+    values = read_json_object(content, path, problems)
+    problems.raise_all()
+    model = _Reader(path, problems).model(values)
+    problems.raise_all()
+    return model
+
+
+class _Reader:
+    """Turns JSON into a model and adds whatever is wrong, with its place, to the problems."""
+
+    def __init__(self, path: Path, problems: Problems):
+        self.path, self.problems = path, problems
+
+    def wrong(self, key: str, message: str) -> None:
+        self.problems.add(KeyProblem(message, None, self.path.name, key=key))
+
+    def entries(self, value: object, key: str, allowed: tuple[str, ...]) -> dict[str, Any]:
+        """Return a JSON object whose keys are all among `allowed`; any are without `allowed`."""
+        if not isinstance(value, dict):
+            self.wrong(key, f"is {json_kind(value)}; expected an object {{…}}")
+            return {}
+        for name in value:
+            if allowed and name not in allowed:
+                place = f"{key}.{shown(name)}" if key else shown(name)
+                self.wrong(place, f"unknown key. {nearest_names(shown(name), allowed)}")
+        return value
+
+    def text(self, values: dict[str, Any], name: str, key: str, needed: bool = False) -> str:
+        """Return a text, '' where it is not needed and absent, or after reporting."""
+        if name not in values:
+            if needed:
+                self.wrong(key, "is missing; expected a text")
+            return ""
+        value = values[name]
+        if not isinstance(value, str) or (needed and not value.strip()):
+            given = "an empty text" if isinstance(value, str) else json_kind(value)
+            self.wrong(key, f"is {given}; expected a text")
+            return ""
+        return value
+
+    def model(self, values: dict[str, Any]) -> CorrectedModel:
+        if values.get("format") != FORMAT:
+            given = f"is {json_kind(values['format'])}" if "format" in values else "is missing"
+            self.wrong("format", f'{given}; expected "{FORMAT}"')
+        elif isinstance(values.get("version"), bool) or values.get("version") != VERSION:
+            given = f"is {json_kind(values['version'])}" if "version" in values else "is missing"
+            self.wrong("version", f"{given}; this prup_pin reads version {VERSION}")
+        self.entries(values, "", _KEYS)
+        if values.get("finite_deflection", True) is not True:
+            given = json_kind(values["finite_deflection"])
+            self.wrong("finite_deflection", f"is {given}; expected true: the equilibrium is always the deformed one")
+        name = self.text(values, "robot", "robot", needed=True)
+        variant = self.text(values, "variant", "variant") or None
+        notes = self.text(values, "notes", "notes")
+        name, mechanism = self.robot(name, variant)
+        listed = values.get("effects")
+        effects: list[Effect] = []
+        if not isinstance(listed, list):
+            given = f"is {json_kind(listed)}" if "effects" in values else "is missing"
+            self.wrong("effects", f"{given}; expected a list, which may be empty")
+        else:
+            for index, entry in enumerate(listed):
+                effect = self.effect(entry, f"effects[{index}]", mechanism)
+                if effect is not None:
+                    effects.append(effect)
+        return CorrectedModel(name, tuple(effects), variant, notes)
+
+    def robot(self, name: str, variant: str | None) -> tuple[str, Mechanism | None]:
+        """Return the robot as `load` takes it from here, and its mechanism, or None after reporting."""
+        if not name:
+            return name, None
+        beside = self.path.parent / Path(name).expanduser()
+        if (Path(name).suffix or len(Path(name).parts) > 1) and beside.is_file():
+            name = str(beside)
+        try:
+            return name, load(name, variant=variant).mechanism
+        except UnknownNameError as error:
+            self.wrong("variant" if error.kind.startswith("variant") else "robot", str(error))
+        except (PrupPinError, OSError) as error:
+            self.wrong("robot", str(error))
+        return name, None
+
+    def effect(self, value: object, key: str, mechanism: Mechanism | None) -> Effect | None:
+        entry = self.entries(value, key, _EFFECT_KEYS)
+        if not isinstance(value, dict):
+            return None
+        before = len(self.problems)
+        physics = self.text(entry, "physics", f"{key}.physics", needed=True)
+        location = self.text(entry, "location", f"{key}.location", needed=True)
+        aspect = self.text(entry, "aspect", f"{key}.aspect")
+        given = self.entries(entry.get("parameters", {}), f"{key}.parameters", ())
+        if "parameters" not in entry:
+            self.wrong(f"{key}.parameters", "is missing; expected an object {…}")
+        law, place = None, None
+        if physics:
+            try:
+                law = law_named(physics)
+            except UnknownNameError as error:
+                self.wrong(f"{key}.physics", str(error))
+        if law is not None and location and mechanism is not None:
+            try:
+                place = place_named(physics, location, aspect, mechanism)
+            except UnknownNameError as error:
+                self.wrong(f"{key}.{'aspect' if error.kind.startswith('aspect') else 'location'}", str(error))
+            except InputError as error:
+                self.wrong(f"{key}.aspect", str(error))
+        if law is None or place is None or mechanism is None:
+            for name, item in given.items():
+                self.number(item, f"{key}.parameters.{shown(name)}")
+            return None
+        law = law_named(physics, place, mechanism)
+        values = self.parameters(given, f"{key}.parameters", law, place, mechanism)
+        return Effect(law, place, values) if len(self.problems) == before else None
+
+    def parameters(
+        self, given: dict[str, Any], key: str, law: Law, place: Place, mechanism: Mechanism
+    ) -> dict[str, float]:
+        quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
+        values: dict[str, float] = {}
+        for name, item in given.items():
+            at = f"{key}.{shown(name)}"
+            if name not in quantities:
+                near = nearest_names(shown(name), list(quantities))
+                self.wrong(at, f"{law.physics} at {place} has no such parameter. {near}")
+                continue
+            quantity = quantities[name]
+            number = self.number(item, at, quantity.unit)
+            if number is None:
+                continue
+            try:
+                values[name] = quantity.check(number, f"{law.physics} at {place}")
+            except ParameterError:
+                self.wrong(f"{at}.value", f"is the number {number:g}; expected {quantity.expected()}")
+        for name, quantity in quantities.items():
+            if name not in given:
+                self.wrong(f"{key}.{name}", f"is missing; expected a number {quantity.expected()}")
+        return values
+
+    def number(self, value: object, key: str, unit: str | None = None) -> float | None:
+        """Return the value of {"value": 0.3, "unit": "1"}, or None after reporting; the unit is checked where known."""
+        if not isinstance(value, dict):
+            self.wrong(key, f'is {json_kind(value)}; expected an object {{"value": …, "unit": …}}')
+            return None
+        entry = self.entries(value, key, ("value", "unit"))
+        number = entry.get("value")
+        if not is_number(number):
+            given = f"is {json_kind(number)}" if "value" in entry else "is missing"
+            self.wrong(f"{key}.value", f"{given}; expected a number{f' [{unit}]' if unit else ''}")
+        if unit is not None and entry.get("unit") != unit:
+            given = f"is {json_kind(entry['unit'])}" if "unit" in entry else "is missing"
+            self.wrong(f"{key}.unit", f'{given}; expected "{unit}"')
+        return float(number) if is_number(number) else None

@@ -1,0 +1,339 @@
+"""A long recording, simulated part by part: what belongs together, what is handed on, what can be done side by side.
+
+Where nothing is remembered, every sample stands alone. Friction starts anew with every block of samples in one pose,
+and creep with every run; what they remember is handed from part to part within.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import pickle
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import JointLimitWarning
+from ..laws import Effect, Inputs
+from ..mechanism import Frame, Mechanism
+from ..mechanism.description import KIND_BY_NAME, RobotDescription
+from ..robot import Robot
+from ..spatial import Array, rotation_log
+from .efforts import static_efforts
+from .memory import Memory
+from .simulator import Run, Simulator
+
+__all__ = ["STATUSES", "Part", "Wanted", "plan_parts", "solve_all", "take_inputs"]
+
+#: What can be said of a sample; a part holds indices into this.
+STATUSES = ("ok", "no input", "unreachable", "not converged", "not computed")
+OK, NO_INPUT, UNREACHABLE, NOT_CONVERGED, NOT_COMPUTED = range(5)
+#: A part has so many samples at most, and so many poses: each pose has a matrix of its own.
+SAMPLES, POSES = 512, 128
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is simulated: a robot under effects; efforts of these joints and positions of these frames besides."""
+
+    robot: Robot
+    effects: tuple[Effect, ...] = ()
+    joints: tuple[str, ...] = ()
+    markers: tuple[str, ...] = ()
+
+
+@dataclass
+class Part:
+    """The simulation of some rows of a recording."""
+
+    rows: np.ndarray
+    position: Array
+    rotation: Array
+    efforts: Array  # (n, joints)
+    markers: Array  # (n, markers, 3)
+    status: np.ndarray  # indices into STATUSES
+    reasons: dict[int, tuple[int, str]] = field(default_factory=dict)  # by status: first row and what is wrong
+    remarks: dict[str, None] = field(default_factory=dict)
+
+    @classmethod
+    def empty(cls, rows: np.ndarray, wanted: Wanted) -> Part:
+        n = len(rows)
+        return cls(
+            rows,
+            np.full((n, 3), np.nan),
+            np.full((n, 3), np.nan),
+            np.full((n, len(wanted.joints)), np.nan),
+            np.full((n, len(wanted.markers), 3), np.nan),
+            np.full(n, NOT_COMPUTED, np.int8),
+        )
+
+    def fail(self, places: np.ndarray, status: int, reason: str) -> None:
+        """Mark samples, given by their places in this part, as failed."""
+        self.status[places] = status
+        if len(places):
+            row = int(self.rows[places].min())
+            if status not in self.reasons or row < self.reasons[status][0]:
+                self.reasons[status] = row, reason
+
+
+def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
+    """Return the inputs of some samples."""
+
+    def taken(values: Any) -> Any:
+        return None if values is None else values[rows]
+
+    return Inputs(
+        inputs.time[rows],
+        inputs.actuators[rows],
+        inputs.wrench[rows],
+        inputs.blocks[rows],
+        taken(inputs.temperature),
+        taken(inputs.speeds),
+    )
+
+
+def plan_parts(inputs: Inputs, run: np.ndarray, resists: bool, creeps: bool) -> list[list[np.ndarray]]:
+    """Return chains of parts, each an array of rows: chains are independent, the parts of one follow each other.
+
+    `resists`, `creeps`: whether any law remembers within a block, within a run.
+    """
+    n = len(inputs)
+    moved = np.ones(n, bool)
+    moved[1:] = (inputs.actuators[1:] != inputs.actuators[:-1]).any(axis=1)
+    if creeps:
+        chains = [np.flatnonzero(run == code) for code in np.unique(run)]
+        return [_cut(rows, moved[rows], np.ones(len(rows), bool)) for rows in chains]
+    fresh = np.ones(n, bool)
+    if resists:
+        fresh[1:] = np.diff(inputs.blocks) != 0
+    parts = _cut(np.arange(n), moved, fresh)
+    chains_of_parts: list[list[np.ndarray]] = []
+    for rows in parts:
+        if fresh[rows[0]]:
+            chains_of_parts.append([rows])
+        else:
+            chains_of_parts[-1].append(rows)
+    return chains_of_parts
+
+
+def _cut(rows: np.ndarray, moved: np.ndarray, fresh: np.ndarray) -> list[np.ndarray]:
+    """Return rows in parts of bounded size, cut where they are `fresh` as far as that is possible."""
+    poses = np.cumsum(moved)
+    borders = np.append(np.flatnonzero(fresh), len(rows))
+    parts, start = [], 0
+    while start < len(rows):
+        full = min(start + SAMPLES, int(np.searchsorted(poses, poses[start] + POSES)), len(rows))
+        border = int(borders[np.searchsorted(borders, full, side="right") - 1])
+        end = border if border > start else full
+        parts.append(rows[start:end])
+        start = end
+    return parts
+
+
+# -- one chain ---------------------------------------------------------------------------------------------------------
+
+
+def solve_chain(wanted: Wanted, parts: Sequence[np.ndarray], inputs: Sequence[Inputs]) -> Iterator[Part]:
+    """Yield the simulation of parts that follow each other."""
+    memory = Memory()
+    for rows, given in zip(parts, inputs, strict=True):
+        solver = _PartSolver(wanted, Part.empty(rows, wanted), given)
+        # What diverges on the way overflows; it is told by its status.
+        with np.errstate(all="ignore"), _limits_as_remarks(solver.part):
+            memory = solver.solve(np.arange(len(rows)), memory)
+        yield solver.part
+
+
+class _PartSolver:
+    """Solves one part; what cannot be solved together is halved until the failing samples stand alone."""
+
+    def __init__(self, wanted: Wanted, part: Part, inputs: Inputs):
+        self.wanted, self.part, self.inputs = wanted, part, inputs
+        self.frames: list[Frame] = [wanted.robot.mechanism.frame(name) for name in wanted.markers]
+        self.sifted = False
+
+    def solve(self, places: np.ndarray, memory: Memory) -> Memory:
+        """Fill in the samples at `places` and return what is remembered after them."""
+        simulator, setup = self._prepared(places)
+        places_of = places  # of the simulator's samples
+        incomplete = ~simulator.complete
+        self.part.fail(places_of[incomplete], NO_INPUT, "a position of an actuator or a component of the load is empty")
+        if incomplete.all():
+            return memory
+        geometry = simulator.geometry(setup.parameters)
+        away = np.flatnonzero(simulator.complete & ~geometry.reachable)
+        if len(away):
+            self.part.fail(places_of[away], UNREACHABLE, geometry.reasons[int(away[0])])
+        able = np.flatnonzero(simulator.complete & geometry.reachable)
+        if not len(able):
+            return memory
+        remembers = bool(setup.resistances or setup.creeps)
+        try:
+            run: Run | None = simulator.run_setup(setup, memory=memory)
+        except np.linalg.LinAlgError:
+            run = None
+        if run is None or (remembers and not run.solved[able].all()):
+            if len(able) == 1:
+                self._lost(places_of[able])
+                return memory
+            if remembers and not self.sifted:
+                able = self._sift(simulator, setup, able, places_of)
+                return self.solve(places_of[able], memory) if len(able) else memory
+            half = len(able) // 2
+            memory = self.solve(places_of[able[:half]], memory)
+            return self.solve(places_of[able[half:]], memory)
+        self._lost(places_of[able[~run.solved[able]]])
+        self._store(run, places_of)
+        return run.memory
+
+    def _prepared(self, places: np.ndarray):
+        """Return simulator and setup; samples whose inputs a law makes unknown have none."""
+        inputs = take_inputs(self.inputs, places)
+        simulator = Simulator(self.wanted.robot, inputs)
+        setup = simulator.setup(self.wanted.effects)
+        unknown = np.logical_not(np.isfinite(np.hstack((setup.travel, setup.wrench))).all(axis=1))
+        if (unknown & simulator.complete).any():
+            actuators = np.where(unknown[:, None], np.nan, inputs.actuators)
+            simulator = Simulator(self.wanted.robot, replace(inputs, actuators=actuators))
+            setup = simulator.setup(self.wanted.effects)
+        return simulator, setup
+
+    def _sift(self, simulator: Simulator, setup, able: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return those samples that have an equilibrium without memory; the others are lost anyway."""
+        self.sifted = True
+        with contextlib.suppress(np.linalg.LinAlgError):
+            plain = simulator.run_setup(replace(setup, resistances=[], creeps=[]))
+            self._lost(places[able[~plain.solved[able]]])
+            return able[plain.solved[able]]
+        return able
+
+    def _lost(self, places: np.ndarray) -> None:
+        self.part.fail(places, NOT_CONVERGED, "no equilibrium was found: the load may be more than the robot can bear")
+
+    def _store(self, run: Run, places: np.ndarray) -> None:
+        part, found = self.part, run.equilibria
+        rows = places[run.solved]
+        part.status[rows] = OK
+        part.position[rows] = run.position[run.solved]
+        part.rotation[rows] = rotation_log(run.rotation[run.solved])
+        good = found.converged
+        if self.wanted.joints:
+            part.efforts[rows] = static_efforts(found, self.wanted.joints)[good]
+        for column, frame in enumerate(self.frames):
+            placement = found.evaluation.placements[good][:, frame.joint] @ frame.placement
+            position, rotation = placement[:, :3, 3], placement[:, :3, :3]
+            for sensor in run.setup.sensors:
+                position, rotation = sensor(position, rotation)
+            part.markers[rows, column] = position
+
+
+@contextlib.contextmanager
+def _limits_as_remarks(part: Part) -> Iterator[None]:
+    """Turn warnings about joint limits into remarks; others go their way."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    for warning in caught:
+        if issubclass(warning.category, JointLimitWarning):
+            part.remarks[str(warning.message)] = None
+        else:
+            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+
+
+# -- side by side ------------------------------------------------------------------------------------------------------
+
+
+def solve_all(
+    wanted: Wanted, inputs: Inputs, chains: list[list[np.ndarray]], workers: int, remarks: list[str]
+) -> Iterator[Part]:
+    """Yield the simulation of all chains in their order; in `workers` processes where that is possible."""
+    done = 0
+    payload = _packed(wanted) if workers > 1 and len(chains) > 1 else None
+    if workers > 1 and len(chains) > 1 and payload is None:
+        remarks.append("Robot or laws cannot be sent to other processes: computed in one.")
+    if payload is not None:
+        try:
+            for solved in _in_processes(payload, inputs, chains, workers):
+                yield from solved
+                done += 1
+            return
+        except (BrokenProcessPool, OSError) as error:
+            remarks.append(
+                f"The other processes came to an end ({error}); the rest was computed in one. A script that simulates "
+                'with several workers needs its calls under: if __name__ == "__main__":'
+            )
+    for parts in chains[done:]:
+        yield from solve_chain(wanted, parts, [take_inputs(inputs, rows) for rows in parts])
+
+
+def _in_processes(payload: bytes, inputs: Inputs, chains, workers: int) -> Iterator[list[Part]]:
+    # Forked processes inherit the locks of numerical libraries' threads; fresh ones do not.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(chains)), context, _start_worker, (payload,))
+    try:
+        waiting: list = []
+        ahead = 2 * workers
+        for index, parts in enumerate(chains):
+            waiting.append(pool.submit(_work, parts, [take_inputs(inputs, rows) for rows in parts]))
+            if index >= ahead:
+                yield waiting.pop(0).result()
+        while waiting:
+            yield waiting.pop(0).result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_wanted: Wanted | None = None
+
+
+def _start_worker(payload: bytes) -> None:
+    global _wanted
+    description, locked, effects, joints, markers = pickle.loads(payload)
+    robot = Robot(Mechanism(_with_quantities(description), locked))
+    _wanted = Wanted(robot, effects, joints, markers)
+
+
+def _work(parts: list[np.ndarray], inputs: list[Inputs]) -> list[Part]:
+    assert _wanted is not None
+    return list(solve_chain(_wanted, parts, inputs))
+
+
+def _packed(wanted: Wanted) -> bytes | None:
+    """Return what a worker builds the same robot from, all changes included; None where it cannot be sent."""
+    mechanism = wanted.robot.mechanism
+    contents = (
+        _without_quantities(mechanism.description),
+        mechanism.locked,
+        wanted.effects,
+        wanted.joints,
+        wanted.markers,
+    )
+    try:
+        payload = pickle.dumps(contents)
+        pickle.loads(payload)
+    except Exception:  # pickle raises anything
+        return None
+    return payload
+
+
+def _without_quantities(description: RobotDescription) -> RobotDescription:
+    """Return the description without what its modules' kinds know anyway, and what cannot be sent."""
+    modules = tuple(
+        replace(module, values={name: replace(parameter, quantity=None) for name, parameter in module.values.items()})
+        for module in description.modules
+    )
+    return replace(description, modules=modules)
+
+
+def _with_quantities(description: RobotDescription) -> RobotDescription:
+    modules = []
+    for module in description.modules:
+        known = {quantity.name: quantity for quantity in KIND_BY_NAME[module.kind].quantities}
+        values = {name: replace(parameter, quantity=known.get(name)) for name, parameter in module.values.items()}
+        modules.append(replace(module, values=values))
+    return replace(description, modules=tuple(modules))

@@ -1,0 +1,237 @@
+"""`simulate`: what a bench would measure, row by row of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from ..errors import InputError, SimulationStoppedError
+from ..laws import Effect, Inputs, Setup
+from ..recordings import Recording
+from ..robot import Robot
+from ..spatial import Array, rotation_exp, rotation_log
+from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
+
+__all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
+
+#: Called with the rows done and all rows.
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction:
+    """What a bench would measure, N rows. SI units, base axes; NaN where the status is not 'ok'.
+
+    time (N,) [s]; position (N, 3) of the tool point [m]; rotation (N, 3), its rotation vector [rad];
+    efforts: actuated joint -> (N,), what its actuator holds at rest, positive where it pushes towards positive q
+    [N or N m]; markers: frame -> (N, 3) [m].
+    status: 'ok', 'no input', 'unreachable' or 'not converged', row by row; reasons: by status what is wrong with the
+    first such row. remarks: sentences for a person.
+    """
+
+    time: Array
+    position: Array
+    rotation: Array
+    efforts: Mapping[str, Array] = field(default_factory=dict)
+    markers: Mapping[str, Array] = field(default_factory=dict)
+    status: tuple[str, ...] = ()
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def failures(self) -> dict[str, np.ndarray]:
+        """The rows, counted from 0, of each status but 'ok'."""
+        words = np.array(self.status, dtype=str)
+        return {word: np.flatnonzero(words == word) for word in STATUSES[1:] if (words == word).any()}
+
+    def __repr__(self) -> str:
+        failed = ", ".join(f"{len(rows)} {word}" for word, rows in self.failures.items())
+        return f"<Prediction of {len(self)} samples{': ' + failed if failed else ''}>"
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far measurements are from a prediction: root mean square of one channel.
+
+    `channel`: 'position', 'rotation', 'effort', or 'marker <name>'; `rms` [m, rad, N or N m] over `count` numbers;
+    `noise` is the sensor's declared standard deviation, or None.
+    """
+
+    channel: str
+    rms: float
+    count: int
+    noise: float | None
+
+    @property
+    def in_noise(self) -> float | None:
+        """RMS in multiples of the declared noise."""
+        return None if self.noise is None else self.rms / self.noise
+
+
+def inputs_of(recording: Recording, robot: Robot) -> Inputs:
+    """Return what a recording tells a simulation of the robot. Raises UnknownNameError for actuators without column.
+
+    Speeds are given where any actuator's speed was recorded; NaN is 'not measured'.
+    """
+    names = robot.mechanism.actuated
+    speeds = None
+    if any(name in recording.velocities for name in names):
+        none = np.full(len(recording), np.nan)
+        speeds = np.column_stack([recording.velocities.get(name, none) for name in names])
+    return Inputs(
+        time=recording.time,
+        actuators=recording.actuator_positions(names),
+        wrench=recording.wrench,
+        blocks=recording.blocks(),
+        temperature=recording.temperature,
+        speeds=speeds,
+    )
+
+
+def simulate(
+    robot: Robot,
+    recording: Recording,
+    effects: Sequence[Effect] = (),
+    *,
+    workers: int = 1,
+    stop: bool = False,
+    progress: Progress | None = None,
+) -> Prediction:
+    """Return what the robot does under a recording's actuator positions and loads, in its deformed position.
+
+    effects: physics added to what the robot file says. workers: processes to compute in; the numbers do not depend on
+    it. A script that uses several needs `if __name__ == "__main__":`. stop: raise at the first row without an answer.
+    progress: called with the rows done and all rows.
+
+    Rows are solved in parts of bounded size, so that memory does not grow with the recording; what friction and creep
+    remember is handed on from part to part. Efforts are predicted for joints with a column tau, markers for columns
+    p.<marker>.
+
+    Raises UnknownNameError, ParameterError or InputError where effects or columns do not fit the robot, and with
+    `stop` SimulationStoppedError.
+    """
+    if workers < 1:
+        raise InputError(f"workers = {workers!r}: expected 1 or more")
+    mechanism = robot.mechanism
+    mechanism.need_tool()
+    effects = tuple(effect.checked(mechanism) for effect in effects)
+    inputs = inputs_of(recording, robot)
+    remarks = _missing_inputs(effects, inputs)
+    actuated, frames = mechanism.actuated, mechanism.frame_names
+    joints = tuple(name for name in recording.efforts if name in actuated)
+    markers = tuple(name for name in recording.markers if name in frames)
+    for kind, known, given in (
+        ("actuated joint", actuated, {"tau": recording.efforts, "q": recording.positions}),
+        ("frame", frames, {"p": recording.markers}),
+    ):
+        strange = [f"{prefix}.{name}" for prefix, names in given.items() for name in names if name not in known]
+        if strange:
+            remarks.append(f"{', '.join(strange)}: '{robot.name}' has no such {kind}; not predicted.")
+    wanted = Wanted(robot, effects, joints, markers)
+    n = len(recording)
+    setup = Setup.nominal(mechanism, take_inputs(inputs, np.arange(min(n, 1))))
+    for effect in effects:
+        effect.act(setup)
+    chains = plan_parts(inputs, recording.run, bool(setup.resistances), bool(setup.creeps))
+    position, rotation = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    efforts, marked = np.full((n, len(joints)), np.nan), np.full((n, len(markers), 3), np.nan)
+    status = np.full(n, NOT_COMPUTED, np.int8)
+    reasons: dict[int, tuple[int, str]] = {}
+    told: dict[str, None] = {}
+    done = 0
+
+    def result(rows: slice) -> Prediction:
+        return Prediction(
+            time=recording.time[rows],
+            position=position[rows],
+            rotation=rotation[rows],
+            efforts=MappingProxyType({name: efforts[rows, k] for k, name in enumerate(joints)}),
+            markers=MappingProxyType({name: marked[rows, k] for k, name in enumerate(markers)}),
+            status=tuple(STATUSES[code] for code in status[rows].tolist()),
+            reasons=MappingProxyType({STATUSES[code]: reasons[code][1] for code in sorted(reasons)}),
+            remarks=(*remarks, *told),
+        )
+
+    parts = solve_all(wanted, inputs, chains, workers, remarks)
+    try:
+        for part in parts:
+            position[part.rows], rotation[part.rows] = part.position, part.rotation
+            efforts[part.rows], marked[part.rows] = part.efforts, part.markers
+            status[part.rows] = part.status
+            told |= part.remarks
+            for code, (row, text) in part.reasons.items():
+                if code not in reasons or row < reasons[code][0]:
+                    reasons[code] = row, text
+            done += len(part.rows)
+            if progress is not None:
+                progress(done, n)
+            failed = part.rows[part.status != OK]
+            if stop and len(failed):
+                row = int(failed.min())
+                word = STATUSES[status[row]]
+                text = reasons[int(status[row])][1]
+                raise SimulationStoppedError(
+                    f"stopped at row {row + 1} of {n} (time {recording.time[row]:g} s): {word}: {text}",
+                    row,
+                    word,
+                    result(slice(0, row)),
+                )
+    finally:
+        parts.close()  # type: ignore[attr-defined]
+    return result(slice(None))
+
+
+def _missing_inputs(effects: Sequence[Effect], inputs: Inputs) -> list[str]:
+    """Return sentences on what laws need and the recording lacks."""
+    remarks = []
+    for effect in effects:
+        name = f"{effect.law.physics} at {effect.place}"
+        if "temperature" in effect.law.needs:
+            if inputs.temperature is None:
+                remarks.append(f"{name} has no effect: the recording has no column temperature.")
+            elif count := int(np.isnan(inputs.temperature).sum()):
+                remarks.append(f"{name}: {count} rows without temperature are taken at 20 degrees Celsius.")
+        if "speed" in effect.law.needs and inputs.speeds is None:
+            remarks.append(f"{name} has no effect: the recording has no column qd.<joint>.")
+    return remarks
+
+
+def compare(recording: Recording, prediction: Prediction) -> tuple[Agreement, ...]:
+    """Return how far the measurements are from a prediction, channel by channel; channels without numbers are left out.
+
+    Where a rotation was measured whole, the difference is the rotation vector from the predicted to the measured one.
+    """
+    noise = recording.noise
+    differences: list[tuple[str, Array, float | None]] = []
+    if recording.position is not None:
+        differences.append(("position", recording.position - prediction.position, noise.position))
+    if recording.rotation is not None:
+        differences.append(("rotation", _turn(recording.rotation, prediction.rotation), noise.rotation))
+    both = [name for name in recording.efforts if name in prediction.efforts]
+    if both:
+        apart = np.column_stack([recording.efforts[name] - prediction.efforts[name] for name in both])
+        differences.append(("effort", apart, noise.effort))
+    for name, values in recording.markers.items():
+        if name in prediction.markers:
+            differences.append((f"marker {name}", values - prediction.markers[name], noise.position))
+    found = []
+    for channel, values, deviation in differences:
+        known = values[np.isfinite(values)]
+        if len(known):
+            found.append(Agreement(channel, float(np.sqrt(np.mean(known**2))), len(known), deviation))
+    return tuple(found)
+
+
+def _turn(measured: Array, predicted: Array) -> Array:
+    """Return the difference of rotation vectors (N, 3); of whole ones as the rotation between them."""
+    apart = measured - predicted
+    whole = np.isfinite(apart).all(axis=1)
+    before, after = rotation_exp(predicted[whole]), rotation_exp(measured[whole])
+    apart[whole] = rotation_log(after @ before.mT)
+    return apart

@@ -1,0 +1,262 @@
+"""How often is the diagnosis right? Blind trials on devices drawn at random.
+
+    python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
+
+A separate simulator (scripts/concealed, another formulation that shares no code with the package) draws a device, its
+effects, places, sizes, loads and noise from a seed. The answer is sealed in a file; the diagnosis sees the recording
+alone; the answer is opened only to score. Finished trials are kept in OUT/trials.jsonl, so a stopped run goes on.
+`--docs` writes the summary into docs/concealed_trials.md.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections import Counter, defaultdict
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+from concealed.draw import PHYSICS, draw, write
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.recordings import read_recording
+from prup_pin.simulation import simulate
+from prup_pin.spatial import rotation_exp, rotation_log
+
+#: What is drawn: name -> (share of the trials, effects, range of strength in multiples of the noise).
+GROUPS = {
+    "clean": (0.25, [], (4.0, 40.0)),
+    "one": (0.50, None, (3.0, 40.0)),
+    "pair": (0.10, 2, (4.0, 40.0)),
+    "outside": (0.15, ["alien"], (3.0, 30.0)),
+}
+KNOWN = [name for name in PHYSICS if name != "alien"]
+#: Parameters whose truth is one number under the same name, or under the given one.
+COMPARABLE = {
+    ("stiffness_changed", "factor"): "factor",
+    ("backlash", "half_gap"): "half_gap",
+    ("coulomb_friction", "limit"): "limit",
+    ("root_tilt_compliance", "root_tilting_stiffness"): "stiffness",
+    ("hub_root_compliance", "root_tilting_stiffness"): "stiffness",
+    ("thermal_growth", "expansion"): "coefficient",
+    ("lead_error", "relative"): "ratio",
+    ("encoder_offset", "offset"): "offset",
+    ("payload", "mass"): "mass",
+    ("creep", "share"): "ratio",
+}
+
+
+def group_of(seed: int) -> str:
+    """Return which kind of device a seed draws."""
+    at = np.random.default_rng([seed, 7]).random()
+    total = 0.0
+    for name, (share, _, _) in GROUPS.items():
+        total += share
+        if at < total:
+            return name
+    return name
+
+
+def trial(seed: int) -> dict:
+    """Draw, seal, diagnose, predict the held-out recording, and only then open the answer."""
+    group = group_of(seed)
+    _, effects, multiple = GROUPS[group]
+    if effects is None:
+        effects = [KNOWN[seed % len(KNOWN)]]
+    with tempfile.TemporaryDirectory() as folder:
+        out, sealed = Path(folder) / "out", Path(folder) / "sealed"
+        write(draw(seed, effects, multiple), out, sealed, "device")
+        begun = time.perf_counter()
+        robot = prup_pin.load("3prup")
+        recording = read_recording(out / "device.csv")
+        found = diagnose(robot, recording)
+        seconds = time.perf_counter() - begun
+        heldout = read_recording(out / "device.heldout.csv")
+        before, after = (residual(robot, heldout, effects) for effects in ((), found.effects))
+        truth = json.loads((sealed / "device.truth.json").read_text())
+    return score(seed, group, found, truth, seconds, before, after)
+
+
+def residual(robot, recording, effects) -> float:
+    """Return the RMS residual of a prediction in multiples of the sensors' noise."""
+    predicted = simulate(robot, recording, effects)
+    moved = (np.array(recording.position) - predicted.position) / 2e-6
+    measured, simulated = (rotation_exp(np.array(x)) for x in (recording.rotation, predicted.rotation))
+    turned = rotation_log(measured @ simulated.mT) / 1e-5
+    return float(np.sqrt(np.nanmean(np.hstack([moved, turned]) ** 2)))
+
+
+def score(seed, group, found, truth, seconds, before, after) -> dict:
+    """Compare a diagnosis with the answer."""
+    findings = [item for item in found.findings if item.physics != "finite_deflection"]
+    effects = []
+    for true in truth["effects"]:
+        placed = [item for item in findings if true["location"] in item.candidates]
+        named = [item for item in findings if item.physics == true["physics"]]
+        right = [item for item in placed if item.physics == true["physics"]]
+        told = max(findings, key=lambda item: item.heldout_gain).physics if findings else "nothing"
+        inside = []
+        for item in right:
+            for name, value in item.parameters.items():
+                key = COMPARABLE.get((item.physics, name))
+                if key in true["parameters"] and item.location == true["location"]:
+                    low, high = value.interval
+                    inside.append(bool(low <= true["parameters"][key] <= high))
+        effects.append(
+            {
+                "physics": true["physics"],
+                "location": true["location"],
+                "parameters": true["parameters"],
+                "strength": max(true["strength"]),
+                "place": bool(placed),
+                "named": bool(named),
+                "right": bool(right),
+                "told": right[0].physics if right else told,
+                "inside": inside,
+            }
+        )
+    return {
+        "seed": seed,
+        "group": group,
+        "verdict": found.verdict,
+        "findings": [
+            {
+                "physics": item.physics,
+                "location": item.location,
+                "candidates": list(item.candidates),
+                "alternatives": list(item.alternatives),
+                "parameters": {name: [v.value, *v.interval] for name, v in item.parameters.items()},
+                "gain": item.heldout_gain,
+            }
+            for item in findings
+        ],
+        "effects": effects,
+        "before": before,
+        "after": after,
+        "fit": [found.before["fit"], found.after["fit"], found.after["heldout"]],
+        "seconds": seconds,
+    }
+
+
+def wilson(hits: int, total: int) -> str:
+    """Return a share with its 95 % confidence interval."""
+    if not total:
+        return "-"
+    p, z = hits / total, 1.96
+    centre = (p + z * z / (2 * total)) / (1 + z * z / total)
+    half = z * np.sqrt(p * (1 - p) / total + z * z / (4 * total**2)) / (1 + z * z / total)
+    return f"{100 * p:.1f} % ({hits}/{total}; {100 * max(centre - half, 0):.1f}-{100 * min(centre + half, 1):.1f} %)"
+
+
+def summary(trials: list[dict]) -> str:
+    """Return the tables as Markdown."""
+    lines = [f"{len(trials)} devices, seeds {min(t['seed'] for t in trials)} to {max(t['seed'] for t in trials)}.", ""]
+    clean = [t for t in trials if t["group"] == "clean"]
+    one = [t for t in trials if t["group"] == "one"]
+    strong = [t for t in one if t["effects"][0]["strength"] >= 3]
+    outside = [t for t in trials if t["group"] == "outside"]
+    pairs = [t for t in trials if t["group"] == "pair"]
+    inside = [hit for t in trials for e in t["effects"] for hit in e["inside"]]
+    wrong = [t for t in outside if any(item["physics"] != "unknown" for item in t["findings"])]
+    paired = [e for t in pairs for e in t["effects"]]
+
+    def rate(key: str) -> str:
+        return wilson(sum(t["effects"][0][key] for t in strong), len(strong))
+
+    lines += [
+        "| question | answer |",
+        "|---|---|",
+        f"| false alarms on clean devices | {wilson(sum(bool(t['findings']) for t in clean), len(clean))} |",
+        f"| one effect of 3 x noise or more: place right | {rate('place')} |",
+        f"| … physics right | {rate('named')} |",
+        f"| … both, in one finding | {rate('right')} |",
+        f"| pairs: effects with place and physics right | {wilson(sum(e['right'] for e in paired), len(paired))} |",
+        f"| outside the library: a law named | {wilson(len(wrong), len(outside))} |",
+        f"| 95 % intervals that hold the truth | {wilson(sum(inside), len(inside))} |",
+        f"| held-out residual before, median [noise] | {np.median([t['before'] for t in trials]):.2f} |",
+        f"| held-out residual after, median (90th percentile) | {np.median([t['after'] for t in trials]):.2f} "
+        f"({np.quantile([t['after'] for t in trials], 0.9):.2f}) |",
+        f"| seconds a diagnosis, median (longest) | {np.median([t['seconds'] for t in trials]):.0f} "
+        f"({max(t['seconds'] for t in trials):.0f}) |",
+        "",
+        "What single effects were taken for (rows: truth; columns: the strongest finding):",
+        "",
+    ]
+    told = defaultdict(Counter)
+    places = defaultdict(list)
+    for t in [*one, *outside]:
+        effect = t["effects"][0]
+        told[effect["physics"]][effect["told"]] += 1
+        places[effect["physics"]].append(effect["place"])
+    lines += ["| truth | devices | place right | taken for |", "|---|---|---|---|"]
+    for physics in sorted(told):
+        taken = ", ".join(f"{name} {count}" for name, count in told[physics].most_common())
+        lines.append(f"| {physics} | {sum(told[physics].values())} | {sum(places[physics])} | {taken} |")
+    lines += ["", "Detection against strength (single effects of the library, strongest channel):", ""]
+    lines += ["| strength [noise] | devices | something found | place and physics right |", "|---|---|---|---|"]
+    for low, high in ((0, 3), (3, 5), (5, 10), (10, 20), (20, 1e9)):
+        inside_bin = [t for t in one if low <= t["effects"][0]["strength"] < high]
+        if inside_bin:
+            found = sum(bool(t["findings"]) for t in inside_bin)
+            right = sum(t["effects"][0]["right"] for t in inside_bin)
+            top = f"{high:g}" if high < 1e8 else "more"
+            lines.append(f"| {low}-{top} | {len(inside_bin)} | {found} | {right} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--first-seed", type=int, default=1000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("out/trials"))
+    parser.add_argument("--docs", action="store_true", help="write docs/concealed_trials.md")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    kept = options.out / "trials.jsonl"
+    done = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+    seeds = range(options.first_seed, options.first_seed + options.count)
+    done = [item for item in done if item["seed"] in seeds]
+    left = [seed for seed in seeds if seed not in {item["seed"] for item in done}]
+    with ProcessPoolExecutor(options.workers) as pool, kept.open("a") as file:
+        waiting = {pool.submit(trial, seed): seed for seed in left}
+        for job in as_completed(waiting):
+            try:
+                result = job.result()
+            except Exception as error:  # one device must not stop the others; it is counted and shown
+                print(f"seed {waiting[job]}: {type(error).__name__}: {error}", file=sys.stderr)
+                continue
+            done.append(result)
+            file.write(json.dumps(result) + "\n")
+            file.flush()
+            truth = (
+                ", ".join(f"{e['physics']}@{e['location']}({e['strength']:.1f})" for e in result["effects"]) or "clean"
+            )
+            told = ", ".join(f"{f['physics']}@{f['location']}" for f in result["findings"]) or "nothing"
+            found = all(e["right"] for e in result["effects"]) and bool(result["effects"]) == (told != "nothing")
+            change = f"{result['before']:.2f} -> {result['after']:.2f}  {result['seconds']:.0f} s"
+            print(f"{'ok' if found else '--'} {result['seed']} {truth} -> {told}  {change}", flush=True)
+    text = summary(sorted(done, key=lambda item: item["seed"]))
+    print("\n" + text)
+    if options.docs:
+        page = HERE.parent / "docs" / "concealed_trials.md"
+        head = "# Concealed trials\n\nMade by `python scripts/concealed_trials.py --docs`.\n\n"
+        page.write_text(head + text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""Blind trials on a few devices of the independent simulator; `scripts/concealed_trials.py` runs hundreds."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.recordings import read_recording
+from prup_pin.simulation import simulate
+from prup_pin.spatial import rotation_exp, rotation_log
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+
+from concealed.draw import draw, write
+
+POSES = (9, 3)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return prup_pin.load("3prup")
+
+
+def recorded(folder, seed, effects, multiple=(8.0, 20.0), level=60.0):
+    drawn = draw(seed, effects, multiple, level, poses=POSES)
+    write(drawn, folder, folder, "device")
+    return read_recording(folder / "device.csv"), folder / "device.heldout.csv", drawn["truth"]["effects"]
+
+
+def findings(found):
+    return [item for item in found.findings if item.physics != "finite_deflection"]
+
+
+def heldout_residual(robot, path, effects):
+    recording = read_recording(path)
+    predicted = simulate(robot, recording, effects)
+    moved = (np.array(recording.position) - predicted.position) / 2e-6
+    measured, simulated = (rotation_exp(np.array(x)) for x in (recording.rotation, predicted.rotation))
+    return float(np.sqrt(np.mean(np.hstack([moved, rotation_log(measured @ simulated.mT) / 1e-5]) ** 2)))
+
+
+def test_nothing_is_found_where_nothing_is_missing(robot, tmp_path):
+    recording, heldout, _ = recorded(tmp_path, 11, [])
+    found = diagnose(robot, recording)
+    assert findings(found) == []
+    assert found.after["fit"] == pytest.approx(1.0, abs=0.06)
+    assert heldout_residual(robot, heldout, found.effects) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("seed", "physics"),
+    [
+        (21, "backlash"),
+        pytest.param(22, "geometric_offset", marks=pytest.mark.slow),
+        (23, "root_tilt_compliance"),
+        pytest.param(24, "wrench_sensor_misalignment", marks=pytest.mark.slow),
+    ],
+)
+def test_one_effect_is_placed_named_and_modelled(robot, tmp_path, seed, physics):
+    recording, heldout, truth = recorded(tmp_path, seed, [physics])
+    found = diagnose(robot, recording)
+    assert found.verdict == "explained"
+    (finding,) = findings(found)
+    assert finding.physics == physics
+    assert truth[0]["location"] in finding.candidates
+    assert finding.heldout_gain > 0.5
+    assert found.after["heldout"] < 1.1 < found.before["heldout"]
+    assert heldout_residual(robot, heldout, found.effects) < 1.15
+    for parameter in finding.parameters.values():
+        low, high = parameter.interval
+        assert low <= parameter.value <= high
+
+
+def test_what_no_law_explains_is_called_unknown(robot, tmp_path):
+    """A stiffness that depends on another leg's load is in nobody's library."""
+    from concealed.device import Device
+    from concealed.draw import measure, programme, write_csv
+
+    rng = np.random.default_rng(3)
+    run = programme(rng, POSES[0], 80.0)
+    effect = {"physics": "alien", "location": "leg1/ball_nut", "kind": "cubic", "coefficient": 3e-9}
+    write_csv(tmp_path / "device.csv", measure(Device([effect]), run, rng), False)
+    noise = '{"position_noise": 2e-6, "rotation_noise": 1e-5, "force_noise": 0.03, "moment_noise": 0.002}'
+    (tmp_path / "device.json").write_text(noise)
+    found = diagnose(robot, read_recording(tmp_path / "device.csv"))
+    assert found.before["fit"] > 1.5
+    assert {item.physics for item in findings(found)} <= {"unknown"}

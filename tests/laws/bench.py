@@ -1,0 +1,79 @@
+"""Robots and small bench tests on which laws are tried."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import prup_pin
+from prup_pin.laws import LAWS, Effect, Inputs, Law, Place
+from prup_pin.simulation import Simulator
+from prup_pin.spatial import rotation_log
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+NAMES = ("3prup", "3prup_as_published", "ur5", "five_bar", "delta")
+#: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
+CYCLE = (0.0, 1.0, 0.5, -1.0, 0.0)
+WRENCH = np.array([30.0, -20.0, 25.0, 4.0, 3.0, -2.0])
+ACTUATORS = {
+    "3prup": [[0.40, 0.42, 0.36], [0.33, 0.35, 0.39]],
+    "3prup_as_published": [[0.40, 0.42, 0.36], [0.33, 0.35, 0.39]],
+    "ur5": [[0.2, -1.1, 1.4, -0.5, 0.7, 0.3], [0.4, -1.3, 1.2, -0.2, 0.5, 0.1]],
+    "five_bar": [[0.2, -0.1], [-0.1, 0.2]],
+    "delta": [[0.3, -0.2, 0.1], [0.1, 0.1, 0.2]],
+}
+
+
+@cache
+def robot(name: str) -> prup_pin.Robot:
+    if name == "ur5":
+        return prup_pin.load("ur5", joint_stiffness=1e4)
+    if name == "five_bar":
+        springs = {"left_motor": 1e4, "right_motor": 2e4}
+        return prup_pin.load(ROBOTS / "five_bar/five_bar.urdf", tool="left_point", joint_stiffness=springs)
+    if name == "delta":
+        return prup_pin.load(ROBOTS / "delta/robot.urdf", tool="centre", joint_stiffness=2000.0)
+    return prup_pin.load(name)
+
+
+def inputs(name: str, wrench=WRENCH, actuators=None, cycle=CYCLE) -> Inputs:
+    """A load cycle in each of two poses, with speeds and a structure that warms up."""
+    poses = np.array(ACTUATORS[name] if actuators is None else actuators, float)
+    positions = np.repeat(poses, len(cycle), axis=0)
+    n = len(positions)
+    return Inputs(
+        time=np.arange(n, dtype=float),
+        actuators=positions,
+        wrench=np.tile(np.outer(cycle, wrench), (len(poses), 1)),
+        blocks=np.repeat(np.arange(len(poses)), len(cycle)),
+        temperature=np.linspace(22.0, 30.0, n),
+        speeds=np.full_like(positions, 0.05),
+    )
+
+
+@cache
+def simulator(name: str) -> Simulator:
+    return Simulator(robot(name), inputs(name))
+
+
+@cache
+def nominal(name: str):
+    return simulator(name).run()
+
+
+def effect(name: str, law: type[Law], place: str, aspect: str = "", **values: float) -> Effect:
+    """Return a checked effect; values left out are those at which a fit starts."""
+    found = next(item for item in LAWS if type(item) is law)
+    at = Place(place, aspect)
+    given = {**found.starts(at, robot(name).mechanism)[0], **values}
+    return Effect(found, at, given).checked(robot(name).mechanism)
+
+
+def change(run, other) -> np.ndarray:
+    """Return how the tool's pose differs between two runs, (N, 6) [m, rad]."""
+    assert run.solved.all()
+    assert other.solved.all()
+    turned = rotation_log(run.rotation @ other.rotation.swapaxes(1, 2))
+    return np.concatenate((run.position - other.position, turned), axis=1)

@@ -1,0 +1,256 @@
+"""What every law owes to the rest of the package; a new law needs a line in `LAWS` and nothing here."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from prup_pin.errors import InputError, ParameterError, UnknownNameError
+from prup_pin.laws import LAWS, Effect, Place, Strain, Torsion, law_at
+
+from .bench import ACTUATORS, NAMES, change, nominal, robot, simulator
+
+VOCABULARY = {
+    *("stiffness_changed", "backlash", "hertzian_contact", "coulomb_friction", "viscous_friction", "self_weight"),
+    *("shear", "torsion", "root_tilt_compliance", "hub_root_compliance", "finite_deflection", "thermal_growth"),
+    *("lead_error", "geometric_offset", "encoder_offset", "encoder_delay", "wrench_sensor_misalignment"),
+    *("wrench_sensor_gain", "wrench_sensor_bias", "pose_sensor_misalignment", "creep", "rotor_inertia", "payload"),
+    *("transmission_coupling", "model_equation_error"),
+}
+PARTS = (
+    *("linear_rod", "ball_screw", "ball_nut", "support_bearing", "timing_belt", "motor"),
+    *("R_lambda", "R_phi", "R_theta_P", "moving_star_branch", "base"),
+)
+PLACES = {f"leg{leg}/{part}" for leg in (1, 2, 3) for part in PARTS}
+PLACES |= {"moving_star", "wrench_sensor", "pose_sensor", "environment", "robot"}
+#: Laws that no pose shows alone: torsion, since no torque reaches the beams unless a joint resists.
+HIDDEN = (Torsion,)
+#: The five-bar's gravity is perpendicular to its plane.
+HIDDEN_ON = {("five_bar", "payload")}
+
+
+def title(value):
+    return value if isinstance(value, str) else type(value).__name__
+
+
+def cases(every_leg: bool = True):
+    """Every law at every place of every robot; the legs of the 3-PRUP are alike."""
+    for name in NAMES:
+        mechanism = robot(name).mechanism
+        for law in LAWS:
+            for place in law.places(mechanism):
+                if name == "3prup_as_published" and law.physics != "model_equation_error":
+                    continue
+                if every_leg or not place.name.startswith(("leg2", "leg3")):
+                    yield pytest.param(name, law, place, id=f"{name}-{type(law).__name__}-{place}")
+
+
+EVERY_PLACE = pytest.mark.parametrize(("name", "law", "place"), list(cases()))
+ONE_LEG = pytest.mark.parametrize(("name", "law", "place"), list(cases(every_leg=False)))
+EVERY_LAW = pytest.mark.parametrize("law", LAWS, ids=title)
+
+
+@EVERY_LAW
+def test_declares_what_a_person_reads(law):
+    assert law.physics in VOCABULARY
+    assert law.summary
+    assert type(law).__doc__
+    assert set(law.needs) <= {"temperature", "speed"}
+    assert any(law.places(robot(name).mechanism) for name in NAMES), "no test robot has a place for it"
+
+
+@EVERY_PLACE
+def test_quantities_have_units_and_starts_lie_inside_bounds(name, law, place):
+    mechanism = robot(name).mechanism
+    quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
+    assert quantities
+    for quantity in quantities.values():
+        assert quantity.unit
+        assert quantity.description
+        assert np.isfinite(quantity.upper)
+        assert np.isfinite(quantity.lower)
+        quantity.check(quantity.default, "default")
+    starts = law.starts(place, mechanism)
+    assert starts
+    for start in starts:
+        assert list(start) == list(quantities)
+        Effect(law, place, start).checked(mechanism)
+    assert set(law.neutral) <= set(quantities)
+    assert list(law.neutral_at(place, mechanism)) == list(quantities)
+
+
+@EVERY_LAW
+def test_places_of_the_three_prup_are_names_of_the_specification(law):
+    for name in ("3prup", "3prup_as_published"):
+        places = law.places(robot(name).mechanism)
+        assert len(set(places)) == len(places)
+        assert {place.name for place in places} <= PLACES
+
+
+@EVERY_PLACE
+def test_is_found_again_by_its_place(name, law, place):
+    mechanism = robot(name).mechanism
+    assert law_at(law.physics, place, mechanism) is law
+    assert place in law_at(law.physics, place).places(mechanism)
+
+
+@ONE_LEG
+def test_neutral_values_change_nothing(name, law, place):
+    base = nominal(name)
+    run = simulator(name).run([Effect(law, place, law.neutral_at(place, robot(name).mechanism))], base)
+    assert np.abs(change(run, base)).max() < 2e-11
+
+
+@ONE_LEG
+def test_start_values_change_the_pose(name, law, place):
+    if name == "delta" and law.physics in ("coulomb_friction", "viscous_friction"):
+        pytest.skip("the delta's rods spin about themselves: nothing balances friction there")
+    base, mechanism = nominal(name), robot(name).mechanism
+    sizes = [
+        np.abs(change(simulator(name).run([Effect(law, place, start)], base), base)).max()
+        for start in law.starts(place, mechanism)
+    ]
+    assert (max(sizes) > 4e-11) != (isinstance(law, HIDDEN) or (name, law.physics) in HIDDEN_ON)
+
+
+@ONE_LEG
+def test_acting_leaves_the_callers_inputs_alone(name, law, place):
+    base = simulator(name)
+    arrays = [getattr(base.inputs, key) for key in ("time", "actuators", "wrench", "blocks", "temperature", "speeds")]
+    before = [array.copy() for array in arrays]
+    known = {key: np.copy(parameter.value) for key, parameter in base.robot.parameters.items()}
+    values = dict(law.starts(place, base.robot.mechanism)[0])
+    Effect(law, place, values).act(base.setup())
+    for array, copy in zip(arrays, before, strict=True):
+        np.testing.assert_array_equal(array, copy)
+    assert values == law.starts(place, base.robot.mechanism)[0]
+    for key, parameter in base.robot.parameters.items():
+        np.testing.assert_array_equal(parameter.value, known[key])
+
+
+@ONE_LEG
+def test_strains_are_what_their_derivatives_say(name, law, place):
+    mechanism = robot(name).mechanism
+    setup = simulator(name).setup([Effect(law, place, law.starts(place, mechanism)[0])])
+    for module, strains in setup.strains.items():
+        wide = 6 if module in robot(name)._statics.wrench_names else 1
+        load = np.random.default_rng(5).normal(size=(len(setup.inputs), wide)) * 3.0
+        for strain in strains:
+            value, slope = strain(load)
+            assert value.shape == load.shape
+            assert slope.shape == (*load.shape, wide)
+            part = strain.take(slice(2, 4))
+            np.testing.assert_array_equal(part(load[2:4])[0], value[2:4])
+            for column in range(wide):
+                step = np.zeros_like(load)
+                step[:, column] = 1e-5
+                difference = (strain(load + step)[0] - strain(load - step)[0]) / 2e-5
+                np.testing.assert_allclose(slope[:, :, column], difference, atol=1e-6 * np.abs(slope).max() + 1e-20)
+
+
+@ONE_LEG
+def test_statement_is_a_sentence_for_people(name, law, place):
+    text = law.statement(place, law.starts(place, robot(name).mechanism)[0])
+    assert len(text) > 20
+    assert not text.endswith(".")
+    assert not set("{}_\n") & set(text.replace(str(place), "").replace(place.name, ""))
+
+
+# -- composition -------------------------------------------------------------------------------------------------------
+
+
+def outcome(effects):
+    """Return a setup as something that can be compared."""
+    setup = simulator("3prup").setup(effects)
+    load = np.random.default_rng(2).normal(size=(len(setup.inputs), 6)) * 10
+    wide = {name: 6 if name in robot("3prup")._statics.wrench_names else 1 for name in setup.strains}
+    strained = {
+        name: sum(strain(load[:, : wide[name]])[0] for strain in strains) for name, strains in setup.strains.items()
+    }
+    seen = np.zeros((len(load), 3)), np.broadcast_to(np.eye(3), (len(load), 3, 3))
+    for sensor in setup.sensors:
+        seen = sensor(*seen)
+    modules = {module.name: module for module in setup.mechanism.modules}
+    values = {  # without those that are what the robot file says
+        name: value
+        for name, value in setup.values.items()
+        if value != modules[name.rpartition(".")[0]].values[name.rpartition(".")[2]]
+    }
+    names = sorted(values), sorted(setup.parameters), sorted(strained)
+    numbers = [setup.wrench, setup.travel, *(strained[name] for name in names[2]), *seen, [setup.masses]]
+    numbers += [[values[name] for name in names[0]], [setup.parameters[name] for name in names[1]]]
+    return (*names, sorted(setup.resistances), setup.spread_weight), numbers
+
+
+#: What a wrench sensor does to a wrench has an order: amplifier and frame do not commute.
+ORDERED = {"wrench_sensor_misalignment", "wrench_sensor_gain", "wrench_sensor_bias"}
+
+
+def test_two_laws_compose_in_either_order():
+    mechanism = robot("3prup").mechanism
+    there = [(law, law.places(mechanism)[0]) for law in LAWS if law.places(mechanism)]
+    effects = [Effect(law, place, law.starts(place, mechanism)[0]) for law, place in there]
+    for one, other in combinations(effects, 2):
+        if {one.law.physics, other.law.physics} <= ORDERED:
+            continue
+        (names, numbers), (same_names, same_numbers) = outcome([one, other]), outcome([other, one])
+        assert names == same_names, (one, other)
+        for first, second in zip(numbers, same_numbers, strict=True):
+            np.testing.assert_allclose(first, second, rtol=1e-12, atol=1e-18, err_msg=f"{one} {other}")
+
+
+def test_two_laws_of_a_kind_add_up():
+    place = Place("leg1/motor")
+    half, whole = (Effect(law_at("encoder_offset", place), place, {"offset": size}) for size in (5e-5, 1e-4))
+    one, two = simulator("3prup").run([whole]), simulator("3prup").run([half, half])
+    assert np.abs(change(one, two)).max() < 1e-12
+
+
+# -- what does not fit -------------------------------------------------------------------------------------------------
+
+
+def effect_of(physics, place, **values):
+    at = Place(*place) if isinstance(place, tuple) else Place(place)
+    return Effect(law_at(physics, at), at, values).checked(robot("3prup").mechanism)
+
+
+def test_unknown_place_names_the_nearest():
+    with pytest.raises(UnknownNameError, match=r"no place of backlash named 'leg1/ballnut'.*leg1/ball_nut"):
+        effect_of("backlash", "leg1/ballnut", half_gap=1e-5, closing_load=1.0)
+    with pytest.raises(UnknownNameError, match=r"R_phi \(radial\)"):
+        effect_of("backlash", "leg1/R_phi", half_gap=1e-5, closing_load=1.0)
+
+
+def test_a_robot_without_a_place_says_so():
+    place = Place("leg1/ball_screw", "proportional")
+    with pytest.raises(UnknownNameError, match="no place for lead_error"):
+        law_at("lead_error", place, robot("ur5").mechanism)
+    with pytest.raises(UnknownNameError, match="no place for lead_error"):
+        Effect(law_at("lead_error", place), place, {"relative": 1e-4}).checked(robot("ur5").mechanism)
+
+
+def test_unknown_law_names_the_nearest():
+    with pytest.raises(UnknownNameError, match=r"no law named 'back_lash'.*backlash"):
+        law_at("back_lash", Place("leg1/ball_nut"))
+
+
+def test_unknown_missing_and_impossible_parameters():
+    with pytest.raises(UnknownNameError, match=r"no parameter of backlash named 'gap'.*half_gap"):
+        effect_of("backlash", "leg1/ball_nut", gap=1e-5, closing_load=1.0)
+    with pytest.raises(InputError, match="backlash at leg1/ball_nut: no value for closing_load"):
+        effect_of("backlash", "leg1/ball_nut", half_gap=1e-5)
+    with pytest.raises(ParameterError, match=r"half_gap = -1e-05 m: expected > 0 and <= 0.005 m"):
+        effect_of("backlash", "leg1/ball_nut", half_gap=-1e-5, closing_load=1.0)
+    with pytest.raises(ParameterError, match="expected a number"):
+        effect_of("backlash", "leg1/ball_nut", half_gap="wide", closing_load=1.0)
+
+
+def test_a_strain_of_nothing_is_nothing():
+    strain = Strain(lambda load: (0 * load, np.zeros((*load.shape, 1))))
+    assert strain.take([0])(np.ones((1, 1)))[0] == 0
+
+
+def test_every_robot_of_these_tests_is_loaded():
+    assert set(ACTUATORS) == set(NAMES)

@@ -1,0 +1,96 @@
+"""A load that the robot cannot bear is reported, and disturbs no other sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.errors import NotConvergedError, PrupPinError
+from prup_pin.loaded import Conditions, find_equilibria, loaded_rod
+from prup_pin.robot import random_poses
+
+from ..modules.examples import EXAMPLES, geometry, kind_named, stacked
+from .arms import EI, LENGTH, cantilever
+from .test_at_rest import BOX
+
+EULER = np.pi**2 * EI / (4 * LENGTH**2)
+
+
+@pytest.mark.parametrize("share", [1.01, 2.0, 10.0, 50.0])
+def test_a_column_beyond_its_critical_load(tmp_path, share):
+    """Straight, it is still in balance: an answer that no column gives."""
+    robot, pose = cantilever(tmp_path)
+    with pytest.raises(NotConvergedError, match="buckling_margin") as failure:
+        robot.equilibrium(pose, [-share * EULER, 0, 0, 0, 0, 0])
+    error = failure.value
+    assert isinstance(error, PrupPinError)
+    assert error.pose is pose
+    assert error.wrench[0] == -share * EULER
+    assert error.reached == pytest.approx(1 / share, rel=1e-6)
+
+
+def test_a_crooked_column_bends_aside(tmp_path):
+    robot, pose = cantilever(tmp_path)
+    loaded = robot.equilibrium(pose, 1.5 * EULER * np.array([-1.0, 0, 0.01, 0, 0, 0]))
+    assert loaded.displacement[2] > 0.5 * LENGTH
+    assert np.abs(loaded._equilibria.evaluation.residual).max() < 1e-9
+
+
+@pytest.mark.slow
+def test_a_load_that_cannot_be_followed(tmp_path):
+    """Fifty times the critical load on a crooked column: its end turns over before it is lost."""
+    robot, pose = cantilever(tmp_path)
+    with pytest.raises(NotConvergedError) as failure:
+        robot.equilibrium(pose, 50 * EULER * np.array([-1.0, 0, 0.01, 0, 0, 0]))
+    assert 1 / 50 < failure.value.reached < 1
+
+
+def test_the_3prup_gives_way():
+    robot = prup_pin.load("3prup")
+    pose = robot.pose(z=0.4, theta=0.2, phi=-0.1)
+    wrench = np.array([100.0, -50.0, 200.0, 10.0, 20.0, -15.0])
+    margin = robot.equilibrium(pose, wrench).buckling_margin()
+    assert 5 < margin < 100
+    with pytest.raises(NotConvergedError) as failure:
+        robot.equilibrium(pose, 1.1 * margin * wrench)
+    assert failure.value.reached == pytest.approx(1 / 1.1, rel=1e-3)
+
+
+def test_what_fails_does_not_disturb_its_neighbours():
+    robot = prup_pin.load("3prup")
+    poses = random_poses(robot, BOX, 3, seed=5)
+    generator = np.random.default_rng(2)
+    wrenches = generator.uniform(-1, 1, (9, 6)) * np.repeat([150.0, 20.0], 3)
+    rows = np.repeat(np.arange(3), 3)
+    alone = find_equilibria(robot._chain, poses, rows, Conditions(wrenches))
+    spoilt = wrenches.copy()
+    spoilt[4] *= 1e4
+    spoilt[7, 0] = np.nan
+    together = find_equilibria(robot._chain, poses, rows, Conditions(spoilt))
+    assert together.converged.tolist() == [True] * 4 + [False] + [True] * 2 + [False] + [True]
+    good = together.converged
+    assert together.tool[good] == pytest.approx(alone.tool[good], abs=1e-11)
+    assert alone.converged.all()
+
+
+def test_a_sample_does_not_depend_on_the_samples_beside_it():
+    robot = prup_pin.load("3prup")
+    poses = random_poses(robot, BOX, 2, seed=6)
+    wrenches = np.random.default_rng(3).uniform(-1, 1, (6, 6)) * np.repeat([300.0, 50.0], 3)
+    rows = np.array([0, 1, 0, 1, 0, 1])
+    together = find_equilibria(robot._chain, poses, rows, Conditions(wrenches))
+    for index in range(6):
+        single = find_equilibria(robot._chain, poses, rows[index : index + 1], Conditions(wrenches[index : index + 1]))
+        assert single.tool[0] == pytest.approx(together.tool[index], abs=1e-11)
+
+
+def test_a_rod_that_cannot_be_followed_is_no_number():
+    values, at = stacked("beam", EXAMPLES["beam"][0], EXAMPLES["beam"][0]), geometry(0.5)
+    law = kind_named("beam").section_law(values, at)
+    loads = np.array([[[10.0, 0, 0, 0, 0, 0], [1e12, 0, 0, 0, 0, 0]]])
+    rods = loaded_rod(law, np.full((1, 2), 0.5), loads, pieces=1)
+    assert np.isfinite(rods.rotation[0, 0]).all()
+    assert np.isnan(rods.rotation[0, 1]).all()
+    alone = loaded_rod(law, np.full((1, 2), 0.5), loads[:, [0, 0]], pieces=1)
+    assert rods.rotation[0, 0] == pytest.approx(alone.rotation[0, 0], abs=1e-15)

@@ -1,0 +1,475 @@
+"""Reading recordings: what is tolerated, and what is refused with file, line and column."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prup_pin.errors import RecordingFileError
+from prup_pin.recordings import KeyProblem, Noise, TableProblem, read_recording, suspicions
+
+PRACTICE = Path("/work/shared/practice")
+REAL = Path("/work/shared/real")
+HEADER = "time,q.slide,q.turn,tau.slide,w.fx,w.mz,p.x,p.y,p.z,r.x,r.y,r.z"
+ROWS = (
+    "0,0.1,0.5,12,0,0,0.01,0.02,0.3,0.001,0.002,0.003",
+    "1,0.1,0.5,13,5,0.1,0.011,0.02,0.3,0.001,0.002,0.0031",
+    "2,0.2,0.5,12,10,0.2,0.012,0.02,0.3,0.001,0.0021,0.003",
+)
+TABLE = "\n".join((HEADER, *ROWS)) + "\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Return a function that writes a table (text or bytes) and, if given, the JSON beside it."""
+
+    def write_files(table=TABLE, beside=None, name="bench.csv"):
+        path = tmp_path / name
+        path.write_bytes(table if isinstance(table, bytes) else table.encode())
+        if beside is not None:
+            path.with_suffix(".json").write_text(beside if isinstance(beside, str) else json.dumps(beside))
+        return path
+
+    return write_files
+
+
+def refused(path):
+    """Return the problems of a file as (line, column or key, message)."""
+    with pytest.raises(RecordingFileError) as caught:
+        read_recording(path)
+    for problem in caught.value.problems:
+        assert problem.file
+        assert str(problem) in str(caught.value)
+    return [
+        (problem.line, getattr(problem, "column", getattr(problem, "key", None)), problem.message)
+        for problem in caught.value.problems
+    ]
+
+
+def only(path):
+    """Return the one problem of a file."""
+    problems = refused(path)
+    assert len(problems) == 1, problems
+    return problems[0]
+
+
+def with_cell(row, column, text):
+    """Return the table with another text in one cell; rows count from 0."""
+    lines = TABLE.splitlines()
+    cells = lines[row + 1].split(",")
+    cells[HEADER.split(",").index(column)] = text
+    lines[row + 1] = ",".join(cells)
+    return "\n".join(lines) + "\n"
+
+
+def test_values(write):
+    beside = {"robot": "3prup", "position_noise": 2e-6, "effort_noise": 1, "notes": "cold morning"}
+    recording = read_recording(write(beside=beside))
+    assert len(recording) == 3
+    assert recording.time.tolist() == [0, 1, 2]
+    assert {name: values.tolist() for name, values in recording.positions.items()} == {
+        "slide": [0.1, 0.1, 0.2],
+        "turn": [0.5] * 3,
+    }
+    assert recording.efforts["slide"].tolist() == [12, 13, 12]
+    assert recording.wrench.tolist() == [[0] * 6, [5, 0, 0, 0, 0, 0.1], [10, 0, 0, 0, 0, 0.2]]
+    assert recording.wrench_columns == ("fx", "mz")
+    assert recording.has_wrench
+    assert recording.position[1].tolist() == [0.011, 0.02, 0.3]
+    assert recording.rotation[1].tolist() == [0.001, 0.002, 0.0031]
+    assert recording.temperature is None
+    assert recording.run.tolist() == [0, 0, 0]
+    assert recording.run_names == ("",)
+    assert recording.noise == Noise(position=2e-6, effort=1)
+    assert (recording.robot, recording.notes) == ("3prup", "cold morning")
+    remarks = "\n".join(recording.remarks)
+    assert "There is no column w.fy, w.fz, w.mx, w.my: these components of the wrench are taken as zero." in remarks
+    assert "tau.turn" in remarks
+    assert "temperature" in remarks
+    assert "rotation_noise, force_noise, moment_noise is not declared" in remarks
+
+
+def test_other_columns(write):
+    table = (
+        "time,q.leg/a.b,qd.leg/a.b,qdd.leg/a.b,p.tip.x,p.tip.z,r.z,temperature,run\n"
+        '0,1,2,3,4,5,6,7,cold\n1,1,2,3,4,5,6,7,"warm, later"\n2,1,2,3,4,5,6,7,cold\n'
+    )
+    recording = read_recording(write(table))
+    assert list(recording.positions) == list(recording.velocities) == list(recording.accelerations) == ["leg/a.b"]
+    np.testing.assert_array_equal(recording.markers["tip"], [[4, np.nan, 5]] * 3)
+    np.testing.assert_array_equal(recording.rotation, [[np.nan, np.nan, 6]] * 3)
+    assert recording.position is None
+    assert recording.temperature.tolist() == [7] * 3
+    assert not recording.has_wrench
+    assert recording.wrench.shape == (3, 6)
+    assert recording.run.tolist() == [0, 1, 0]
+    assert recording.run_names == ("cold", "warm, later")
+    remarks = "\n".join(recording.remarks)
+    for part in ("p.tip.y: this part", "p.x, p.y, p.z: the position", "r.x, r.y", "wrench is taken as zero", "tau."):
+        assert part in remarks, part
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: "\ufeff" + text,
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.replace("\n", "\r"),
+        lambda text: text + "\n\n  \n\r\n",
+        lambda text: text.rstrip("\n"),
+        lambda text: "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in text.split("\n")[:-1]),
+        lambda text: text.replace(",", ", "),
+        lambda text: text.replace(",13,", ",1.3e+1,").replace(",12,", ",+12.0,"),
+    ],
+    ids=["bom", "crlf", "cr", "blank lines at the end", "no last line end", "quoted", "spaces", "number formats"],
+)
+def test_tolerated(write, change):
+    plain, other = read_recording(write()), read_recording(write(change(TABLE)))
+    np.testing.assert_array_equal(plain.time, other.time)
+    np.testing.assert_array_equal(plain.efforts["slide"], other.efforts["slide"])
+    np.testing.assert_array_equal(plain.rotation, other.rotation)
+    assert plain.remarks == other.remarks
+
+
+@pytest.mark.parametrize("empty", ["", "nan", "NaN", " ", '""'])
+@pytest.mark.parametrize("column", ["q.turn", "tau.slide", "p.x", "r.z", "w.fx"])
+def test_empty_cells(write, empty, column):
+    recording = read_recording(write(with_cell(1, column, empty)))
+    values = {
+        "q.turn": recording.positions["turn"],
+        "tau.slide": recording.efforts["slide"],
+        "p.x": recording.position[:, 0],
+        "r.z": recording.rotation[:, 2],
+        "w.fx": recording.wrench[:, 0],
+    }
+    for name, array in values.items():
+        assert np.isnan(array).tolist() == [False, name == column, False]
+
+
+def test_neighbouring_empty_cells(write):
+    table = "time,q.a,p.x,p.y,p.z,run,note\n0,1,,,,,\n1,,,,2,b,\n2,1,2,3,,,ok\n"
+    recording = read_recording(write(table))
+    np.testing.assert_array_equal(recording.position, [[np.nan] * 3, [np.nan, np.nan, 2], [2, 3, np.nan]])
+    np.testing.assert_array_equal(recording.positions["a"], [1, np.nan, 1])
+    assert [recording.run_names[code] for code in recording.run] == ["", "b", ""]
+
+
+def test_blank_line_within_is_skipped_and_told(write):
+    table = "\n".join((HEADER, ROWS[0], "", ROWS[1], ROWS[2])) + "\n"
+    recording = read_recording(write(table))
+    assert len(recording) == 3
+    assert "1 blank lines within the table are skipped, the first is line 3." in recording.remarks
+    line, column, _ = only(write(table.replace(",13,", ",13x,")))
+    assert (line, column) == (4, "tau.slide")  # as the editor counts
+
+
+def test_unknown_columns_are_ignored_and_told(write):
+    table = TABLE.replace("tau.slide", "motor current").replace(",12,", ",high,").replace("w.mz", "w.mzz")
+    recording = read_recording(write(table))
+    assert not recording.efforts
+    assert "The unknown column 'motor current' is ignored." in recording.remarks
+    assert "The unknown column 'w.mzz' is ignored. Did you mean 'w.mz'" in "\n".join(recording.remarks)
+
+
+@pytest.mark.parametrize(
+    ("column", "text", "message"),
+    [
+        ("w.fx", "abc", "'abc' is not a number; expected digits"),
+        ("time", "12:30:01", "'12:30:01' is not a number"),
+        ("q.slide", "inf", "'inf' is infinite"),
+        ("q.slide", "-Infinity", "'-Infinity' is infinite"),
+        ("q.slide", "1e400", "'1e400' is too large"),
+        ("p.y", "N/A", "leave the cell empty"),
+        ("p.y", "#DIV/0!", "leave the cell empty"),
+        ("r.x", "1_000", "'1_000' is not a number"),
+        ("r.x", "１２", "'１２' is not a number"),
+        ("r.x", "0x1p3", "not a number"),
+        ("r.x", '"0,5"', "'0,5' has a decimal comma; export the table with decimal points"),
+        ("time", "", "is empty; every sample needs its time"),
+        ("time", "nan", "is empty"),
+        ("time", "0", "0 s after 0 s (line 2): time must increase"),
+        ("time", "-3", "-3 s after 0 s (line 2): time must increase"),
+        ("tau.slide", "x" * 500, "x…' is not a number"),
+        ("tau.slide", "a\x1bb", r"'a\x1bb' is not a number"),
+    ],
+)
+def test_bad_cells(write, column, text, message):
+    line, where, found = only(write(with_cell(1, column, text)))
+    assert (line, where) == (3, column)
+    assert message in found
+    assert len(found) < 200
+
+
+def test_all_problems_at_once(write):
+    lines = with_cell(0, "w.fx", "abc").splitlines()
+    lines[2] += ",7"
+    lines[3] = lines[3].replace("0.0021", "?")
+    lines[0] = lines[0].replace("w.mz", "w.MZ")
+    problems = refused(write("\n".join(lines), beside={"force_noise": 0, "robot": 3}))
+    assert [(line, column) for line, column, _ in problems] == [
+        (1, "w.MZ"),
+        (2, "w.fx"),
+        (3, None),
+        (4, "r.y"),
+        (None, "force_noise"),
+        (None, "robot"),
+    ]
+
+
+def test_ragged_rows(write):
+    lines = TABLE.splitlines()
+    lines[1] = lines[1].rsplit(",", 2)[0]
+    lines[3] += ",8,9"
+    few, many = refused(write("\n".join(lines)))
+    assert few[:2] == (2, "r.y")
+    assert "10 cells, 12 expected" in few[2]
+    assert many[:2] == (4, None)
+    assert "14 cells, 12 expected; the first one too many is '8'" in many[2]
+
+
+def test_ragged_rows_that_cancel_out(write):
+    lines = TABLE.splitlines()
+    lines[1] += ",1"
+    lines[2] = lines[2].rsplit(",", 1)[0]
+    assert [problem[0] for problem in refused(write("\n".join(lines)))] == [2, 3]
+
+
+def test_unquoted_decimal_commas(write):
+    table = "time,q.a,q.b\n0,0,5,0,25\n1,0,5,0,25\n"
+    problems = refused(write(table))
+    assert [problem[0] for problem in problems] == [2, 3]
+    assert "decimal commas" in problems[0][2]
+
+
+@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs"), ("|", "vertical bars")])
+def test_other_separators(write, separator, word):
+    line, _, message = only(write(TABLE.replace(",", separator)))
+    assert line == 1
+    assert f"separated by {word}; export the table again with commas" in message
+    assert "decimal" not in message
+    commas = TABLE.replace(",", separator).replace(".", ",").replace("q,", "q.")
+    assert "decimal points instead of decimal commas" in only(write(commas))[2]
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("w.fx [N]", "w.fx"),
+        ("W.FX", "w.fx"),
+        ("w_fx", "w.fx"),
+        ("Time", "time"),
+        ("time [s]", "time"),
+        ("time (s)", "time"),
+        ("Q.slide", "q.slide"),
+        ("q.slide [m]", "q.slide"),
+        ("P.X", "p.x"),
+        ("Tau.slide", "tau.slide"),
+        ("p.tip.X", "p.tip.x"),
+        ("Temperature", "temperature"),
+        ("RUN", "run"),
+    ],
+)
+def test_nearly_right_headers(write, name, wanted):
+    header = HEADER.replace(wanted, name) if f",{wanted}," in f",{HEADER}," else HEADER.replace("w.mz", name)
+    line, column, message = only(write("\n".join((header, *ROWS))))
+    assert (line, column) == (1, name)
+    assert f"Did you mean '{wanted}'?" in message
+
+
+def test_a_second_column_of_the_same_meaning_is_ignored(write):
+    recording = read_recording(write(TABLE.replace("w.mz", "w.fx [raw]")))
+    assert "The unknown column 'w.fx [raw]' is ignored." in "\n".join(recording.remarks)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "column", "message"),
+    [
+        ("w.mz", "w.fx", "w.fx", "stands twice in the header (column 5 and column 6)"),
+        ("w.mz", "", "", "the name of column 6 of 12 is empty"),
+        ("time", "stamp", "time", "is missing. The header has: stamp, q.slide"),
+        ("q.", "x.", "q.<joint>", "no column q.<joint>"),
+        ("q.", "q_", "q.<joint>", "Is it column 'q_slide'?"),
+    ],
+)
+def test_bad_headers(write, old, new, column, message):
+    line, where, found = only(write("\n".join((HEADER.replace(old, new), *ROWS))))
+    assert (line, where) == (1, column)
+    assert message in found
+
+
+def test_no_header(write):
+    line, _, message = only(write("\n".join(ROWS)))
+    assert line == 1
+    assert "the first row holds numbers; expected the header" in message
+
+
+def test_blank_first_row(write):
+    assert "the first row is blank" in only(write("\n" + TABLE))[2]
+
+
+def test_row_of_units(write):
+    units = "s,m,rad,N,N,Nm,m,m,m,rad,rad,rad"
+    line, _, message = only(write("\n".join((HEADER, units, *ROWS))))
+    assert line == 2
+    assert "is a row of words, such as units" in message
+
+
+@pytest.mark.parametrize("text", ["", "\n\n \n", "\ufeff"])
+def test_empty_file(write, text):
+    assert only(write(text))[2].startswith("is empty; expected a table")
+
+
+@pytest.mark.parametrize("end", ["", "\n", "\n\n\n"])
+def test_header_only(write, end):
+    line, _, message = only(write(HEADER + end))
+    assert line == 1
+    assert "holds a header but no rows" in message
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"PK\x03\x04" + bytes(range(200)), "is a spreadsheet or an archive"),
+        (TABLE.encode("utf-16"), "is UTF-16 text; save it as UTF-8"),
+        (bytes(range(256)) * 4 + bytes(1000), "is not text"),
+        (b'{"robot": "3prup"}', "looks like JSON"),
+        (b"<robot name='a'/>", "looks like XML"),
+    ],
+)
+def test_not_a_table(write, content, message):
+    assert message in only(write(content))[2]
+
+
+def test_other_encoding(write):
+    content = TABLE.replace(",13,", ",13°,").replace("0.0021", "5µ").encode("latin-1")
+    first, second = refused(write(content))
+    assert first[:2] == (3, "tau.slide")
+    assert second[:2] == (4, "r.y")
+    assert "is not UTF-8 text (byte 0xb0)" in first[2]
+
+
+def test_zero_bytes(write):
+    content = TABLE.encode().replace(b",13,", b",1\0,") + bytes(50)
+    first, second = refused(write(content))
+    assert first[:2] == (3, "tau.slide")
+    assert second[0] == 5
+    assert "NUL" in first[2]
+
+
+def test_open_quotation_mark(write):
+    (line, _, message) = only(write(with_cell(1, "q.turn", '"0.5')))
+    assert line == 3
+    assert "quotation mark" in message
+
+
+def test_time_may_restart_in_a_new_run(write):
+    table = "time,q.a,run\n0,1,a\n1,1,a\n0,1,b\n1,1,b\n"
+    assert read_recording(write(table)).time.tolist() == [0, 1, 0, 1]
+    line, column, message = only(write(table + "2,1,a\n1.5,1,b\n1.5,1,b\n"))
+    assert (line, column) == (8, "time")
+    assert "1.5 s after 1.5 s (line 7): time must increase within a run" in message
+    line, column, message = only(write("time,q.a\n0,1\n1,1\n0,1\n1,1\n"))
+    assert (line, column) == (4, "time")
+    assert "another label in a column 'run'" in message
+
+
+def test_long_lists_are_cut(write):
+    table = "time,q.a,q.b\n" + "".join(f"{k},x,1.0\n" for k in range(500)) + "501,1,y\n"
+    problems = refused(write(table))
+    assert (502, "q.b") in [problem[:2] for problem in problems]  # a bad column does not hide the others
+    assert problems[-1] == (None, "q.a", "480 more are not listed (not a number)")
+    names = ",".join(f"q.j{k}" for k in range(30))
+    table = f"time,{names}\n" + "".join(f"{k}{',x' * 30}\n" for k in range(50))
+    problems = refused(write(table))
+    assert len(problems) == 100
+    assert "more problems are not listed" in problems[-1][2]
+
+
+def test_large_tables_in_pieces(write):
+    rows = [f"{k},0.1,{k % 7}.5,{'a' if k < 30_000 else 'b'}" for k in range(45_000)]
+    recording = read_recording(write("time,q.a,tau.a,run\n" + "\n".join(rows)))
+    assert len(recording) == 45_000
+    assert recording.efforts["a"][44_999] == 44_999 % 7 + 0.5
+    rows[41_234] = "41234,0.1,oops,b"
+    assert only(write("time,q.a,tau.a,run\n" + "\n".join(rows)))[:2] == (41_236, "tau.a")
+
+
+@pytest.mark.parametrize(
+    ("beside", "line", "key", "message"),
+    [
+        ('{"robot": "3prup",\n "position_noise": }', 2, None, "is not valid JSON"),
+        ("[1, 2]", None, None, "holds a list; expected an object"),
+        ('{"notes": "a", "notes": "b"}', None, "notes", "stands 2 times"),
+        ({"position_noise": 0}, None, "position_noise", "is the number 0; expected one standard deviation above 0 [m]"),
+        ({"force_noise": -1}, None, "force_noise", "is the number -1"),
+        ({"effort_noise": "2 N"}, None, "effort_noise", 'is the text "2 N"'),
+        ({"moment_noise": True}, None, "moment_noise", "is true"),
+        ('{"rotation_noise": NaN}', None, "rotation_noise", "is the number nan"),
+        ('{"rotation_noise": 1e999}', None, "rotation_noise", "is the number inf"),
+        ({"robot": ["3prup"]}, None, "robot", "is a list; expected a text"),
+        ({"notes": 5}, None, "notes", "is the number 5; expected a text"),
+    ],
+)
+def test_bad_json_beside(write, beside, line, key, message):
+    where = only(write(beside=beside))
+    assert where[:2] == (line, key)
+    assert message in where[2]
+    with pytest.raises(RecordingFileError) as caught:
+        read_recording(write(beside=beside))
+    assert caught.value.problems[0].file == "bench.json"
+
+
+def test_json_beside(write):
+    recording = read_recording(write(beside={"position_nois": 1, "robot": None, "effort_noise": None}))
+    assert "bench.json: the unknown key 'position_nois' is ignored. Did you mean 'position_noise'" in "\n".join(
+        recording.remarks
+    )
+    assert recording.noise == Noise()
+    assert recording.robot is None
+
+
+def test_no_such_file(write, tmp_path):
+    write()
+    assert "file not found. The folder holds: bench.csv." in only(tmp_path / "bensh.csv")[2]
+    assert "is a folder" in only(tmp_path)[2]
+    assert "cannot be read" in only("bench\0.csv")[2]
+
+
+def test_problems_say_file_line_and_column(write):
+    with pytest.raises(RecordingFileError, match=r"bench\.csv:3: column 'w\.fx': 'abc' is not a number") as caught:
+        read_recording(write(with_cell(1, "w.fx", "abc")))
+    assert isinstance(caught.value.problems[0], TableProblem)
+    with pytest.raises(RecordingFileError, match=r"bench\.json: robot: is true") as caught:
+        read_recording(write(beside={"robot": True}))
+    assert isinstance(caught.value.problems[0], KeyProblem)
+
+
+@pytest.mark.skipif(not PRACTICE.exists(), reason=f"no practice recordings in {PRACTICE}")
+def test_practice_recordings():
+    paths = sorted(PRACTICE.glob("*.csv"))
+    assert len(paths) == 20
+    for path in paths:
+        recording = read_recording(path)
+        held_out = "heldout" in path.name
+        assert len(recording) == (162 if held_out else 378)
+        assert list(recording.positions) == ["leg1_slide", "leg2_slide", "leg3_slide"]
+        assert len(recording.wrench_columns) == 6
+        assert np.isfinite(recording.position).all()
+        assert np.isfinite(recording.rotation).all()
+        assert (recording.noise == Noise()) == held_out
+        assert (recording.temperature is not None) == path.name.startswith("p06")
+        assert recording.blocks()[-1] == (5 if held_out else 13)
+        assert not suspicions(recording), path
+
+
+@pytest.mark.skipif(not REAL.exists(), reason=f"no real recordings in {REAL}")
+def test_real_recording():
+    recording = read_recording(REAL / "emps" / "emps.csv")
+    assert len(recording) == 24_841
+    assert list(recording.positions) == list(recording.efforts) == ["carriage"]
+    assert recording.position is None
+    assert not recording.has_wrench
+    assert len(np.unique(recording.blocks())) > 1000

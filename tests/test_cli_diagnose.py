@@ -1,0 +1,297 @@
+"""`prup-pin diagnose` from end to end: what it writes, what it says, what it refuses."""
+
+import csv
+import json
+import os
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from prup_pin.cli import app
+from prup_pin.recordings import read_plan, read_recording
+from prup_pin.simulation import read_model
+from prup_pin.spatial import rotation_exp, rotation_log
+
+FILES = {"diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"}
+
+
+@pytest.fixture
+def run(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def answer(bench, tmp_path_factory):
+    """(folder, stdout) of the diagnosis of `bench`."""
+    folder = tmp_path_factory.mktemp("answer") / "new" / "folder"
+    done = CliRunner(env={"COLUMNS": "100"}).invoke(app, ["diagnose", str(bench.path), "--out", str(folder)])
+    assert done.exit_code == 0, done.output
+    return folder, done.stdout
+
+
+def table(path):
+    with path.open(encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    return rows[0], rows[1:]
+
+
+def changed(bench, folder, change, name="other", beside=True):
+    """The recording of `bench` with its cells (rows of text, by column) changed."""
+    head, rows = table(bench.path)
+    columns = dict(zip(head, map(list, zip(*rows, strict=True)), strict=True))
+    columns = change(columns) or columns
+    path = folder / f"{name}.csv"
+    lines = [",".join(columns), *(",".join(row) for row in zip(*columns.values(), strict=True))]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if beside:
+        path.with_suffix(".json").write_text(bench.path.with_suffix(".json").read_text(encoding="utf-8"))
+    return path
+
+
+def read_json(path):
+    return json.loads(path.read_text(), parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+
+
+# -- what it writes ----------------------------------------------------------------------------------------------------
+
+
+def test_it_writes_four_files_and_nothing_else(answer):
+    folder, stdout = answer
+    assert {path.name for path in folder.iterdir()} == FILES
+    for name in FILES:
+        assert str(folder / name) in stdout.replace("\n         ", " ")
+
+
+def test_the_verdict_has_the_documented_keys(answer, bench):
+    document = read_json(answer[0] / "diagnosis.json")
+    assert document["verdict"] == "explained"
+    assert document["noise"]["source"] == "declared"
+    for name, value in bench.noise.items():
+        assert document["noise"][name] == value
+    residual = document["residual"]
+    assert residual["unit"] == "multiples of the noise (RMS of whitened residual)"
+    assert residual["before"]["heldout"] > 5 > 1.3 > residual["after"]["heldout"]
+    assert set(residual["by_channel"]) == {"position", "rotation"}
+    keys = {"physics", "location", "candidates", "parameters", "heldout_gain", "statement", "alternatives"}
+    gains = [finding["heldout_gain"] for finding in document["findings"]]
+    assert gains == sorted(gains, reverse=True)
+    for finding in document["findings"]:
+        assert keys <= set(finding)
+        assert finding["location"] in finding["candidates"]
+        for fitted in finding["parameters"].values():
+            assert fitted["ci95"][0] <= fitted["value"] <= fitted["ci95"][1]
+            assert fitted["unit"]
+    for item in document["not_detectable"]:
+        assert {"physics", "location", "smallest", "unit", "reason"} <= set(item)
+    assert set(document["next_experiment"]) == {"why", "plan"}
+
+
+def test_it_finds_what_is_different(answer, bench):
+    document = read_json(answer[0] / "diagnosis.json")
+    true, found = bench.truth["effects"][0], document["findings"][0]
+    assert found["physics"] == true["physics"]
+    assert true["location"] in found["candidates"]
+    assert found["parameters"]["half_gap"]["value"] == pytest.approx(true["parameters"]["half_gap"], rel=0.05)
+
+
+def test_the_corrected_model_predicts_what_was_held_out(answer, bench, run, tmp_path):
+    predicted = tmp_path / "predicted.csv"
+    done = run("predict", answer[0] / "corrected_model.json", bench.held_out, "--out", predicted)
+    assert done.exit_code == 0, done.output
+    head, rows = table(predicted)
+    values = {name: np.array(cells) for name, cells in zip(head, zip(*rows, strict=True), strict=True)}
+    assert set(values["status"]) == {"ok"}
+    p, r = (np.array([values[f"{kind}.{axis}"] for axis in "xyz"], float).T for kind in "pr")
+    measured = read_recording(bench.held_out)
+    moved = np.sqrt(np.mean((measured.position - p) ** 2))
+    turn = rotation_log(rotation_exp(measured.rotation) @ rotation_exp(r).mT)
+    assert moved < 1.1 * bench.noise["position"]
+    assert np.sqrt(np.mean(turn**2)) < 1.1 * bench.noise["rotation"]
+
+
+def test_the_next_experiment_is_a_plan_that_can_be_simulated(answer, run, tmp_path):
+    plan = read_plan(answer[0] / "next_experiment.json")
+    assert plan.robot == "3prup"
+    assert plan.pose_count >= 1
+    document = read_json(answer[0] / "diagnosis.json")
+    again = tmp_path / "plan.json"
+    again.write_text(json.dumps(document["next_experiment"]["plan"]))
+    assert read_plan(again) == plan
+    done = run("simulate", "--plan", answer[0] / "next_experiment.json", "--out", tmp_path / "next.csv")
+    assert done.exit_code == 0, done.output
+    recording = read_recording(tmp_path / "next.csv")
+    assert recording.noise.position is not None
+    assert np.isfinite(recording.position).all()
+
+
+def test_the_text_says_place_class_and_size(answer):
+    text = " ".join(answer[1].split())
+    parts = "Explained: with backlash at leg", "half gap", "µm (95 %:", "times the noise", "× noise", "cannot tell"
+    for part in parts:
+        assert part in text
+    assert not answer[1].startswith("\n")
+
+
+# -- other recordings --------------------------------------------------------------------------------------------------
+
+
+def test_nothing_missing(clean_bench, run, tmp_path):
+    (tmp_path / "report.html").write_text("of an earlier diagnosis")
+    done = run("diagnose", clean_bench.path, "--out", tmp_path, "--no-report")
+    assert done.exit_code == 0, done.output
+    document = read_json(tmp_path / "diagnosis.json")
+    assert (document["verdict"], document["findings"]) == ("nothing_missing", [])
+    assert "Nothing is missing" in done.stdout
+    assert read_model(tmp_path / "corrected_model.json").effects == ()
+    assert not (tmp_path / "report.html").exists(), "the report of another recording stayed"
+
+
+def test_what_no_law_explains_has_a_curve(strange_bench, run, tmp_path):
+    done = run("diagnose", strange_bench.path, "--out", tmp_path, "--no-report")
+    assert done.exit_code == 0, done.output
+    document = read_json(tmp_path / "diagnosis.json")
+    assert document["verdict"] == "unexplained"
+    unknown = document["findings"][-1] if len(document["findings"]) == 1 else next(
+        item for item in document["findings"] if item["physics"] == "unknown"
+    )  # fmt: skip
+    curve = unknown["curve"]
+    assert len(curve["load"]) == len(curve["deformation"]) == len(curve["deviation"]) > 2
+    assert set(curve["units"]) == {"load", "deformation"}
+    assert "Unexplained" in done.stdout
+
+
+def without_load(columns):
+    return {name: ["0"] * len(cells) if name.startswith("w.") else cells for name, cells in columns.items()}
+
+
+def one_pose(columns):
+    first = {name: cells[0] for name, cells in columns.items() if name.startswith("q.")}
+    rows = [i for i in range(len(columns["time"])) if all(columns[name][i] == value for name, value in first.items())]
+    return {name: [cells[i] for i in rows] for name, cells in columns.items()}
+
+
+def without_rotation(columns):
+    return {name: cells for name, cells in columns.items() if not name.startswith("r.")}
+
+
+def empty_column(columns):
+    columns["p.y"] = ["nan"] * len(columns["p.y"])
+
+
+def doubled(columns):
+    n = len(columns["time"])
+    columns = {name: cells[: n // 2] * 2 for name, cells in columns.items()}
+    columns["time"] = [str(float(i)) for i in range(len(columns["time"]))]
+    return columns
+
+
+@pytest.mark.parametrize(
+    ("change", "remark"),
+    [
+        (one_pose, "one pose only"),
+        (without_rotation, "no rotation was measured"),
+        (empty_column, "p.y"),
+        (doubled, "repeat an earlier row"),
+    ],
+)
+def test_poor_recordings_are_diagnosed_with_a_remark(clean_bench, run, tmp_path, change, remark):
+    path = changed(clean_bench, tmp_path, change)
+    done = run("diagnose", path, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    document = read_json(tmp_path / "out" / "diagnosis.json")
+    assert any(remark in text for text in document["remarks"]), document["remarks"]
+    assert document["verdict"] == "nothing_missing"
+    assert remark in " ".join(done.stdout.split())
+
+
+def test_without_load_nothing_is_missing(run, tmp_path, clean_bench):
+    """Poses measured by a good robot that nobody loads."""
+    import prup_pin
+    from prup_pin.recordings import add_noise, write_recording
+
+    recording = read_recording(clean_bench.path)
+    free = recording.select(slice(None)).with_measurements()
+    object.__setattr__(free, "wrench", np.zeros((len(free), 6)))
+    predicted = prup_pin.simulate(prup_pin.load("3prup"), free)
+    measured = free.with_measurements(position=predicted.position, rotation=predicted.rotation)
+    path = tmp_path / "free.csv"
+    write_recording(add_noise(measured, recording.noise, 3), path)
+    path = changed(type(clean_bench)(path, path, {}, {}), tmp_path, without_load, "unloaded")
+    done = run("diagnose", path, "--out", tmp_path / "out", "--no-report")
+    assert done.exit_code == 0, done.output
+    document = read_json(tmp_path / "out" / "diagnosis.json")
+    assert document["verdict"] == "nothing_missing"
+    assert any("no load was applied" in text for text in document["remarks"])
+
+
+def test_without_any_pose_it_says_so(clean_bench, run, tmp_path):
+    def blind(columns):
+        return {name: cells for name, cells in columns.items() if name[0] not in "pr"}
+
+    done = run("diagnose", changed(clean_bench, tmp_path, blind), "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert "Nothing can be said" in done.stdout
+    assert read_json(tmp_path / "out" / "diagnosis.json")["residual"]["before"]["fit"] is None
+
+
+# -- what it refuses ---------------------------------------------------------------------------------------------------
+
+
+def refused(done, folder, *parts):
+    assert done.exit_code == 2, done.output
+    assert done.stdout == ""
+    text = " ".join(done.stderr.split())
+    for part in parts:
+        assert part in text
+    assert not folder.exists(), "it left something behind"
+
+
+def test_positions_in_millimetres(clean_bench, run, tmp_path):
+    def in_mm(columns):
+        return {
+            n: [str(1e3 * float(c)) for c in cells] if n.startswith("p.") else cells for n, cells in columns.items()
+        }
+
+    path = changed(clean_bench, tmp_path, in_mm)
+    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", "mm", "metres")
+
+
+def test_another_robots_actuators(clean_bench, run, tmp_path):
+    def renamed(columns):
+        return {name.replace("q.leg1_slide", "q.leg9_slide"): cells for name, cells in columns.items()}
+
+    path = changed(clean_bench, tmp_path, renamed)
+    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", "q.leg1_slide")
+
+
+def test_a_recording_that_names_no_robot(clean_bench, run, tmp_path):
+    path = changed(clean_bench, tmp_path, lambda columns: columns, beside=False)
+    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", "--robot 3prup")
+
+
+def test_a_file_that_is_not_there(run, tmp_path):
+    refused(
+        run("diagnose", tmp_path / "no.csv", "--out", tmp_path / "out", "--robot", "3prup"), tmp_path / "out", "no.csv"
+    )
+
+
+def test_a_folder_that_cannot_be(clean_bench, run, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = run("diagnose", clean_bench.path, "--out", tmp_path / "file" / "out")
+    refused(done, tmp_path / "file" / "out", "not a folder")
+    if os.geteuid():
+        closed = tmp_path / "closed"
+        closed.mkdir(mode=0o500)
+        refused(run("diagnose", clean_bench.path, "--out", closed / "out"), closed / "out", "cannot write")
+
+
+def test_a_recording_whose_own_json_would_be_replaced(clean_bench, run, tmp_path):
+    path = changed(clean_bench, tmp_path, lambda columns: columns, "diagnosis")
+    before = path.with_suffix(".json").read_text()
+    done = run("diagnose", path, "--out", tmp_path)
+    assert done.exit_code == 2
+    assert "beside the recording" in " ".join(done.stderr.split())
+    assert path.with_suffix(".json").read_text() == before

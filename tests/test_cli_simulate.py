@@ -1,0 +1,306 @@
+"""`prup-pin simulate`, `predict` and `laws`, as a user meets them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from prup_pin.cli import app
+from prup_pin.laws import LAWS
+from prup_pin.recordings import read_recording, write_plan
+from prup_pin.simulation import CorrectedModel, effect_named, parts, write_model
+
+from .simulation.bench import NOISE, plan, three_prup
+
+GAP = "backlash@leg2/ball_nut half_gap=60um closing_load=1"
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def bench(run):
+    """The names of a plan's file and of the recording simulated from it, with play in a nut."""
+    noise = type(NOISE)(**{**vars(NOISE), "effort": 0.5})
+    write_plan(plan(poses=4, cycle=(0, 1, 0, -1), noise=noise), "plan.json")
+    done = run("simulate", "--plan", "plan.json", "--out", "bench.csv", "--effect", GAP)
+    assert done.exit_code == 0, done.output
+    return "bench.csv"
+
+
+def model(path="model.json", **values):
+    given = {"half_gap": 6e-5, "closing_load": 1.0, **values}
+    effect = effect_named("backlash", "leg2/ball_nut", "", given, three_prup().mechanism)
+    write_model(CorrectedModel("3prup", (effect,)), path)
+    return path
+
+
+def text_of(path):
+    return Path(path).read_text(encoding="utf-8")
+
+
+def json_of(path):
+    return json.loads(text_of(path))
+
+
+def cells(path):
+    """Return the header and the rows of a table, as texts."""
+    header, *rows = (line.split(",") for line in text_of(path).splitlines())
+    return header, rows
+
+
+def write(path, header, rows):
+    Path(path).write_text("".join(",".join(row) + "\n" for row in (header, *rows)), encoding="utf-8")
+    return path
+
+
+def table(path):
+    header, rows = cells(path)
+    return {name: [row[index] for row in rows] for index, name in enumerate(header)}
+
+
+def in_noise(output):
+    """Return channel -> RMS / noise of the printed table."""
+    lines = [line.split() for line in output.splitlines()]
+    return {words[0]: float(words[-1]) for words in lines if words and words[0] in ("position", "rotation", "effort")}
+
+
+def refused(done, *texts):
+    assert done.exit_code == 2, done.output
+    assert done.stdout == ""
+    assert done.stderr.startswith("Error: ")
+    flat = " ".join(done.stderr.split())
+    for text in texts:
+        assert text in flat
+    return flat
+
+
+# -- the round trip ----------------------------------------------------------------------------------------------------
+
+
+def test_plan_to_recording_to_prediction_leaves_the_noise(run, bench):
+    read = read_recording(bench)
+    assert len(read) == 16
+    assert read.robot == "3prup"
+    assert read.noise.position == NOISE.position
+    assert set(read.efforts) == {"leg1_slide", "leg2_slide", "leg3_slide"}
+    done = run("predict", model(), bench, "--out", "pred.csv")
+    assert done.exit_code == 0, done.output
+    multiples = in_noise(done.stdout)
+    assert set(multiples) == {"position", "rotation", "effort"}
+    for value in multiples.values():
+        assert value == pytest.approx(1, abs=0.35)
+    without = in_noise(run("simulate", bench, "--out", "nominal.csv").stdout)
+    assert without["position"] > 2
+    columns = table("pred.csv")
+    assert list(columns) == [
+        "time",
+        *(f"{kind}.{axis}" for kind in "pr" for axis in "xyz"),
+        *(f"tau.leg{leg}_slide" for leg in (1, 2, 3)),
+        "status",
+    ]
+    assert columns["status"] == ["ok"] * 16
+    away = np.array(columns["p.x"], float) - read.position[:, 0]
+    assert np.std(away) == pytest.approx(NOISE.position, rel=0.5)
+
+
+def test_model_and_effect_say_the_same(run, bench):
+    for name, arguments in {"a": ("--model", model()), "b": ("--effect", GAP)}.items():
+        assert run("simulate", bench, "--out", f"{name}.csv", *arguments).exit_code == 0
+    run("predict", "model.json", bench, "--out", "c.csv")
+    assert text_of("a.csv") == text_of("b.csv") == text_of("c.csv")
+
+
+def test_effects_add_to_the_model(run, bench):
+    more = "self_weight@robot scale=1"
+    done = run("simulate", bench, "--out", "a.csv", "--model", model(), "--effect", more)
+    assert "backlash@leg2/ball_nut half_gap=6e-5 closing_load=1; self_weight@robot scale=1" in done.stdout
+
+
+def test_the_same_seed_gives_the_same_recording(run, bench):
+    before = text_of(bench)
+    run("simulate", "--plan", "plan.json", "--out", "again.csv", "--effect", GAP)
+    assert text_of("again.csv") == before
+
+
+def test_several_processes_write_the_same_file(run, bench, monkeypatch):
+    monkeypatch.setattr(parts, "SAMPLES", 8)
+    one = run("simulate", bench, "--out", "one.csv")
+    two = run("simulate", bench, "--out", "two.csv", "--workers", "2")
+    assert two.exit_code == 0, two.output
+    assert text_of("one.csv") == text_of("two.csv")
+    assert two.stdout.replace("two", "one") == one.stdout
+
+
+def test_runs_and_markers_are_kept(run, bench):
+    header, rows = cells(bench)
+    rows = [[*row, "day 1" if index < 8 else "day 2", "0"] for index, row in enumerate(rows)]
+    write("more.csv", [*header, "run", "p.leg1_rod_tip.x"], rows)
+    done = run("simulate", "more.csv", "--robot", "3prup", "--out", "pred.csv")
+    assert done.exit_code == 0, done.output
+    assert "marker leg1_rod_tip" in done.stdout
+    columns = table("pred.csv")
+    assert columns["run"] == ["day 1"] * 8 + ["day 2"] * 8
+    assert 0.15 < float(columns["p.leg1_rod_tip.x"][0]) < 0.21
+
+
+# -- the summary -------------------------------------------------------------------------------------------------------
+
+
+def damaged(bench):
+    """Empty one load, put one actuator out of reach; say nothing of noise or robot."""
+    names, rows = cells(bench)
+    rows[2][names.index("w.fz")] = ""
+    for row in (5, 9):
+        rows[row][names.index("q.leg1_slide")] = "0.75"
+    return write("damaged.csv", names, rows)
+
+
+def test_failing_rows_are_counted_and_the_run_goes_on(run, bench):
+    done = run("simulate", damaged(bench), "--robot", "3prup", "--out", "pred.csv")
+    assert done.exit_code == 0, done.output
+    flat = " ".join(done.stdout.split())
+    assert "16, 13 predicted" in flat
+    assert "no input 1 row: 3" in flat
+    assert "unreachable 2 rows: 6, 10" in flat
+    assert "row 6: '3prup' cannot reach" in flat
+    assert "not declared" in flat
+    columns = table("pred.csv")
+    assert [columns["status"][row] for row in (2, 5, 9)] == ["no input", "unreachable", "unreachable"]
+    assert columns["p.x"][2] == columns["r.z"][5] == ""
+    assert columns["status"].count("ok") == 13
+
+
+def test_stopping_keeps_the_rows_before(run, bench):
+    done = run("simulate", damaged(bench), "--robot", "3prup", "--out", "pred.csv", "--stop")
+    refused(done, "row 3 of 16", "no input", "2 rows before it are in pred.csv")
+    assert table("pred.csv")["status"] == ["ok", "ok"]
+
+
+def test_no_row_with_an_answer_is_an_error(run, bench):
+    names, rows = cells(bench)
+    for row in rows:
+        row[names.index("q.leg2_slide")] = "2.0"
+    write("far.csv", names, rows)
+    refused(run("simulate", "far.csv", "--robot", "3prup", "--out", "p.csv"), "none of 16 rows", "leg2_slide")
+
+
+def test_suspicions_and_remarks_are_printed(run, bench):
+    names, rows = cells(bench)
+    names[names.index("r.x")] = "extra"
+    write("odd.csv", [*names, "temperature"], [[*row, "293.15"] for row in rows])
+    grow = "thermal_growth@leg2/ball_screw expansion=1e-5"
+    flat = " ".join(run("simulate", "odd.csv", "--robot", "3prup", "--out", "p.csv", "--effect", grow).stdout.split())
+    assert "kelvin" in flat
+    assert "unknown column 'extra'" in flat
+
+
+def test_a_model_of_another_robot_is_remarked(run, bench):
+    Path("bench.json").write_text(json.dumps({**json_of("bench.json"), "robot": "ur5"}))
+    done = run("predict", model(), bench, "--out", "p.csv")
+    assert done.exit_code == 0, done.output
+    assert "The recording is of 'ur5', the model of '3prup'." in done.stdout
+
+
+# -- what is refused ---------------------------------------------------------------------------------------------------
+
+
+def test_recording_or_plan(run, bench):
+    refused(run("simulate", "--out", "x.csv"), "either a recording, RECORDING.csv, or a test plan")
+    refused(run("simulate", bench, "--plan", "plan.json", "--out", "x.csv"), "either a recording")
+    refused(run("simulate", "gone.csv", "--out", "x.csv"), "file not found", "bench.csv")
+    refused(run("simulate", "--plan", "gone.json", "--out", "x.csv"), "file not found", "plan.json")
+
+
+def test_where_it_is_written(run, bench):
+    refused(run("simulate", bench, "--out", bench), "is the recording itself")
+    refused(run("simulate", bench, "--out", "x.json"), "give a .csv file")
+    refused(run("predict", model(), bench, "--out", "nowhere/x.csv"), "no folder 'nowhere'")
+    assert run("simulate", bench).exit_code == 2
+
+
+def test_which_robot(run, bench):
+    Path("bench.json").write_text("{}")
+    refused(run("simulate", bench, "--out", "x.csv"), "which robot?", "--robot 3prup")
+    refused(run("simulate", bench, "--robot", "3prupp", "--out", "x.csv"), "'3prup'")
+    refused(run("simulate", bench, "--robot", "ur5", "--tool", "tool0", "--out", "x.csv"), "q.shoulder_pan_joint")
+
+
+@pytest.mark.parametrize(
+    ("effect", "text"),
+    [
+        ("backlash", "expected 'physics@place"),
+        ("backlash leg2/ball_nut", "expected 'physics@place"),
+        ("backlsh@leg2/ball_nut half_gap=1e-5", "'backlash'"),
+        ("backlash@leg2/ball_nutt half_gap=1e-5 closing_load=1", "'leg2/ball_nut'"),
+        ("backlash@leg2/R_phi half_gap=1e-5 closing_load=1", "radial, axial; say which"),
+        ("backlash@leg2/R_phi:tilting half_gap=1e-5 closing_load=1", "radial, axial"),
+        ("backlash@leg2/ball_nut half_gap=1e-5", "missing closing_load (> 0.02 and <= 10 N)"),
+        ("backlash@leg2/ball_nut gap=1e-5 closing_load=1", "Valid: half_gap, closing_load"),
+        ("backlash@leg2/ball_nut half_gap=1 closing_load=1", "half_gap = 1.0 m: expected > 0 and <= 0.005 m"),
+        ("backlash@leg2/ball_nut half_gap=1deg closing_load=1", "expected a length"),
+        ("backlash@leg2/ball_nut half_gap=1e-5 half_gap=2e-5 closing_load=1", "half_gap is given twice"),
+    ],
+)
+def test_effects(run, bench, effect, text):
+    refused(run("simulate", bench, "--out", "x.csv", "--effect", effect), "--effect", text)
+
+
+def test_aspects_with_blanks(run, bench):
+    gain = "wrench_sensor_gain@wrench_sensor:all channels gain=1.02"
+    done = run("simulate", bench, "--out", "x.csv", "--effect", gain)
+    assert done.exit_code == 0, done.output
+    assert gain in done.stdout
+
+
+def test_a_model_with_problems(run, bench):
+    value = json_of(model())
+    value["effects"][0]["parameters"]["half_gap"]["unit"] = "mm"
+    value["effects"][0]["location"] = "leg2/ball_nutt"
+    Path("bad.json").write_text(json.dumps(value))
+    refused(run("predict", "bad.json", bench, "--out", "x.csv"), "effects[0].location", "'leg2/ball_nut'")
+    refused(run("predict", "plan.json", bench, "--out", "x.csv"), "format", "prup_pin corrected model")
+
+
+def test_a_plan_beyond_the_robot(run, bench):
+    value = json_of("plan.json")
+    value["poses"] = [{"at": {"z": 2.0, "theta": 0, "phi": 0}}]
+    Path("far.json").write_text(json.dumps(value))
+    refused(run("simulate", "--plan", "far.json", "--out", "x.csv"), "poses[0].at", "Nearest feasible")
+
+
+# -- laws --------------------------------------------------------------------------------------------------------------
+
+
+def test_laws_are_listed_with_places_and_parameters(run):
+    done = run("laws")
+    assert done.exit_code == 0
+    for law in LAWS:
+        assert law.physics in done.stdout
+        for quantity in law.quantities:
+            assert quantity.name in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 110
+
+
+def test_one_law(run):
+    text = run("laws", "stiffness_changed").stdout
+    assert text.startswith("stiffness_changed\n")
+    flat = " ".join(text.split())
+    assert "leg1|leg2|leg3/R_lambda:radial|axial|tilting" in flat
+    assert "factor 1 > 0, <= 100" in flat
+    assert "backlash" not in text
+    assert "columns qd.<joint>" in run("laws", "encoder_delay").stdout
+    refused(run("laws", "stifness_changed"), "'stiffness_changed'")
+
+
+def test_laws_of_another_robot(run):
+    text = run("laws", "stiffness_changed", "--robot", "ur5", "--joint-stiffness", "1e4", "--tool", "tool0").stdout
+    assert "elbow_joint" in text
+    assert "none on 'ur5" in run("laws", "geometric_offset", "--robot", "ur5").stdout

@@ -1,0 +1,160 @@
+"""The report of a diagnosis says what was found, lets no name out of its place, and needs nothing but itself."""
+
+import dataclasses
+import html
+import json
+import re
+import sys
+
+import numpy as np
+import pytest
+
+from prup_pin.diagnosis.diagnosis import Detectable
+from prup_pin.errors import MissingExtraError
+from prup_pin.simulation import read_model
+from prup_pin.views.diagnosis_files import write_diagnosis
+from prup_pin.views.diagnosis_json import diagnosis_as_json
+from prup_pin.views.diagnosis_report import diagnosis_html
+from prup_pin.views.diagnosis_words import hidden_rows, parameter_texts, places_text, verdict_text
+from prup_pin.views.recovered import recovered, residuals
+
+from . import chromium
+
+EVIL = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>&amp;"
+needs_chromium = pytest.mark.skipif(chromium.render.find_chromium() is None, reason="Chromium is not installed")
+
+
+@pytest.fixture(scope="module")
+def page(diagnosed):
+    robot, recording, diagnosis = diagnosed
+    return diagnosis_html(diagnosis, robot, recording)
+
+
+def words(page):
+    body = re.sub(r"<(script|style)\b.*?</\1>", " ", page[page.index("<body>") :], flags=re.DOTALL)
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", body)).replace("\u2212", "-").split())
+
+
+def test_it_says_what_was_found(diagnosed, page):
+    _, recording, diagnosis = diagnosed
+    text = words(page)
+    assert verdict_text(diagnosis) in text
+    first = diagnosis.findings[0]
+    assert f"{first.physics} at {first.location}" in text
+    for name, value, interval in parameter_texts(first.parameters):
+        assert f"{name} {value} {interval}" in text
+    for place in first.candidates:
+        assert place.partition("/")[2] in text
+    assert f"Samples {len(recording)} " in text
+    assert "position 2 µm rotation 10 µrad" in text
+    assert "prup-pin predict corrected_model.json" in text
+    for remark in diagnosis.remarks:
+        assert remark in text
+
+
+def test_it_is_self_contained(page):
+    assert len(page) < 3_000_000
+    assert "<script" not in page
+    assert "default-src 'none'" in page
+    for address in re.findall(r'(?:src|href)="([^"]*)"', page):
+        assert address.startswith("data:image/"), address[:80]
+    assert page.count("data:image/") == 4  # place, local response, samples, histograms
+
+
+def test_effects_that_stayed_hidden_are_grouped(diagnosed):
+    _, _, diagnosis = diagnosed
+    rows = hidden_rows(diagnosis.not_detectable)
+    assert len(diagnosis.not_detectable) > 3 * len(rows)
+    items = [Detectable("backlash", f"leg{leg}/motor", "half_gap", leg * 1e-5, "m", "") for leg in (1, 2, 3)]
+    assert hidden_rows(items) == [("backlash", "leg1, leg2, leg3: motor", "half gap above 10 to 30 µm, by place")]
+    items = [Detectable("stiffness_changed", "leg1/motor", "factor", 0.1, "1", "")]
+    assert hidden_rows(items) == [("stiffness changed", "leg1/motor", "factor below 0.1")]
+    assert hidden_rows([Detectable("torsion", "robot", "scale", 1e9, "1", "")])[0][2] == "at no size"
+    assert hidden_rows([Detectable("encoder_delay", "", "delay", None, "s", "no speeds")])[0][2] == "no speeds"
+
+
+def test_places_fold_their_legs():
+    assert places_text(["leg1/a", "leg1/b", "leg2/a", "robot"]) == "leg1, leg2: a; leg1/b; robot"
+
+
+def test_the_local_curve_is_that_of_the_law(diagnosed):
+    """The deformation that the samples ask for is the gap, without knowing of it."""
+    robot, _, diagnosis = diagnosed
+    response = recovered(diagnosis, robot)[0]
+    gap = diagnosis.findings[0].parameters["half_gap"].value
+    far = np.abs(response.x) > 5
+    assert far.sum() > 20
+    spread = np.abs(response.y[far] - np.sign(response.x[far]) * gap) / response.deviation[far]
+    assert np.sqrt(np.mean(spread**2)) < 1.4
+    np.testing.assert_allclose(response.law[far], np.sign(response.x[far]) * gap, atol=0.03 * gap)
+
+
+def test_whitened_residuals_agree_with_the_verdict(diagnosed):
+    robot, _, diagnosis = diagnosed
+    found = residuals(diagnosis, robot)
+    assert np.sqrt(np.mean(found.after[found.exists] ** 2)) == pytest.approx(diagnosis.after["fit"], rel=0.02)
+    assert np.sqrt(np.mean(found.before[found.exists] ** 2)) == pytest.approx(diagnosis.before["fit"], rel=0.02)
+
+
+def test_what_no_law_explains_is_shown_without_one(diagnosed_strange):
+    robot, recording, diagnosis = diagnosed_strange
+    page = diagnosis_html(diagnosis, robot, recording)
+    text = words(page)
+    assert "Unexplained" in text
+    assert "no law of the library" in text
+    assert len(page) < 3_000_000
+
+
+def test_no_name_leaves_its_place(diagnosed):
+    robot, recording, diagnosis = diagnosed
+    finding = dataclasses.replace(diagnosis.findings[0], statement=EVIL, candidates=(EVIL,), alternatives=(EVIL,))
+    worse = dataclasses.replace(
+        diagnosis,
+        findings=(finding,),
+        remarks=(EVIL,),
+        not_detectable=(Detectable(EVIL, EVIL, EVIL, None, EVIL, EVIL),),
+        next_experiment={"why": EVIL, "plan": {}},
+    )
+    page = diagnosis_html(worse, robot, dataclasses.replace(recording, path=EVIL, notes=EVIL))
+    assert "<script>alert" not in page
+    assert "<img src=x" not in page
+    assert len(re.findall("<img", page)) == 4
+
+
+def test_json_has_no_nan(diagnosed):
+    robot, _, diagnosis = diagnosed
+    none = {"fit": float("nan"), "heldout": float("inf")}
+    document = diagnosis_as_json(dataclasses.replace(diagnosis, before=none), robot)
+    assert document["residual"]["before"] == {"fit": None, "heldout": None}
+    json.dumps(document, allow_nan=False)
+
+
+def test_a_value_on_its_bound_can_be_written(diagnosed, tmp_path):
+    robot, recording, diagnosis = diagnosed
+    effect = diagnosis.effects[0]
+    low = {item.name: item.lower for item in effect.law.quantities_at(effect.place, robot.mechanism)}
+    worse = dataclasses.replace(diagnosis, effects=(dataclasses.replace(effect, values=low),))
+    write_diagnosis(worse, robot, recording, tmp_path, robot_name="3prup", report=False)
+    assert len(read_model(tmp_path / "corrected_model.json").effects) == 1
+
+
+def test_without_the_extra_it_says_which(diagnosed, monkeypatch):
+    robot, recording, diagnosis = diagnosed
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    with pytest.raises(MissingExtraError, match="report"):
+        diagnosis_html(diagnosis, robot, recording)
+
+
+@needs_chromium
+def test_a_browser_shows_it_without_a_network(page, tmp_path):
+    file = tmp_path / "report.html"
+    file.write_text(page, encoding="utf-8")
+    for width in (1150, 400):
+        picture = tmp_path / f"{width}.png"
+        chromium.render.render(str(file), picture, (width, 900), 1.0)
+        from PIL import Image
+
+        with Image.open(picture) as image:
+            pixels = np.asarray(image.convert("RGB")).astype(int)
+        assert pixels.shape[1] == width
+        assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
