@@ -2,8 +2,8 @@
 
     python scripts/bench_loaded.py
 
-One job: 14 poses x 27 loads of the 3-PRUP at up to about 200 N. The peer is a plain Newton on the same equations, sample
-by sample, its derivative by finite differences; both run here, so the ratio means something on any machine.
+One job: 14 poses x 27 loads of the 3-PRUP at up to about 200 N. The peer is a plain Newton on the same equations,
+sample by sample, its derivative by finite differences; both run here, so the ratio means something on any machine.
 """
 
 from __future__ import annotations

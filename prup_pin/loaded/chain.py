@@ -776,7 +776,8 @@ class Chain:
             out[:, nq + nd : nq + nd + ne] = -(self._slopes(parts)[0] @ turned).reshape(n, ne, 6)
             for slot, place, rate, _ in self.sliding:
                 if self.is_beam[slot]:
-                    out[:, place] = rate * self._slid(*parts["bent_rods"][slot], slot, turned[:, slot])
+                    rod, column = parts["bent_rods"][slot]
+                    out[:, place] = rate * self._slid(rod, column, slot, turned[:, slot])
         return out
 
     def tool_columns(self, at: Evaluation) -> Array:

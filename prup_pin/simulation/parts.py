@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ..errors import JointLimitWarning
 from ..laws import Effect, Inputs
@@ -143,8 +144,9 @@ def solve_chain(wanted: Wanted, parts: Sequence[np.ndarray], inputs: Sequence[In
     memory = Memory()
     for rows, given in zip(parts, inputs, strict=True):
         solver = _PartSolver(wanted, Part.empty(rows, wanted), given)
-        # What diverges on the way overflows; it is told by its status.
-        with np.errstate(all="ignore"), _limits_as_remarks(solver.part):
+        # What diverges on the way overflows; it is told by its status. With several threads the last digits of a
+        # product may differ from process to process.
+        with np.errstate(all="ignore"), threadpool_limits(1, "blas"), _limits_as_remarks(solver.part):
             memory = solver.solve(np.arange(len(rows)), memory)
         yield solver.part
 

@@ -107,6 +107,10 @@ class _Contact:
     """Direction of the branch at the bush."""
 
 
+class _StepTooLargeError(RuntimeError):
+    """Newton's method did not converge in a load step."""
+
+
 def loaded_three_prup(
     geometry: LoopGeometry,
     wrench: Array,
@@ -135,14 +139,21 @@ def loaded_three_prup(
 
     The error falls as elements^-2: 5e-9 m and 2e-8 rad at 16 elements, 200 N and 50 N m. `extrapolate` repeats the
     analysis with twice the elements and removes that term; what R_lambda's hinge has in length leaves 1e-9 m and
-    4e-9 rad, which grows with the square of the load. Raises RuntimeError if a load step or the iteration does not
-    converge (more `steps` help: Newton's method takes about 100 N at a time), ImportError or RuntimeError where
-    openseespy cannot be loaded.
+    4e-9 rad, which grows with the square of the load. Newton's method takes about 100 N at a time; where a step
+    does not converge, `steps` is doubled. Raises RuntimeError if 100 steps or the iteration do not converge,
+    ImportError or RuntimeError where openseespy cannot be loaded.
     """
     wrench = np.asarray(wrench, dtype=float)
     contacts = [_Contact(leg.b, leg.e_lambda, leg.e_phi, leg.e_theta) for leg in geometry.legs]
     for _ in range(25):
-        displacement, turn, found = _frame_analysis(geometry, contacts, wrench, parameters, elements, steps)
+        while True:
+            try:
+                displacement, turn, found = _frame_analysis(geometry, contacts, wrench, parameters, elements, steps)
+                break
+            except _StepTooLargeError:
+                if steps > 50:
+                    raise
+                steps *= 2
         change = max(
             float(
                 np.abs(np.r_[old.b - new.b, old.e_z - new.e_z, old.e_phi - new.e_phi, old.tangent - new.tangent]).max()
@@ -278,7 +289,7 @@ def _frame_analysis(
     ops.analysis("Static", "-noWarnings")
     for step in range(steps):
         if ops.analyze(1) != 0:
-            raise RuntimeError(f"OpenSees did not converge in load step {step + 1} of {steps}")
+            raise _StepTooLargeError(f"OpenSees did not converge in load step {step + 1} of {steps}")
 
     def place(tag: int) -> Array:
         return places[tag - 1] + np.array(ops.nodeDisp(tag)[:3])
