@@ -85,6 +85,7 @@ def _inputs(robot: Robot, recording: Recording) -> Inputs:
         blocks=recording.blocks(),
         temperature=None if recording.temperature is None else np.array(recording.temperature),
         speeds=speeds,
+        runs=recording.run,
     )
 
 

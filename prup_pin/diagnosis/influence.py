@@ -219,7 +219,7 @@ class Influence:
     def _by_creeps(self, setup: Setup) -> Array:
         total = np.zeros((len(self), 6))
         time = self.simulator.inputs.time[self.run.samples]
-        runs = np.zeros(len(time), int)
+        runs = self.simulator.inputs.run_labels()[self.run.samples]
         for sign, creeps in ((1.0, setup.creeps), (-1.0, self.run.setup.creeps)):
             for creep in creeps:
                 elastic = self.simulator._elastic(self.chain, self.found, creep.module)

@@ -96,7 +96,8 @@ class Inputs:
     """What a recording says about every sample, as far as laws need it.
 
     time (N,) [s]; actuators (N, a) and their speeds (N, a) or None; wrench (N, 6); temperature (N,) [deg C] or None;
-    blocks (N,) labels of samples between two moves of the actuators.
+    blocks (N,) labels of samples between two moves of the actuators; runs (N,) labels of samples recorded one after
+    another, one run where they are None.
     """
 
     time: Array
@@ -105,9 +106,14 @@ class Inputs:
     blocks: np.ndarray
     temperature: Array | None = None
     speeds: Array | None = None
+    runs: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def run_labels(self) -> np.ndarray:
+        """Return the runs (N,)."""
+        return np.zeros(len(self), int) if self.runs is None else self.runs
 
     @property
     def warming(self) -> Array:

@@ -404,6 +404,8 @@ def _beside(path: Path, problems: Problems) -> tuple[Noise, str | None, str, lis
             checked = noise_value(key, value, problems, beside.name)
             if checked is not None:
                 noise[NOISE_KEYS[key]] = checked
+        elif key == "frame" and value == "base":
+            pass  # which they all are in
         elif key in ("robot", "notes"):
             if value is not None and not isinstance(value, str):
                 message = f"is {json_kind(value)}; expected a text"

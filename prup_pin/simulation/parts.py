@@ -95,10 +95,11 @@ def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
         inputs.blocks[rows],
         taken(inputs.temperature),
         taken(inputs.speeds),
+        taken(inputs.runs),
     )
 
 
-def plan_parts(inputs: Inputs, run: np.ndarray, resists: bool, creeps: bool) -> list[list[np.ndarray]]:
+def plan_parts(inputs: Inputs, resists: bool, creeps: bool) -> list[list[np.ndarray]]:
     """Return chains of parts, each an array of rows: chains are independent, the parts of one follow each other.
 
     `resists`, `creeps`: whether any law remembers within a block, within a run.
@@ -107,6 +108,7 @@ def plan_parts(inputs: Inputs, run: np.ndarray, resists: bool, creeps: bool) -> 
     moved = np.ones(n, bool)
     moved[1:] = (inputs.actuators[1:] != inputs.actuators[:-1]).any(axis=1)
     if creeps:
+        run = inputs.run_labels()
         chains = [np.flatnonzero(run == code) for code in np.unique(run)]
         return [_cut(rows, moved[rows], np.ones(len(rows), bool)) for rows in chains]
     fresh = np.ones(n, bool)

@@ -91,6 +91,7 @@ def inputs_of(recording: Recording, robot: Robot) -> Inputs:
         blocks=recording.blocks(),
         temperature=recording.temperature,
         speeds=speeds,
+        runs=recording.run,
     )
 
 
@@ -138,7 +139,7 @@ def simulate(
     setup = Setup.nominal(mechanism, take_inputs(inputs, np.arange(min(n, 1))))
     for effect in effects:
         effect.act(setup)
-    chains = plan_parts(inputs, recording.run, bool(setup.resistances), bool(setup.creeps))
+    chains = plan_parts(inputs, bool(setup.resistances), bool(setup.creeps))
     position, rotation = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     efforts, marked = np.full((n, len(joints)), np.nan), np.full((n, len(markers), 3), np.nan)
     status = np.full(n, NOT_COMPUTED, np.int8)

@@ -200,6 +200,7 @@ class Simulator:
         places = [free[dof] for dof in dofs]
         torques = np.zeros((len(samples), len(places)))
         blocks, time = self.inputs.blocks[samples], self.inputs.time[samples]
+        runs = self.inputs.run_labels()[samples]
         crept: list[Array] = []  # of every creep, in order
         slid: Resisted | None = memory.resisted
         after: dict[str, Crept] = dict(memory.crept)
@@ -219,7 +220,7 @@ class Simulator:
             for index, creep in enumerate(setup.creeps):
                 key = f"{index} {creep.module}"
                 elastic = self._elastic(chain, found, creep.module)
-                history = creep_strains(creep, elastic, time, np.zeros(len(time), int), memory.crept.get(key))
+                history = creep_strains(creep, elastic, time, runs, memory.crept.get(key))
                 moved = history - old[index] if old else history
                 change = max(change, float(np.abs(moved).max(initial=0.0)) / 1e-3)
                 crept.append(history)

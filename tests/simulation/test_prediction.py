@@ -8,7 +8,7 @@ import pytest
 import prup_pin
 from prup_pin.errors import InputError, ParameterError, SimulationStoppedError, UnknownNameError
 from prup_pin.recordings import Recording, add_noise
-from prup_pin.simulation import compare, effect_named, inputs_of, parts, simulate
+from prup_pin.simulation import Simulator, compare, effect_named, inputs_of, parts, simulate
 from prup_pin.spatial import rotation_log
 
 from .bench import NOISE, inputs, three_prup
@@ -257,10 +257,10 @@ def test_no_rows(robot, bench):
 def test_parts_are_bounded_and_cut_where_nothing_is_remembered(robot, monkeypatch):
     monkeypatch.setattr(parts, "SAMPLES", 4)
     given = inputs_of(inputs(robot, poses=3), robot)  # three rows a pose
-    run = np.array([0] * 6 + [1] * 3)
+    given = replace(given, runs=np.array([0] * 6 + [1] * 3))
 
     def sizes(*memory):
-        return [[len(rows) for rows in chain] for chain in parts.plan_parts(given, run, *memory)]
+        return [[len(rows) for rows in chain] for chain in parts.plan_parts(given, *memory)]
 
     assert sizes(False, False) == [[4], [4], [1]]
     assert sizes(True, False) == [[3], [3], [3]]
@@ -298,6 +298,8 @@ def test_creep_starts_anew_with_every_run(robot):
     bench = inputs(robot, poses=1, cycle=(1.0, 1, 1, 1, 1, 1))
     halves = replace(bench, run=np.repeat([0, 1], 3), run_names=("a", "b"))
     found = simulate(robot, halves, slow)
+    together = Simulator(robot, inputs_of(halves, robot)).run(slow)  # as the diagnosis does
+    np.testing.assert_allclose(together.position, found.position, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.position[3:], found.position[:3], atol=1e-12)
     assert np.abs(simulate(robot, bench, slow).position[3:] - found.position[3:]).max() > 1e-6
 
