@@ -20,6 +20,7 @@ from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
 from .fit import Fit, Problem
 from .local_curve import LocalCurve, strongest_curve
+from .locate import locate
 from .next_experiment import next_experiment
 from .residual import Measured, Noise, estimate_noise
 
@@ -198,7 +199,7 @@ def _verdict(
     curves = strongest_curve(problem, last) if count else []
     unexplained = _unexplained(first, last, count, curves, bool(findings))
     if unexplained:
-        findings = _with_unknown(findings, curves, problem, selection, count)
+        findings = _with_unknown(findings, problem, selection, count)
     deflection = _finite_deflection(first, last, before)
     if deflection is not None:
         findings.append(deflection)
@@ -249,7 +250,7 @@ def _unexplained(first: Fit, last: Fit, count: int, curves: Sequence[LocalCurve]
     return not (named and rms <= _ROUGH and (rms**2 - 1) <= _ROUGH_SHARE * (began**2 - 1))
 
 
-def _with_unknown(findings, curves, problem: Problem, selection: Selection, count: int) -> list[Finding]:
+def _with_unknown(findings, problem: Problem, selection: Selection, count: int) -> list[Finding]:
     """Return the findings with what no law explains as the last one, in place of a law that only imitates it."""
     last = selection.last
     left = last.chi2 - count
@@ -262,24 +263,26 @@ def _with_unknown(findings, curves, problem: Problem, selection: Selection, coun
             kept.pop(weakest)
     terms = [term for term in last.terms if any(term.effect == finding.effect for finding in kept)]
     base = last if len(terms) == len(last.terms) else problem.refine(terms, selection.first)
-    curves = strongest_curve(problem, base)
-    if not curves:
+    found = locate(problem, base)
+    if found is None:
         return kept
-    best = curves[0]
-    alike = [curve.module for curve in curves if curve.gain > 0.9 * best.gain]
-    share = best.gain / base.chi2
+    statement = (
+        "structure is left over that no law of the library takes away; a deformation of "
+        f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
+    )
+    share = found.curve.gain / base.chi2
+    if found.follows is not None:
+        what, share = found.follows
+        statement += f". It follows {what} ({100 * share:.0f} %)"
     kept.append(
         Finding(
             physics="unknown",
-            location=best.module,
-            candidates=tuple(dict.fromkeys(alike)),
+            location=found.module,
+            candidates=found.candidates,
             parameters={},
             heldout_gain=float(share),
-            statement=(
-                "structure is left over that no law of the library takes away; of all places, a deformation in "
-                f"{best.module} removes the largest part of it ({100 * share:.0f} %), with the curve given"
-            ),
-            curve=best,
+            statement=statement,
+            curve=found.curve,
         )
     )
     return kept

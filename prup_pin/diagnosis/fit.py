@@ -111,15 +111,26 @@ class Problem:
             with np.errstate(invalid="ignore"):
                 return np.nan_to_num((target - changed)[chosen].ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
 
+        steps = 1e-4 * candidate.scales()
+
+        def slope(coordinates: Array) -> Array:
+            # steps of a fixed size: those in proportion to a coordinate vanish with it
+            here, columns = left(coordinates), []
+            for place, step in enumerate(np.where(coordinates + steps > high, -steps, steps)):
+                moved = coordinates.copy()
+                moved[place] += step
+                columns.append((left(moved) - here) / step)
+            return np.array(columns).T
+
         begins = [np.clip(start, low, high) for start in (starts if starts is not None else candidate.scan())]
         if len(begins) > 1:
             begins.sort(key=lambda start: float((left(start) ** 2).sum()))
         found = least_squares(
             left,
             begins[0],
+            slope,
             bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
             x_scale=candidate.scales(),
-            diff_step=1e-4,
             max_nfev=limit,
             ftol=1e-6,
             xtol=1e-6,

@@ -13,7 +13,7 @@ import numpy as np
 from ..spatial import Array
 from .fit import Fit, Problem
 
-__all__ = ["LocalCurve", "local_curve", "strongest_curve"]
+__all__ = ["LocalCurve", "curve_against", "local_curve", "strongest_curve"]
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,33 @@ def _basis(load: Array, count: int) -> tuple[Array, Array]:
 def local_curve(problem: Problem, fit: Fit, module: str, component: int, count: int = 7) -> LocalCurve | None:
     """Return the curve of a module's motion that the residual asks for; None where its load does not vary."""
     load = fit.influence.loads(module)[:, component]
-    if np.ptp(load) < 1e-6:
+    return curve_against(problem, fit, module, component, load, count=count)
+
+
+def curve_against(
+    problem: Problem,
+    fit: Fit,
+    module: str,
+    component: int,
+    variable: Array,
+    factor: Array | float = 1.0,
+    count: int = 7,
+) -> LocalCurve | None:
+    """Return the deformation of a module's motion as factor (n,) times a curve over a variable (n,).
+
+    None where the variable does not vary or the motion does not reach the tool. The curve's `load` and `deformation`
+    are then the variable and the deformation over the factor.
+    """
+    if np.ptp(variable) < 1e-6:
         return None
-    knots, hats = _basis(load, count)
+    knots, hats = _basis(variable, count)
     if not hats.shape[1]:
         return None
     direction = fit.influence.signature(module)[:, :, component]
     white = (problem.whiteners(fit.influence) @ direction[..., None])[..., 0]
     if not np.any(np.abs(white) > 0):
         return None
+    hats = hats * np.broadcast_to(factor, len(variable))[:, None]
     columns = (white[:, :, None] * hats[:, None, :]).reshape(-1, hats.shape[1])
     scale = np.linalg.norm(columns, axis=0)
     if not scale.max() > 0:

@@ -429,9 +429,8 @@ class Device:
         cubic: extra drive displacement coefficient (m/N^3) F^3; drift: displacement coefficient (m/(N s)) |w| t
         of the drive; periodic_stiffness: drive compliance times
         1 + amplitude (1 + sin(2 pi q/period + phase))/2, period (m);
-        coupling: extra drive displacement of leg `to` (1..3), coefficient (m/N) times the drive force of the
-        located leg; quadratic: extra drive displacement coefficient (m/N^2) F |F|; one_sided: drive compliance
-        coefficient (m/N) added where the rod is pushed towards +z; tilt_quadratic: extra tilt of R_lambda,
+        coupling: extra drive displacement, coefficient (m/N) times the drive force of leg `of` (1..3); quadratic:
+        extra drive displacement coefficient (m/N^2) F |F|; one_sided: drive compliance coefficient (m/N) added where the rod is pushed towards +z; tilt_quadratic: extra tilt of R_lambda,
         coefficient (rad/(N m)^2) M |M|, by component; angle_stiffness: compliance of R_theta_P times
         1 + amplitude sin(2 theta + phase).
         """
@@ -919,8 +918,8 @@ class Device:
                     extra.setdefault(key, [np.zeros((3, n)) for _ in loads[key]])[j][i] += y
         for a in self.alien:
             if a["kind"] == "coupling":
-                add = a["coefficient"] * loads["drive"][0][a["legs"][0]]
-                extra.setdefault("drive", [np.zeros((3, n))])[0][a["to"] - 1] += add
+                add = a["coefficient"] * loads["drive"][0][a["of"] - 1]
+                extra.setdefault("drive", [np.zeros((3, n))])[0][a["legs"]] += add
         return extra
 
 

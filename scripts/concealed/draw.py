@@ -266,7 +266,7 @@ def _alien(rng, leg, sign) -> Candidate:
     if kind == "angle_stiffness":
         e |= {"phase": float(np.pi / 2)}
     if kind == "coupling":
-        e |= {"to": (int(leg[3]) % 3) + 1}
+        e |= {"of": (int(leg[3]) % 3) + 1}
     flip = sign if kind in ("drift", "coupling") else 1.0
     return Candidate(lambda x: e | {key: flip * x}, low, high)
 
