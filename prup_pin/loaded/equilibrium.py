@@ -23,9 +23,12 @@ TOLERANCE = 1e-11
 #: A shared derivative is kept while it shrinks the step by this factor.
 _FAST = 0.25
 _LONGEST = 0.2
-#: A sample whose steps have doubled so often is given up.
+#: A sample whose steps have doubled so often is given up, as is one that still wanders after so many iterations.
 _DIVERGING = 4
+_WANDERING, _FAR = 15, 1e-3
 _LOAD_STEPS = (2, 8, 32)
+#: Smaller steps are tried where coarser ones reached this share of the load.
+_WORTHWHILE = 0.3
 #: Samples solved together: what fits a processor's cache is fastest, and memory stays bounded.
 CHUNK = 512
 #: A derivative of a greater condition number counts as singular; what is smaller than this share is then left out.
@@ -151,6 +154,8 @@ def _newton(
         best[active] = np.minimum(best[active], size[active])
         grown[active] += moved > 2 * size[active]
         size[active] = moved
+        if iteration >= _WANDERING:
+            grown[active[np.minimum(best[active], moved) > _FAR]] = _DIVERGING
         too_long = moved > _LONGEST
         change[too_long] *= (_LONGEST / moved[too_long])[:, None]
         part = chain.step(part, np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
@@ -168,24 +173,28 @@ def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
     """Solve what failed again, raising the load in ever finer steps."""
     state = State(*(array.copy() for array in (state.joints, state.travel, state.strain, state.drive, state.closure)))
     converged, steps = converged.copy(), steps.copy()
+    hopeful = ~converged
     for count in _LOAD_STEPS:
-        failed = np.flatnonzero(~converged)
-        if not len(failed):
+        going = np.flatnonzero(hopeful & ~converged)
+        if not len(going):
             break
-        some, inside = conditions.take(failed), rigid.take(failed)
-        part = chain.with_actuators(chain.rigid_state(poses, rows[failed]), some.actuators)
-        done = np.ones(len(failed), bool)
-        size = np.zeros(len(failed))
+        reached = np.zeros(len(rows))
+        part = chain.with_actuators(chain.rigid_state(poses, rows[going]), conditions.take(going).actuators)
         for step in range(1, count + 1):
-            share = step / count
-            partly = replace(some, wrench=share * some.wrench)
-            part, _, reached, size, _, _ = _newton(chain, inside, part, partly, np.arange(len(failed)), None, _FEW)
-            done &= reached
-            if not done.any():
+            some = conditions.take(going)
+            partly = replace(some, wrench=step / count * some.wrench)
+            part, _, good, size, _, _ = _newton(
+                chain, rigid.take(going), part, partly, np.arange(len(going)), None, _FEW
+            )
+            going, part = going[good], part.take(good)
+            reached[going] = step / count
+            if not len(going):
                 break
-        state.put(failed[done], part.take(done))
-        converged[failed[done]] = True
-        steps[failed[done]] = size[done]
+        state.put(going, part)
+        converged[going] = True
+        steps[going] = size[good]
+        # one that gives way at a small part of its load bears no more in smaller steps
+        hopeful &= (reached >= _WORTHWHILE) | (count == _LOAD_STEPS[0])
     return state, converged, steps
 
 

@@ -38,7 +38,7 @@ _ROUNDING = 1e-15
 _SETTLED = 1e-12
 #: A piece turns by no more than this [rad], so that the sweeps of collocation contract.
 _TURN = 0.5
-_MOST_PIECES = 64
+_MOST_PIECES = 32
 #: Uneven sections are integrated in this many pieces between their breaks.
 _UNEVEN_PIECES = 8
 
