@@ -30,7 +30,7 @@ MOST_SECONDS = 40.0
 _FIRST_STEPS = 4
 _FRONT = 24
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
-_CURVATURE = 2e-4
+_CURVATURE = 1.5e-3
 _FLIPS = 200
 _LEAST_PIECES = 14
 #: Offsets and the like are rarely this many times larger than where a fit starts.

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2 as chi_squared
 
-from ..errors import InputError
 from ..laws import Inputs
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import Simulator
-from ..spatial import Array, rotation_exp
+from ..spatial import Array
 from .candidates import Candidate, candidates
 from .compete import INDISTINCT, Selection, cross_validated, penalty, select
 from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
 from .fit import Fit, Problem
 from .local_curve import LocalCurve, strongest_curve
-from .locate import locate
+from .locate import Located, locate
 from .next_experiment import next_experiment
-from .residual import Measured, Noise, estimate_noise
+from .plausible import Linear, check_belongs, what_is_missing
+from .residual import Measured, Noise, estimate_noise, scatter_of_repeats
+from .whiteness import noise_of_the_rest
 
 __all__ = ["diagnose"]
 
@@ -34,6 +36,10 @@ _NOISE_LIKE = 1.10
 _ROUGH = 1.25
 _ROUGH_SHARE = 0.01
 _STRUCTURE = 1e-4
+#: Declared noise this many times what repeats show is told.
+_MUCH_LARGER = 3.0
+#: A law is an imitation that gains less than so many times what is left; and where what is left sits in its place.
+_IMITATED, _IMITATED_HERE = 10.0, 100.0
 #: A parameter whose usual change moves the whole residual by less than this share of the noise is not seen.
 _UNSEEN = 1e-3
 
@@ -55,21 +61,28 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
     recording = _thinned(recording, remarks)
     inputs = _inputs(robot, recording)
     measured = Measured.of(recording)
-    remarks += _what_is_missing(inputs, measured)
+    remarks += what_is_missing(inputs, measured)
     simulator = Simulator(robot, inputs)
+    linear = Linear.of(simulator)
+    check_belongs(measured, linear, inputs)
     tell("the nominal simulation", 0.0)
     nominal = simulator.run()
-    _check_belongs(measured, nominal, recording)
-    linear = _linear(simulator, nominal)
-    noise = _noise(simulator, recording, measured, nominal, inputs)
+    noise = _noise(recording, measured, linear, inputs)
+    remarks += _quieter(noise, recording, measured, linear, inputs)
     problem = Problem(simulator, measured, noise)
     first = problem.fit_at((), nominal)
     samples = first.samples
-    white = problem.whiteners(first.influence)
-    raw_linear = measured.residual(*linear)[samples]
-    before = (white @ raw_linear[..., None])[..., 0]
+    raw_linear = measured.residual(linear.position, linear.rotation)[samples]
+    before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
     library = candidates(robot.mechanism, inputs)
     selection = select(problem, library, inputs.blocks, first, tell)
+    larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
+    if larger is not None:
+        remarks.append(_noisier(noise, larger))
+        noise, problem = larger, Problem(simulator, measured, larger)
+        first = problem.fit_at((), nominal)
+        before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
+        selection = select(problem, library, inputs.blocks, first, tell)
     tell("the verdict", 0.9)
     return _verdict(problem, selection, inputs, noise, before, raw_linear, remarks, begun, robot, tell)
 
@@ -111,76 +124,31 @@ def _thinned(recording: Recording, remarks: list[str]) -> Recording:
     return recording.select(rows)
 
 
-def _what_is_missing(inputs: Inputs, measured: Measured) -> list[str]:
+def _noise(recording: Recording, measured: Measured, linear: Linear, inputs: Inputs) -> Noise:
+    if not linear.samples.any():
+        return Noise(1e-6, 1e-5, 0.0, 0.0, "declared")
+    return estimate_noise(recording, measured, np.nan_to_num(linear.compliance), inputs.blocks, inputs.wrench)
+
+
+def _quieter(noise: Noise, recording, measured: Measured, linear: Linear, inputs: Inputs) -> list[str]:
+    """Return sentences on declared noise that is much larger than the scatter of repeats."""
     remarks = []
-    if not measured.exists.any():
-        remarks.append("no pose was measured (columns p.x … r.z): this recording cannot be compared with a simulation")
-    elif not measured.exists[:, 3:].any():
-        remarks.append("no rotation was measured: moments and tilts are judged by the position alone")
-    elif not measured.exists[:, :3].any():
-        remarks.append("no position was measured: forces are judged by the rotation alone")
-    force = np.nan_to_num(np.abs(inputs.wrench)).max(initial=0.0)
-    if force < 1e-6:
-        remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
-    if len(np.unique(inputs.blocks)) < 2:
-        remarks.append("one pose only: effects of geometry and stiffness look alike")
+    seen = scatter_of_repeats(measured, np.nan_to_num(linear.compliance), inputs.blocks, inputs.wrench)
+    for name, unit, found in (("position", "um", seen[0]), ("rotation", "urad", seen[1])):
+        declared = getattr(recording.noise, name)
+        if declared is not None and found is not None and declared > _MUCH_LARGER * found:
+            remarks.append(
+                f"{name}_noise is declared as {1e6 * declared:.3g} {unit}, but repeats of a load scatter by "
+                f"{1e6 * found:.3g} {unit} only: if it is declared too large, effects are overlooked"
+            )
     return remarks
 
 
-def _check_belongs(measured: Measured, nominal, recording: Recording) -> None:
-    """Raise InputError where recording and robot are worlds apart, with the likely reason."""
-    good = nominal.solved & measured.exists[:, :3].all(axis=1)
-    if not nominal.solved.any():
-        reasons = nominal.geometry.reasons
-        first = next(iter(sorted(reasons.items())), None)
-        told = f": row {first[0] + 2}: {first[1]}" if first else ""
-        raise InputError(
-            "the robot reaches none of the recording's poses, or none of its samples is complete"
-            f"{told}. Check --robot, the q columns' names and units [m, rad]"
-        )
-    if good.sum() < 1:
-        return
-    distance = np.linalg.norm(measured.position[good] - nominal.position[good], axis=1)
-    typical = float(np.median(distance))
-    size = float(np.median(np.linalg.norm(nominal.position[good], axis=1)))
-    if typical < 0.03 * max(size, 0.1):
-        return
-    ratio = float(np.median(np.linalg.norm(measured.position[good], axis=1))) / size
-    for factor, unit in ((1e3, "mm"), (1e-3, "km"), (1e6, "um")):
-        if 0.8 < ratio / factor < 1.25:
-            raise InputError(
-                f"measured positions are about {factor:g} times those of the simulation "
-                f"({ratio * size:.4g} against {size:.4g} m): they seem to be in {unit}; expected metres"
-            )
-    raise InputError(
-        f"measured and simulated positions are {typical:.3g} m apart (typical distance {size:.3g} m): this is another "
-        "robot, another frame, or other units. Expected p.x p.y p.z in metres in the base frame of the robot file"
+def _noisier(noise: Noise, larger: Noise) -> str:
+    return (
+        f"what is left is noise, but {1e6 * larger.position:.3g} um and {1e6 * larger.rotation:.3g} urad, not the "
+        f"{noise.source} {1e6 * noise.position:.3g} um and {1e6 * noise.rotation:.3g} urad: the former were used"
     )
-
-
-def _linear(simulator: Simulator, nominal) -> tuple[Array, Array]:
-    """Return the simulation that a user starts from: the rigid pose and C w about it."""
-    geometry = nominal.geometry
-    n = len(simulator.inputs)
-    position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
-    robot = geometry.robot
-    tools = np.array([pose.base_from_tool for pose in geometry.poses])
-    compliances = np.array([robot.compliance(pose).C for pose in geometry.poses])
-    samples = nominal.samples
-    rows = geometry.rows[samples]
-    moved = (compliances[rows] @ simulator.inputs.wrench[samples][..., None])[..., 0]
-    position[samples] = tools[rows, :3, 3] + moved[:, :3]
-    rotation[samples] = rotation_exp(moved[:, 3:]) @ tools[rows, :3, :3]
-    return position, rotation
-
-
-def _noise(simulator: Simulator, recording: Recording, measured: Measured, nominal, inputs: Inputs) -> Noise:
-    geometry = nominal.geometry
-    if not geometry.poses:
-        return Noise(1e-6, 1e-5, 0.0, 0.0, "declared")
-    compliances = np.array([geometry.robot.compliance(pose).C for pose in geometry.poses])
-    each = compliances[np.maximum(geometry.rows, 0)]
-    return estimate_noise(recording, measured, each, inputs.blocks, inputs.wrench)
 
 
 # -- the verdict -------------------------------------------------------------------------------------------------------
@@ -194,23 +162,21 @@ def _verdict(
     labels = inputs.blocks[samples]
     count = int(problem.measured.exists[samples].sum())
     held = cross_validated(problem, last, labels) if count else 0.0
-    rms = _rms(last.chi2, count)
     findings = [_finding(problem, last, index, selection, robot, held) for index in range(len(last.terms))]
     curves = strongest_curve(problem, last) if count else []
-    unexplained = _unexplained(first, last, count, curves, bool(findings))
-    if unexplained:
-        findings = _with_unknown(findings, problem, selection, count)
+    unknown: list[Finding] = []
+    final = last
+    if _unexplained(first, last, count, curves, bool(findings)):
+        findings, unknown, final = _with_unknown(findings, problem, selection, count)
+        held = cross_validated(problem, final, labels)
     deflection = _finite_deflection(first, last, before)
     if deflection is not None:
         findings.append(deflection)
     findings.sort(key=lambda finding: -finding.heldout_gain)
+    findings += unknown
     named = "explained" if findings else "nothing_missing"
-    verdict = "unexplained" if unexplained else named
+    verdict = "unexplained" if unknown else named
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
-    final = last
-    if len(effects) != len(last.terms):
-        kept = [term for term in last.terms if any(term.effect == effect for effect in effects)]
-        final = problem.refine(kept, first) if kept else first
     white_before = _rms(float((before**2).sum()), count)
     raw_after = problem.measured.residual(final.run.position, final.run.rotation)[samples]
     tell("the next experiment", 0.95)
@@ -218,8 +184,8 @@ def _verdict(
         verdict=verdict,
         noise=noise,
         before={"fit": white_before, "heldout": white_before},
-        after={"fit": rms, "heldout": _rms(held, count)},
-        by_channel=_channels(before, last.residual, raw_linear, raw_after, problem.measured.exists[samples]),
+        after={"fit": _rms(final.chi2, count), "heldout": _rms(held, count)},
+        by_channel=_channels(before, final.residual, raw_linear, raw_after, problem.measured.exists[samples]),
         findings=tuple(findings),
         not_detectable=tuple(not_detectable(problem, final, selection)) if count else (),
         next_experiment=next_experiment(robot, problem, selection, findings),
@@ -250,42 +216,63 @@ def _unexplained(first: Fit, last: Fit, count: int, curves: Sequence[LocalCurve]
     return not (named and rms <= _ROUGH and (rms**2 - 1) <= _ROUGH_SHARE * (began**2 - 1))
 
 
-def _with_unknown(findings, problem: Problem, selection: Selection, count: int) -> list[Finding]:
-    """Return the findings with what no law explains as the last one, in place of a law that only imitates it."""
-    last = selection.last
-    left = last.chi2 - count
-    kept = list(findings)
-    if kept:
-        weakest = min(range(len(kept)), key=lambda index: kept[index].heldout_gain)
-        gains = [_alone(problem, last, index) for index in range(len(last.terms))]
-        # a law that takes most of the residual and leaves a shape behind is an imitation
-        if len(kept) == 1 or gains[weakest] < 10 * left:
-            kept.pop(weakest)
-    terms = [term for term in last.terms if any(term.effect == finding.effect for finding in kept)]
-    base = last if len(terms) == len(last.terms) else problem.refine(terms, selection.first)
-    found = locate(problem, base)
+def _with_unknown(
+    findings: Sequence[Finding], problem: Problem, selection: Selection, count: int
+) -> tuple[list[Finding], list[Finding], Fit]:
+    """Return the findings that stand, what no law explains, and the fit of those that stand.
+
+    A law that takes most of the residual and leaves a shape behind is an imitation, all the more where the shape sits
+    in the same place.
+    """
+    kept, fit = list(findings), selection.last
+    found: Located | None = None
+    while True:
+        left = max(fit.chi2 - count, 0.0)
+        found = locate(problem, fit)
+        gains = [_alone(problem, fit, index) for index in range(len(kept))]
+        doubtful = [
+            index
+            for index, gain in enumerate(gains)
+            if gain < (_IMITATED_HERE if _same_place(kept[index], found) else _IMITATED) * left
+        ]
+        if not doubtful:
+            break
+        kept.pop(min(doubtful, key=lambda index: gains[index]))
+        terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
+        fit = problem.refine(terms, selection.first) if terms else selection.first
+        kept = [
+            replace(
+                finding,
+                effect=term.effect,
+                parameters=_parameters(problem, fit, index),
+                statement=term.candidate.law.statement(term.candidate.place, term.effect.values),
+            )
+            for index, (finding, term) in enumerate(zip(kept, fit.terms, strict=True))
+        ]
     if found is None:
-        return kept
+        return kept, [], fit
     statement = (
         "structure is left over that no law of the library takes away; a deformation of "
         f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
     )
-    share = found.curve.gain / base.chi2
+    share = found.curve.gain / fit.chi2
     if found.follows is not None:
         what, share = found.follows
         statement += f". It follows {what} ({100 * share:.0f} %)"
-    kept.append(
-        Finding(
-            physics="unknown",
-            location=found.module,
-            candidates=found.candidates,
-            parameters={},
-            heldout_gain=float(share),
-            statement=statement,
-            curve=found.curve,
-        )
+    unknown = Finding(
+        physics="unknown",
+        location=found.module,
+        candidates=found.candidates,
+        parameters={},
+        heldout_gain=float(share),
+        statement=statement,
+        curve=found.curve,
     )
-    return kept
+    return kept, [unknown], fit
+
+
+def _same_place(finding: Finding, found: Located | None) -> bool:
+    return found is not None and any(name in found.candidates for name in finding.candidates)
 
 
 def _alone(problem: Problem, fit: Fit, index: int) -> float:

@@ -9,11 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from ..recordings import Recording
 from ..spatial import Array, rotation_exp, rotation_log
 
-__all__ = ["Measured", "Noise", "estimate_noise", "whitening"]
+__all__ = ["Measured", "Noise", "estimate_noise", "scatter_of_repeats", "whitening"]
 
 
 @dataclass(frozen=True)
@@ -65,45 +66,59 @@ def whitening(noise: Noise, compliance: Array, exists: np.ndarray) -> Array:
     return np.where(missing[:, :, None], 0.0, inverse)
 
 
+#: Numbers farther out than this many standard deviations are left out; what is left of the variance of a normal one.
+_CLIP = 2.5
+_CLIPPED = 1 - 2 * _CLIP * float(norm.pdf(_CLIP)) / (2 * float(norm.cdf(_CLIP)) - 1)
+#: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
+_USUAL_POSITION, _USUAL_ROTATION = 1e-6, 5e-6
+
+
 def estimate_noise(
     recording: Recording, measured: Measured, compliance: Array, blocks: np.ndarray, wrench: Array
 ) -> Noise:
-    """Return the noise that repeats show: samples of one block under the same wrench.
-
-    Their difference, less what the small difference of their wrenches explains, is noise times sqrt(2). Where too few
-    repeat, neighbours in time of the high-passed residual serve. Declared values are kept where the recording has them.
-    """
+    """Return the declared noise, and that which repeats show where the recording declares none."""
     declared = recording.noise
-    first, second = _repeats(blocks, wrench)
-    position, rotation = np.zeros(0), np.zeros(0)
-    if len(first) >= 8:
-        moved = measured.position[first] - measured.position[second]
-        turned = rotation_log(measured.rotation[first] @ measured.rotation[second].mT)
-        change = np.concatenate((moved, turned), axis=1)
-        change -= (compliance[first] @ (wrench[first] - wrench[second])[..., None])[..., 0]
-        both = measured.exists[first] & measured.exists[second]
-        position = change[:, :3][both[:, :3]]
-        rotation = change[:, 3:][both[:, 3:]]
-
-    def spread(values: Array, fallback: float) -> float:
-        if len(values) < 12:
-            return fallback
-        robust = 1.4826 * float(np.median(np.abs(values))) / np.sqrt(2)
-        return robust if robust > 0 else fallback
-
-    sources = []
-    values = []
-    for name, found, fallback in (
-        ("position", position, 1e-6),
-        ("rotation", rotation, 5e-6),
-    ):
-        given = getattr(declared, name)
-        sources.append("declared" if given is not None else "estimated")
-        values.append(given if given is not None else spread(found, fallback))
-    source = "declared" if all(word == "declared" for word in sources) else "estimated"
+    position, rotation = declared.position, declared.rotation
+    estimated = position is None or rotation is None
+    if estimated:
+        seen = scatter_of_repeats(measured, compliance, blocks, wrench)
+        position = position if position is not None else seen[0] or _USUAL_POSITION
+        rotation = rotation if rotation is not None else seen[1] or _USUAL_ROTATION
+    assert position is not None
+    assert rotation is not None
     force = declared.force if declared.force is not None else 0.0
     moment = declared.moment if declared.moment is not None else 0.0
-    return Noise(values[0], values[1], force, moment, source)
+    return Noise(position, rotation, force, moment, "estimated" if estimated else "declared")
+
+
+def scatter_of_repeats(
+    measured: Measured, compliance: Array, blocks: np.ndarray, wrench: Array
+) -> tuple[float | None, float | None]:
+    """Return the noise of position [m] and rotation [rad] by samples of one block under the same wrench.
+
+    Their difference, less what the small difference of their wrenches explains, is noise times sqrt(2). None where too
+    few repeat.
+    """
+    first, second = _repeats(blocks, wrench)
+    if len(first) < 8:
+        return None, None
+    moved = measured.position[first] - measured.position[second]
+    turned = rotation_log(measured.rotation[first] @ measured.rotation[second].mT)
+    change = np.concatenate((moved, turned), axis=1)
+    change -= (compliance[first] @ (wrench[first] - wrench[second])[..., None])[..., 0]
+    both = measured.exists[first] & measured.exists[second]
+    return _spread(change[:, :3][both[:, :3]]), _spread(change[:, 3:][both[:, 3:]])
+
+
+def _spread(values: Array) -> float | None:
+    """Return the standard deviation of either of two numbers with these differences, outliers left out."""
+    if len(values) < 12:
+        return None
+    robust = 1.4826 * float(np.median(np.abs(values)))
+    for _ in range(5):  # a mean of squares without outliers says more than the median
+        inside = np.abs(values) <= _CLIP * robust
+        robust = float(np.sqrt((values[inside] ** 2).mean() / _CLIPPED)) if inside.any() else robust
+    return robust / np.sqrt(2) if robust > 0 else None
 
 
 def _repeats(blocks: np.ndarray, wrench: Array) -> tuple[np.ndarray, np.ndarray]:

@@ -429,8 +429,9 @@ class Device:
         cubic: extra drive displacement coefficient (m/N^3) F^3; drift: displacement coefficient (m/(N s)) |w| t
         of the drive; periodic_stiffness: drive compliance times
         1 + amplitude (1 + sin(2 pi q/period + phase))/2, period (m);
-        coupling: extra drive displacement, coefficient (m/N) times the drive force of leg `of` (1..3); quadratic:
-        extra drive displacement coefficient (m/N^2) F |F|; one_sided: drive compliance coefficient (m/N) added where the rod is pushed towards +z; tilt_quadratic: extra tilt of R_lambda,
+        coupling: extra drive displacement, coefficient (m/N) times the drive force of leg `of` (1..3);
+        quadratic: extra drive displacement coefficient (m/N^2) F |F|; one_sided: drive compliance
+        coefficient (m/N) added where the rod is pushed towards +z; tilt_quadratic: extra tilt of R_lambda,
         coefficient (rad/(N m)^2) M |M|, by component; angle_stiffness: compliance of R_theta_P times
         1 + amplitude sin(2 theta + phase).
         """

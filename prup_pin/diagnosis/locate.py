@@ -1,0 +1,136 @@
+"""Where a module yields beyond the model, before any law is named, and what its deformation follows.
+
+By duality a deformation e_m beyond a module's law appears at the tool as J_m^T e_m, with the wrench Jacobian J_m that
+carries the load to the module. At every sample the part of the residual in those directions is its own estimate of
+e_m. The place is where the residual lies in these directions at all samples; what e_m follows (the module's load, a
+position, another leg's load, time) is asked only then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array
+from .fit import Fit, Problem
+from .local_curve import LocalCurve, curve_against, local_curve
+
+__all__ = ["Located", "Yielding", "locate", "yieldings"]
+
+#: Motions of a module whose load is a wrench: along its axis, across, tilting, about its axis; bending of a beam.
+_MOTIONS = ((2,), (0, 1), (3, 4), (5,))
+_BENDING = (0, 1, 3, 4)
+#: Places that take away at least this share of what the best one does cannot be told from it.
+_ALIKE = 0.95
+#: Another variable must take away this much more than the module's own load to be named.
+_CLEARER = 1.1
+
+
+@dataclass(frozen=True)
+class Yielding:
+    """A motion of a module that may have yielded beyond the model, by whatever law.
+
+    `components` of its deformation; `gain`: chi squared that a deformation of its own at every sample removes, beyond
+    what so many free numbers remove by chance.
+    """
+
+    module: str
+    components: tuple[int, ...]
+    gain: float
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where the residual sits: the likeliest module, all that these data cannot tell from it, and the local curve.
+
+    `share` of the whitened squared residual that a deformation there removes whatever its law. `follows`: what it
+    follows where that is not the module's own load, in words, with the share that a curve over it removes; or None.
+    """
+
+    module: str
+    candidates: tuple[str, ...]
+    curve: LocalCurve
+    share: float
+    follows: tuple[str, float] | None
+
+
+def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
+    """Return all motions of all modules, the one that the residual points to first."""
+    influence = fit.influence
+    white = problem.whiteners(influence)
+    bent = {module.name for module in influence.chain.mechanism.modules if module.kind.bends_exactly}
+    found = []
+    for name in influence.rows:
+        directions = white @ influence.signature(name)
+        motions = ((0,),) if directions.shape[2] == 1 else (*_MOTIONS, *([_BENDING] if name in bent else []))
+        for components in motions:
+            basis, sizes, _ = np.linalg.svd(directions[:, :, list(components)], full_matrices=False)
+            seen = sizes > 1e-6 * max(float(sizes.max(initial=0.0)), 1e-300)
+            part = (basis.mT @ fit.residual[..., None])[..., 0] * seen
+            found.append(Yielding(name, components, float((part**2).sum()) - int(seen.sum())))
+    return sorted(found, key=lambda item: -item.gain)
+
+
+def locate(problem: Problem, fit: Fit) -> Located | None:
+    """Return where the residual of a fit sits; None where no module's load varies."""
+    found = yieldings(problem, fit)
+    if not found or found[0].gain <= 0:
+        return None
+    chance = 4 * np.sqrt(2 * len(fit.residual))
+    least = found[0].gain - max((1 - _ALIKE) * found[0].gain, chance)
+    alike = [item for item in found if item.gain >= least]
+    total = float((fit.residual**2).sum())
+    own: LocalCurve | None = None
+    clearest: tuple[str, LocalCurve] | None = None
+    for item in alike:
+        for component in item.components:
+            curve = local_curve(problem, fit, item.module, component)
+            if curve is None:
+                continue
+            if own is None or curve.gain > own.gain * (1 + 1e-6):
+                own = curve
+            for words, variable, factor in _variables(problem, fit, item.module, component):
+                other = curve_against(problem, fit, item.module, component, variable, factor)
+                if other is not None and (clearest is None or other.gain > clearest[1].gain * (1 + 1e-6)):
+                    clearest = words, other
+    if own is None:
+        return None
+    follows = None
+    if clearest is not None and clearest[1].gain > _CLEARER * own.gain + chance:
+        words, best = clearest
+        follows = words, best.gain / total
+        curve = local_curve(problem, fit, best.module, best.component)
+        own = curve if curve is not None else own
+    names = dict.fromkeys((own.module, *(item.module for item in alike)))
+    share = min(max(item.gain for item in alike if item.module == own.module) / total, 1.0)
+    return Located(own.module, tuple(names), own, share, follows)
+
+
+def _variables(problem: Problem, fit: Fit, module: str, component: int) -> Iterator[tuple[str, Array, Array | float]]:
+    """Yield what a deformation may follow beside its own load: words, variable (n,), factor (n,)."""
+    influence, inputs = fit.influence, problem.simulator.inputs
+    samples, mechanism = fit.samples, influence.chain.mechanism
+    load = influence.loads(module)[:, component]
+    mine = {item.name: item.joint for item in mechanism.modules}
+    told: set[int] = set()
+    for name in influence.ratio:  # modules of drives share their joint's load
+        if mine[name] not in told and mine[name] != mine[module]:
+            told.add(mine[name])
+            joint = str(mechanism.model.names[mine[name]])
+            yield f"the load of the drive of {joint}", influence.loads(name)[:, 0], 1.0
+    for column, joint in enumerate(mechanism.actuated):
+        position = inputs.actuators[samples, column]
+        yield f"the position of {joint}", position, 1.0
+        yield f"its load, by a factor that changes with the position of {joint}", position, load
+    geometry = fit.run.geometry
+    joint = str(mechanism.model.names[mine[module]])
+    if joint not in mechanism.actuated and all(joint in pose.joints for pose in geometry.poses[:1]):
+        turned = np.array([pose.joints[joint] for pose in geometry.poses])[geometry.rows[samples]]
+        yield f"the position of {joint}", turned, 1.0
+        yield f"its load, by a factor that changes with the position of {joint}", turned, load
+    if inputs.temperature is not None and not np.isnan(inputs.temperature[samples]).any():
+        yield "the temperature", inputs.temperature[samples], 1.0
+    yield "time", inputs.time[samples], 1.0
+    yield "its load, by a factor that changes with time", inputs.time[samples], load

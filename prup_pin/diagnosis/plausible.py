@@ -1,0 +1,173 @@
+"""Can a recording be compared with a robot at all? What it lacks, and units or machines that cannot be right."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..laws import Inputs
+from ..simulation import Simulator
+from ..spatial import Array, rotation_exp, rotation_log
+from .residual import Measured
+
+__all__ = ["Linear", "check_belongs", "what_is_missing"]
+
+#: Positions farther apart than this share of the robot's reach are no deflections.
+_FAR = 0.03
+#: Orientations farther apart than this are no deflections either [rad].
+_TURNED = 0.2
+#: How far a ratio may be from a power of ten to be one of units.
+_NEAR = 1.4
+#: Noise that every bench is better than [m, rad]: weights of positions against rotations.
+_COARSE = np.repeat([1e-5, 5e-5], 3)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The simulation that a user starts from: the rigid pose and C w about it.
+
+    position (N, 3), rotation (N, 3, 3) under load; rigid_position, rigid_rotation without; compliance (N, 6, 6);
+    samples (N,) tells which ones have an answer, the others hold NaN.
+    """
+
+    position: Array
+    rotation: Array
+    rigid_position: Array
+    rigid_rotation: Array
+    compliance: Array
+    samples: np.ndarray
+    reason: str
+
+    @classmethod
+    def of(cls, simulator: Simulator) -> Linear:
+        geometry = simulator.geometry({})
+        n = len(simulator.inputs)
+        samples = simulator.complete & geometry.reachable
+        position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+        rigid_position, rigid_rotation = position.copy(), rotation.copy()
+        compliance = np.full((n, 6, 6), np.nan)
+        row, text = next(iter(sorted(geometry.reasons.items())), (0, ""))
+        reason = f"row {row + 2}: {text}" if text else ""
+        if samples.any():
+            rows = geometry.rows[samples]
+            tools = np.array([pose.base_from_tool for pose in geometry.poses])[rows]
+            compliance[samples] = np.array([geometry.robot.compliance(pose).C for pose in geometry.poses])[rows]
+            moved = (compliance[samples] @ simulator.inputs.wrench[samples][..., None])[..., 0]
+            rigid_position[samples], rigid_rotation[samples] = tools[:, :3, 3], tools[:, :3, :3]
+            position[samples] = tools[:, :3, 3] + moved[:, :3]
+            rotation[samples] = rotation_exp(moved[:, 3:]) @ tools[:, :3, :3]
+        return cls(position, rotation, rigid_position, rigid_rotation, compliance, samples, reason)
+
+
+def what_is_missing(inputs: Inputs, measured: Measured) -> list[str]:
+    """Return sentences on what a recording lacks."""
+    remarks = []
+    if not measured.exists.any():
+        remarks.append("no pose was measured (columns p.x … r.z): this recording cannot be compared with a simulation")
+    elif not measured.exists[:, 3:].any():
+        remarks.append("no rotation was measured: moments and tilts are judged by the position alone")
+    elif not measured.exists[:, :3].any():
+        remarks.append("no position was measured: forces are judged by the rotation alone")
+    force = np.nan_to_num(np.abs(inputs.wrench)).max(initial=0.0)
+    if force < 1e-6:
+        remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
+    if len(np.unique(inputs.blocks)) < 2:
+        remarks.append("one pose only: effects of geometry and stiffness look alike")
+    return remarks
+
+
+def check_belongs(measured: Measured, linear: Linear, inputs: Inputs) -> None:
+    """Raise InputError where recording and robot are worlds apart, with the likely reason."""
+    for name, values in (("q", inputs.actuators), ("w", inputs.wrench)):
+        if len(values) and np.isnan(values).all(axis=0).any():
+            raise InputError(
+                f"a column {name}.… is empty in every row: without all positions of the actuators [m, rad] and all "
+                "components of the load [N, N m] nothing can be simulated. Write 0 for a load that was not applied"
+            )
+    if not linear.samples.any():
+        raise InputError(
+            "the robot reaches none of the recording's poses, or none of its samples is complete"
+            f"{': ' + linear.reason if linear.reason else ''}. Check --robot, the q columns' names and units [m, rad]"
+        )
+    placed = linear.samples & measured.exists[:, :3].all(axis=1)
+    turned = linear.samples & measured.exists[:, 3:].all(axis=1)
+    if placed.any():
+        _check_positions(measured.position[placed], linear.rigid_position[placed], linear.position[placed])
+    if turned.any():
+        _check_rotations(measured.rotation[turned], linear.rigid_rotation[turned])
+    if placed.any():
+        _check_loads(measured, linear, inputs, placed)
+
+
+def _check_rotations(measured: Array, rigid: Array) -> None:
+    apart = float(np.median(np.linalg.norm(rotation_log(measured @ rigid.mT), axis=1)))
+    if apart > _TURNED:
+        raise InputError(
+            f"measured and simulated orientations are {apart:.3g} rad apart: expected r.x r.y r.z as a rotation vector "
+            "in rad, in the base frame of the robot file. Are they degrees, is it another robot, or are the actuators' "
+            "columns in another order?"
+        )
+
+
+def _check_positions(measured: Array, rigid: Array, loaded: Array) -> None:
+    distance = float(np.median(np.linalg.norm(measured - rigid, axis=1)))
+    size = float(np.median(np.linalg.norm(rigid, axis=1)))
+    reach = max(size, 0.1)
+    if distance < _FAR * reach or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < _FAR * reach:
+        return
+    ratio = float(np.median(np.linalg.norm(measured, axis=1))) / max(size, 1e-12)
+    for factor, unit in ((1e3, "mm"), (1e-3, "km"), (1e6, "um")):
+        if 0.8 < ratio / factor < 1.25:
+            raise InputError(
+                f"measured positions are about {factor:g} times those of the simulation "
+                f"({ratio * size:.4g} against {size:.4g} m): they seem to be in {unit}; expected metres"
+            )
+    raise InputError(
+        f"measured and simulated positions are {distance:.3g} m apart (typical distance {size:.3g} m): this is another "
+        "robot, another frame, or other units. Expected p.x p.y p.z in metres in the base frame of the robot file"
+    )
+
+
+def _check_loads(measured: Measured, linear: Linear, inputs: Inputs, good: np.ndarray) -> None:
+    """Raise InputError where forces or moments move the tool by about 10^3 or 10^6 times too much, or too little."""
+    asked = measured.residual(linear.rigid_position, linear.rigid_rotation)
+    good = good & np.isfinite(asked).all(axis=1)
+    moved = linear.compliance[good, :, :3] @ inputs.wrench[good, :3, None]
+    turned = linear.compliance[good, :, 3:] @ inputs.wrench[good, 3:, None]
+    values = np.concatenate((asked[good, :, None], moved, turned), axis=2) / _COARSE[:, None]
+    values *= measured.exists[good][..., None]
+    blocks = np.unique(inputs.blocks[good], return_inverse=True)[1].ravel()
+    counts = np.bincount(blocks)
+    for row in range(6):
+        for column in range(3):  # only what changes while the actuators stand still is due to the load
+            mean = np.bincount(blocks, values[:, row, column]) / counts
+            values[:, row, column] -= mean[blocks]
+    target, columns = values[..., 0].ravel(), values[..., 1:].reshape(-1, 2)
+    sizes = np.linalg.norm(columns, axis=0)
+    if not (sizes > 0).all() or np.linalg.norm(target) < 10 * np.sqrt(len(target)):
+        return
+    shares, *_ = np.linalg.lstsq(columns / sizes, target, rcond=1e-8)
+    explained = 1 - float(((target - columns / sizes @ shares) ** 2).sum() / (target**2).sum())
+    if explained < 0.7:
+        return
+    told = []
+    for name, unit, small, big, share, size in (
+        ("forces w.fx w.fy w.fz", "N", "mN", "kN", *_pair(shares, sizes, 0)),
+        ("moments w.mx w.my w.mz", "N m", "N mm", "kN m", *_pair(shares, sizes, 1)),
+    ):
+        if share < 0.05 * float(np.linalg.norm(target)):
+            continue  # too weak a part to be judged
+        for factor, seems in ((1e3, big), (1e-3, small)):
+            if 1 / _NEAR < share / size / factor < _NEAR:
+                told.append(
+                    f"the {name} move the tool {share / size:.3g} times as far as in the simulation: "
+                    f"they seem to be in {seems}; expected {unit}"
+                )
+    if told:
+        raise InputError("; ".join(told))
+
+
+def _pair(shares: Array, sizes: Array, index: int) -> tuple[float, float]:
+    return float(shares[index]), float(sizes[index])
