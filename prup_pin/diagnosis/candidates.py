@@ -82,11 +82,11 @@ class Candidate:
         return [self._coordinates(start) for start in self.law.starts(self.place, self.mechanism)]
 
     def scan(self) -> list[Array]:
-        """Return the starts, and the first of them at sizes up to ten thousand times as large and small."""
+        """Return the starts, and the first of them at much larger and smaller sizes."""
         found = self.starts()
         if self.logarithmic[0]:
             low, high = self.bounds
-            for decades in (-4, -2, -1, 1, 2, 4):
+            for decades in (-2, 2) if self.law.has_memory else (-4, -2, -1, 1, 2, 4):  # histories are slow to follow
                 moved = found[0].copy()
                 moved[0] += decades * np.log(10.0)
                 if low[0] < moved[0] < high[0]:

@@ -17,6 +17,7 @@ from scipy.stats import chi2 as chi_squared
 from ..spatial import Array
 from .candidates import Candidate
 from .fit import Fit, Problem, Term
+from .locate import captured
 
 __all__ = ["Rival", "Selection", "cross_validated", "select"]
 
@@ -31,6 +32,10 @@ _FIRST_STEPS = 4
 _FRONT = 24
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
 _CURVATURE = 1.5e-3
+#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes ...
+_HOPELESS = 0.2
+#: ... and that is more than this.
+_MODEST = 300.0
 _FLIPS = 200
 _LEAST_PIECES = 14
 #: Offsets and the like are rarely this many times larger than where a fit starts.
@@ -60,7 +65,7 @@ class Selection:
     first: Fit
     last: Fit
     rivals: tuple[tuple[Rival, ...], ...]
-    tried: int
+    library: Sequence[Candidate]
     screened: tuple[Rival, ...]  # what the last round tried on top, best first
 
 
@@ -193,25 +198,36 @@ def select(
             rivals = []
     if len(rivals) != len(fit.terms):
         rivals = [challengers(problem, fit, index, library) for index in range(len(fit.terms))]
-    return Selection(first, fit, tuple(tuple(each) for each in rivals), len(library), tuple(screened))
+    return Selection(first, fit, tuple(tuple(each) for each in rivals), library, tuple(screened))
 
 
 def screen(problem: Problem, fit: Fit, kept, library, tell=lambda share: None) -> list[Rival]:
     """Return all candidates fitted on top of `kept`, to first order, best first.
 
-    All get a few steps of their fit, those in front the rest of it.
+    All get a few steps of their fit, those in front the rest of it; those that cannot come near the best are left out.
     """
     rivals = []
     present = {term.candidate.name for term in kept}
-    for index, candidate in enumerate(library):
+    least = {candidate.name: _least_chi2(problem, fit, candidate, fit.residual) for candidate in library}
+    best = fit.chi2
+    for index, candidate in enumerate(sorted(library, key=lambda candidate: least[candidate.name])):
         tell(index / len(library))
-        if candidate.name in present:
+        if candidate.name in present or least[candidate.name] > best + max(_HOPELESS * (fit.chi2 - best), _MODEST):
             continue
         chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS)
         rivals.append(Rival(term, chi2, change))
+        best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
     front = [_finished(problem, fit, kept, rival) for rival in rivals[:_FRONT] if rival.chi2 < fit.chi2 - 4.0]
     return sorted([*front, *rivals[len(front) :]], key=lambda rival: rival.score)
+
+
+def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Array) -> float:
+    """Return a chi squared that a candidate cannot go below, to first order; zero where it is not known."""
+    module = problem.module_of(candidate)
+    if module is None or module not in fit.influence.rows:
+        return 0.0
+    return float((residual**2).sum()) - captured(problem, fit, module, residual)
 
 
 def _finished(problem: Problem, fit: Fit, kept, rival: Rival) -> Rival:
@@ -227,12 +243,13 @@ def challengers(problem: Problem, fit: Fit, index: int, library) -> list[Rival]:
     changed = problem.change(fit, [term.effect for term in kept])
     rivals = [Rival(own, fit.chi2, -changed)]
     weight = float((changed**2).sum())
+    worst = fit.chi2 + max(0.5 * weight, 4 * INDISTINCT)
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
-        if candidate.name in present:
+        if candidate.name in present or _least_chi2(problem, fit, candidate, fit.residual - changed) > worst:
             continue
         chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS)
-        if chi2 > fit.chi2 + max(0.5 * weight, 4 * INDISTINCT):
+        if chi2 > worst:
             continue
         rival = Rival(term, chi2, change)
         if chi2 < fit.chi2 + max(0.1 * weight, 4 * INDISTINCT):

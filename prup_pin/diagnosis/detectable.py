@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import chi2 as chi_squared
 
-from .candidates import Candidate
 from .compete import FALSE_ALARM, Selection
 from .diagnosis import Detectable
 from .fit import Fit, Problem
@@ -20,11 +19,10 @@ _STRONG = {"factor": 0.2, "half_gap": 2e-4, "scale": 3.0, "limit": 5.0, "root_ti
 
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
     """Yield every law and place that stays below the threshold at a strong size, and what the data lack for others."""
-    least = float(chi_squared.isf(FALSE_ALARM / selection.tried, 1))
+    least = float(chi_squared.isf(FALSE_ALARM / len(selection.library), 1))
     present = {term.candidate.name for term in fit.terms}
     effects = [term.effect for term in fit.terms]
-    for rival in selection.screened:
-        candidate: Candidate = rival.term.candidate
+    for candidate in selection.library:
         if candidate.name in present or candidate.size > 2:
             continue
         coordinates = candidate.starts()[0].copy()

@@ -52,6 +52,7 @@ class Problem:
         self.simulator, self.measured, self.noise = simulator, measured, noise
         self._whitening: tuple[np.ndarray, Array] | None = None
         self._solved: np.ndarray | None = None
+        self._modules: dict[str, str | None] = {}
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
@@ -85,6 +86,25 @@ class Problem:
         setup = self.simulator.setup(effects)
         moved = fit.influence.change(setup)
         return (self.whiteners(fit.influence) @ moved[..., None])[..., 0]
+
+    def module_of(self, candidate: Candidate) -> str | None:
+        """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""
+        if candidate.name not in self._modules:
+            plain, setup = (
+                self.simulator.setup(effects) for effects in ((), [candidate.effect(candidate.starts()[0])])
+            )
+            named = {name.rpartition(".")[0] for name in setup.values} | set(setup.strains)
+            named |= {creep.module for creep in setup.creeps}
+            otherwise = (
+                setup.resistances
+                or setup.parameters
+                or setup.sensors
+                or setup.masses
+                or np.any(setup.wrench != plain.wrench)
+                or np.any(setup.travel != plain.travel)
+            )
+            self._modules[candidate.name] = None if otherwise or len(named) != 1 else named.pop()
+        return self._modules[candidate.name]
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ wins is simulated.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,10 +33,6 @@ class Influence:
         self.simulator, self.run = simulator, run
         found = self.found = run.equilibria
         chain = self.chain = found.chain
-        tool = chain.tool_columns(found.evaluation)
-        self._matrix = chain.matrix(found.state, found.evaluation, found.conditions)
-        self.by_row = _left_solve(self._matrix, tool)  # (n, 6, m): minus the pose's change per residual
-        self.compliance = -self.by_row @ chain.load_columns(found.evaluation)
         self.rows = {}
         nq, nd, _, _ = chain.sizes
         for slot, name in enumerate(chain.names):
@@ -46,6 +43,20 @@ class Influence:
             self.rows[name] = slice(row, row + 1)
         self.ratio = {name: float(layout.drive_ratios[index, 0, 0]) for index, name in enumerate(layout.drive_names)}
         self.cache: dict[Any, Array] = {}
+
+    @cached_property
+    def _matrix(self) -> Array:
+        return self.chain.matrix(self.found.state, self.found.evaluation, self.found.conditions)
+
+    @cached_property
+    def by_row(self) -> Array:
+        """Minus the pose's change per residual of the equations, (n, 6, m)."""
+        return _left_solve(self._matrix, self.chain.tool_columns(self.found.evaluation))
+
+    @cached_property
+    def compliance(self) -> Array:
+        """Compliance at the loaded equilibrium, (n, 6, 6)."""
+        return -self.by_row @ self.chain.load_columns(self.found.evaluation)
 
     def __len__(self) -> int:
         return len(self.run.samples)

@@ -17,7 +17,7 @@ from ..spatial import Array
 from .fit import Fit, Problem
 from .local_curve import LocalCurve, curve_against, local_curve
 
-__all__ = ["Located", "Yielding", "locate", "yieldings"]
+__all__ = ["Located", "Yielding", "captured", "locate", "yieldings"]
 
 #: Motions of a module whose load is a wrench: along its axis, across, tilting, about its axis; bending of a beam.
 _MOTIONS = ((2,), (0, 1), (3, 4), (5,))
@@ -71,6 +71,20 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
             part = (basis.mT @ fit.residual[..., None])[..., 0] * seen
             found.append(Yielding(name, components, float((part**2).sum()) - int(seen.sum())))
     return sorted(found, key=lambda item: -item.gain)
+
+
+def captured(problem: Problem, fit: Fit, module: str, residual: Array) -> float:
+    """Return the part of a whitened residual (n, 6), squared and summed, that deformations of a module can take away.
+
+    No law of that module alone takes away more, to first order.
+    """
+    cache = fit.influence.cache
+    key = ("space", module)
+    if key not in cache:
+        directions = problem.whiteners(fit.influence) @ fit.influence.signature(module)
+        basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
+        cache[key] = basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
+    return float(((residual[:, None, :] @ cache[key]) ** 2).sum())
 
 
 def locate(problem: Problem, fit: Fit) -> Located | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ..laws import Creep, Resistance
 from ..spatial import Array
@@ -111,8 +112,10 @@ def _balanced(free, influence, torque, slid, last, stiffness, limit, viscous) ->
     torque = viscous (x - last) + clip(stiffness (x - slid), +-limit), x = free + influence torque.
     """
     count = len(stiffness)
+    if count == 1:
+        return _balanced_alone(free, influence[:, 0], slid, last, stiffness[0], limit[0], viscous)
     torque = torque.copy()
-    for _ in range(_SWEEPS if count > 1 else 1):
+    for _ in range(_SWEEPS):
         old = torque.copy()
         for j in range(count):
             own = influence[:, j, j]
@@ -126,6 +129,19 @@ def _balanced(free, influence, torque, slid, last, stiffness, limit, viscous) ->
         if np.abs(torque - old).max(initial=0.0) <= 1e-12 * (np.abs(torque).max(initial=0.0) + 1e-12):
             break
     return torque, free + (influence @ torque[..., None])[..., 0]
+
+
+def _balanced_alone(free, own, slid, last, stiffness, limit, viscous) -> tuple[Array, Array]:
+    """Return the same of a single joint, whose torque nothing else moves; all (b, 1)."""
+    damped = viscous * (free - last)
+    torque = (damped + stiffness * (free - slid)) / (1 - own * (viscous + stiffness))
+    if stiffness > 0:
+        stretched = stiffness * (free + own * torque - slid)
+        sliding = np.abs(stretched) > limit
+        if sliding.any():
+            limited = (damped + np.copysign(limit, stretched)) / (1 - own * viscous)
+            torque = np.where(sliding, limited, torque)
+    return torque, free + own * torque
 
 
 def creep_strains(creep: Creep, elastic: Array, time: Array, run: np.ndarray, memory: Crept | None = None) -> Array:
@@ -145,6 +161,11 @@ def _crept(creep: Creep, elastic: Array, time: Array, run: np.ndarray, first: Ar
     target = np.zeros_like(elastic)
     target[:, creep.components] = creep.share * elastic[:, creep.components]
     decays = np.exp(-np.maximum(np.diff(time), 0.0) / creep.time_constant)  # a new run may start earlier
+    even = len(decays) > 0 and float(np.ptp(decays)) < 1e-9 * (1 - float(decays[0])) and not np.any(run != run[0])
+    if even:
+        decay = float(decays.mean())
+        out[1:] = lfilter([1 - decay], [1, -decay], target[1:], axis=0, zi=decay * out[:1])[0]
+        return out
     for sample in range(1, len(time)):
         if run[sample] != run[sample - 1]:
             continue
