@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2 as chi_squared
 
 from ..spatial import Array
 from .candidates import Candidate
-from .fit import Fit, Problem, Term
-from .locate import captured
+from .fit import Fit, Problem, Term, without
+from .locate import least_left
 
 __all__ = ["Rival", "Selection", "cross_validated", "select"]
 
@@ -27,7 +27,10 @@ FALSE_ALARM = 0.01
 LEAST_GAIN = 0.01
 MOST_TERMS = 4
 #: Processor time after which no further law is looked for [s].
-MOST_SECONDS = 40.0
+MOST_SECONDS = 30.0
+#: A residual of this many times the noise may be noise; else the search is made again, so many times.
+_CLEAN = 1.05
+_DETOURS = 2
 _FIRST_STEPS = 4
 _FRONT = 24
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
@@ -37,7 +40,7 @@ _HOPELESS = 0.2
 #: ... and that is more than this.
 _MODEST = 300.0
 _FLIPS = 200
-_LEAST_PIECES = 14
+_LEAST_PIECES = 40
 #: Offsets and the like are rarely this many times larger than where a fit starts.
 _USUAL = 30.0
 #: Alternatives whose chi squared is larger by less than this cannot be told apart.
@@ -46,16 +49,20 @@ INDISTINCT = 10.0
 
 @dataclass(frozen=True)
 class Rival:
-    """An alternative that was tried: its term, chi squared and change of the pose."""
+    """An alternative that was tried: its term, chi squared and change of the pose.
+
+    `scale`: mean squared residual where more than noise is left, by which differences of chi squared then grow.
+    """
 
     term: Term
     chi2: float
     change: Array
+    scale: float = 1.0
 
     @property
     def score(self) -> float:
         """Chi squared plus what its parameters and their implausibility cost."""
-        return self.chi2 + penalty(self.term)
+        return self.chi2 + self.scale * penalty(self.term)
 
 
 @dataclass(frozen=True)
@@ -158,19 +165,61 @@ def select(
     blocks: np.ndarray,
     first: Fit,
     tell: Callable[[str, float], None] = lambda stage, share: None,
+    seconds: float = MOST_SECONDS,
 ) -> Selection:
-    """Return the selection of laws that the recording asks for."""
+    """Return the selection of laws that the recording asks for.
+
+    Where structure is left, the search is made again without one of the laws that it took: a law that came first may
+    have come for two others.
+    """
+    ends = time.process_time() + seconds
+    best = _forward(problem, library, blocks, first, ends, tell)
+    tried: set[str] = set()
+    while not is_clean(best.last) and len(tried) < _DETOURS and time.process_time() < ends:
+        banned = next((term.candidate.name for term in best.last.terms if term.candidate.name not in tried), None)
+        if banned is None:
+            break
+        tried.add(banned)
+        others = [candidate for candidate in library if candidate.name != banned]
+        other = _forward(problem, others, blocks, first, ends, tell)
+        if _cost(other.last) < _cost(best.last):
+            best = replace(other, library=library)
+    fit = best.last
+    rivals = best.rivals
+    if len(rivals) != len(fit.terms) or tried:
+        rivals = tuple(tuple(challengers(problem, fit, index, library)) for index in range(len(fit.terms)))
+    return replace(best, rivals=rivals)
+
+
+def is_clean(fit: Fit) -> bool:
+    """Return True where what is left may be noise."""
+    return fit.chi2 <= max(_CLEAN, 1 + 4 * float(np.sqrt(0.5 / max(fit.residual.size, 1)))) ** 2 * fit.residual.size
+
+
+def _cost(fit: Fit) -> float:
+    return fit.chi2 + sum(penalty(term) for term in fit.terms)
+
+
+def _scale(fit: Fit) -> float:
+    return max(1.0, fit.chi2 / max(fit.residual.size, 1))
+
+
+def _forward(
+    problem: Problem,
+    library: Sequence[Candidate],
+    blocks: np.ndarray,
+    first: Fit,
+    ends: float,
+    tell: Callable[[str, float], None],
+) -> Selection:
     fit = first
     screened: list[Rival] = []
     refused: set[str] = set()
     rivals: list[list[Rival]] = []
-    begun = time.process_time()
     for step in range(MOST_TERMS + 1):
         labels = blocks[fit.samples]
-        screened = screen(
-            problem, fit, fit.terms, library, lambda share, step=step: tell(f"laws, round {step + 1}", share)
-        )
-        if step == MOST_TERMS or time.process_time() - begun > MOST_SECONDS:
+        screened = screen(problem, fit, library, lambda share, step=step: tell(f"laws, round {step + 1}", share))
+        if step == MOST_TERMS or time.process_time() > ends:
             break
         least = threshold(fit.residual.size, len(library), fit.residual, labels, screened)
         before = cross_validated(problem, fit, labels)
@@ -189,72 +238,84 @@ def select(
         if taken is None:
             break
         tell("earlier choices again", 0.4 + 0.1 * step)
-        if time.process_time() - begun > MOST_SECONDS:
+        if time.process_time() > ends:
             fit, rivals = taken, []
             continue
         challenged, rivals = _challenged(problem, taken, library)
         fit = _pruned(problem, _merged(problem, challenged, library), labels, least)
         if fit is not challenged:
             rivals = []
-    if len(rivals) != len(fit.terms):
-        rivals = [challengers(problem, fit, index, library) for index in range(len(fit.terms))]
     return Selection(first, fit, tuple(tuple(each) for each in rivals), library, tuple(screened))
 
 
-def screen(problem: Problem, fit: Fit, kept, library, tell=lambda share: None) -> list[Rival]:
-    """Return all candidates fitted on top of `kept`, to first order, best first.
+def screen(problem: Problem, fit: Fit, library, tell=lambda share: None) -> list[Rival]:
+    """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
     All get a few steps of their fit, those in front the rest of it; those that cannot come near the best are left out.
     """
     rivals = []
+    kept = fit.terms
     present = {term.candidate.name for term in kept}
-    least = {candidate.name: _least_chi2(problem, fit, candidate, fit.residual) for candidate in library}
+    beside = problem.beside(fit, range(len(kept)))
+    modules = {problem.module_of(candidate): candidate for candidate in library}
+    least = {module: _least_chi2(problem, fit, one, fit.residual, beside) for module, one in modules.items()}
     best = fit.chi2
-    for index, candidate in enumerate(sorted(library, key=lambda candidate: least[candidate.name])):
+    for index, candidate in enumerate(sorted(library, key=lambda candidate: least[problem.module_of(candidate)])):
         tell(index / len(library))
-        if candidate.name in present or least[candidate.name] > best + max(_HOPELESS * (fit.chi2 - best), _MODEST):
+        bound = least[problem.module_of(candidate)]
+        if candidate.name in present or bound > best + max(_HOPELESS * (fit.chi2 - best), _MODEST):
             continue
-        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS)
+        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS, beside=beside)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
-    front = [_finished(problem, fit, kept, rival) for rival in rivals[:_FRONT] if rival.chi2 < fit.chi2 - 4.0]
+    front = [_finished(problem, fit, kept, rival, beside) for rival in rivals[:_FRONT] if rival.chi2 < fit.chi2 - 4.0]
     return sorted([*front, *rivals[len(front) :]], key=lambda rival: rival.score)
 
 
-def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Array) -> float:
+def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Array, beside: Array | None) -> float:
     """Return a chi squared that a candidate cannot go below, to first order; zero where it is not known."""
     module = problem.module_of(candidate)
     if module is None or module not in fit.influence.rows:
         return 0.0
-    return float((residual**2).sum()) - captured(problem, fit, module, residual)
+    return least_left(problem, fit, module, residual, beside)
 
 
-def _finished(problem: Problem, fit: Fit, kept, rival: Rival) -> Rival:
+def _finished(problem: Problem, fit: Fit, kept, rival: Rival, beside: Array | None) -> Rival:
     term = rival.term
-    chi2, new, change = problem.quick(fit, kept, term.candidate, starts=[term.coordinates], limit=20)
+    chi2, new, change = problem.quick(fit, kept, term.candidate, [term.coordinates], 20, beside)
     return Rival(new, chi2, change) if chi2 < rival.chi2 else rival
 
 
 def challengers(problem: Problem, fit: Fit, index: int, library) -> list[Rival]:
     """Return what could stand in the place of term `index`, the term itself included, best first."""
-    kept = [term for place, term in enumerate(fit.terms) if place != index]
+    others = [place for place in range(len(fit.terms)) if place != index]
+    kept = [fit.terms[place] for place in others]
     own = fit.terms[index]
-    changed = problem.change(fit, [term.effect for term in kept])
-    rivals = [Rival(own, fit.chi2, -changed)]
+    beside = problem.beside(fit, others)
+    removed = problem.change(fit, [term.effect for term in kept])
+    changed = without(removed.ravel(), beside).reshape(removed.shape)
+    scale = _scale(fit)
+    rivals = [Rival(own, fit.chi2, -changed, scale)]
     weight = float((changed**2).sum())
     worst = fit.chi2 + max(0.5 * weight, 4 * INDISTINCT)
     present = {term.candidate.name for term in fit.terms}
+    least: dict[str | None, float] = {}
     for candidate in library:
-        if candidate.name in present or _least_chi2(problem, fit, candidate, fit.residual - changed) > worst:
+        if candidate.name in present:
             continue
-        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS)
+        module = problem.module_of(candidate)
+        if module not in least:
+            least[module] = _least_chi2(problem, fit, candidate, fit.residual - removed, beside)
+        if least[module] > worst:
+            continue
+        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS, beside=beside)
         if chi2 > worst:
             continue
         rival = Rival(term, chi2, change)
         if chi2 < fit.chi2 + max(0.1 * weight, 4 * INDISTINCT):
-            rival = _finished(problem, fit, kept, rival)
-        rivals.append(Rival(rival.term, rival.chi2, rival.change - changed))
+            rival = _finished(problem, fit, kept, rival, beside)
+        rivals.append(Rival(rival.term, rival.chi2, rival.change - changed, scale))
     return sorted(rivals, key=lambda rival: rival.score)
 
 
@@ -269,7 +330,8 @@ def _challenged(problem: Problem, fit: Fit, library) -> tuple[Fit, list[list[Riv
         rivals = []
         for index in range(len(fit.terms)):
             found = challengers(problem, fit, index, library)
-            own = fit.chi2 + penalty(fit.terms[index])
+            scale = _scale(fit)
+            own = fit.chi2 + scale * penalty(fit.terms[index])
             weight = float((found[0].change ** 2).sum()) if found else 0.0
             reach = _CURVATURE * weight
             judged: list[Rival] = []
@@ -284,8 +346,8 @@ def _challenged(problem: Problem, fit: Fit, library) -> tuple[Fit, list[list[Riv
                 terms = list(fit.terms)
                 terms[index] = rival.term
                 trial = problem.refine(terms, fit, rounds=4)
-                judged.append(Rival(trial.terms[index], trial.chi2, rival.change))
-                if trial.chi2 + penalty(trial.terms[index]) < own - 0.5:
+                judged.append(Rival(trial.terms[index], trial.chi2, rival.change, scale))
+                if judged[-1].score < own - 0.5:
                     fit, swapped = trial, True
                     break
             if swapped:
@@ -303,12 +365,13 @@ def _merged(problem: Problem, fit: Fit, library) -> Fit:
             place = fit.terms[one].candidate.place.name
             if fit.terms[other].candidate.place.name != place:
                 continue
-            kept = [term for index, term in enumerate(fit.terms) if index not in (one, other)]
+            places = [index for index in range(len(fit.terms)) if index not in (one, other)]
+            kept, beside = [fit.terms[index] for index in places], problem.beside(fit, places)
             both = fit.chi2 + penalty(fit.terms[one]) + penalty(fit.terms[other])
             rivals = []
             for candidate in library:
                 if candidate.place.name == place:
-                    chi2, term, change = problem.quick(fit, kept, candidate)
+                    chi2, term, change = problem.quick(fit, kept, candidate, beside=beside)
                     rivals.append(Rival(term, chi2, change))
             for rival in sorted(rivals, key=lambda rival: rival.score)[:3]:
                 trial = problem.refine([*kept, rival.term], fit, rounds=5)
@@ -327,13 +390,14 @@ def _pruned(problem: Problem, fit: Fit, blocks: np.ndarray, least) -> Fit:
     """Return the fit without terms that the others have made needless."""
     while len(fit.terms) > 1:
         for index, term in enumerate(fit.terms):
-            kept = [other for place, other in enumerate(fit.terms) if place != index]
-            changed = problem.change(fit, [other.effect for other in kept])
-            if float(((fit.residual - changed) ** 2).sum()) - fit.chi2 > 4 * least(term.candidate.size):
+            others = [place for place in range(len(fit.terms)) if place != index]
+            kept = [fit.terms[place] for place in others]
+            changed = problem.change(fit, [other.effect for other in kept]).ravel()
+            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > 4 * least(term.candidate.size):
                 continue
-            without = problem.refine(kept, fit, rounds=4)
-            if without.chi2 - fit.chi2 < least(term.candidate.size):
-                fit = without
+            smaller = problem.refine(kept, fit, rounds=4)
+            if smaller.chi2 - fit.chi2 < least(term.candidate.size):
+                fit = smaller
                 break
         else:
             return fit

@@ -40,6 +40,10 @@ _STRUCTURE = 1e-4
 _MUCH_LARGER = 3.0
 #: A law is an imitation that gains less than so many times what is left; and where what is left sits in its place.
 _IMITATED, _IMITATED_HERE = 10.0, 100.0
+#: Processor time for what else there is beside something unknown [s].
+_SECONDS_BESIDE = 10.0
+#: What is found so is taken where all together fit no worse than this, in chi squared.
+_WORSE = 1.3
 #: A parameter whose usual change moves the whole residual by less than this share of the noise is not seen.
 _UNSEEN = 1e-3
 
@@ -167,7 +171,7 @@ def _verdict(
     unknown: list[Finding] = []
     final = last
     if _unexplained(first, last, count, curves, bool(findings)):
-        findings, unknown, final = _with_unknown(findings, problem, selection, count)
+        findings, unknown, final = _with_unknown(findings, problem, selection, inputs.blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
     deflection = _finite_deflection(first, last, before)
     if deflection is not None:
@@ -217,7 +221,13 @@ def _unexplained(first: Fit, last: Fit, count: int, curves: Sequence[LocalCurve]
 
 
 def _with_unknown(
-    findings: Sequence[Finding], problem: Problem, selection: Selection, count: int
+    findings: Sequence[Finding],
+    problem: Problem,
+    selection: Selection,
+    labels: np.ndarray,
+    count: int,
+    robot: Robot,
+    tell: Tell,
 ) -> tuple[list[Finding], list[Finding], Fit]:
     """Return the findings that stand, what no law explains, and the fit of those that stand.
 
@@ -251,6 +261,16 @@ def _with_unknown(
         ]
     if found is None:
         return kept, [], fit
+    # what else there is, whatever happens at that place
+    freed = problem.freed(fit.influence, found.module)
+    again = select(
+        freed, selection.library, labels, freed.fit_at((), selection.first.run), tell, seconds=_SECONDS_BESIDE
+    )
+    beside = problem.fit_at(again.last.terms, again.last.run)
+    if beside.chi2 < _WORSE * fit.chi2:  # else what was freed has taken what the others explain
+        around = cross_validated(freed, again.last, labels[again.last.samples])
+        kept = [_finding(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
+        fit, found = beside, locate(problem, beside) or found
     statement = (
         "structure is left over that no law of the library takes away; a deformation of "
         f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
@@ -285,12 +305,13 @@ def _alone(problem: Problem, fit: Fit, index: int) -> float:
 def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot: Robot, held: float) -> Finding:
     term = fit.terms[index]
     without = _alone(problem, fit, index) + fit.chi2
-    own = fit.chi2 + penalty(term)
+    scale = max(1.0, fit.chi2 / max(fit.residual.size, 1))  # where more than noise is left, less can be told apart
+    own = fit.chi2 + scale * penalty(term)
     places, laws = [term.candidate.place.name], []
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
     for rival in selection.rivals[index]:
         # indistinct: as good a fit, with values that are not absurd
-        if rival.chi2 - fit.chi2 > INDISTINCT or rival.score > own + 2.5 * INDISTINCT:
+        if rival.chi2 - fit.chi2 > scale * INDISTINCT or rival.score > own + 2.5 * scale * INDISTINCT:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
             places.append(rival.term.candidate.place.name)

@@ -15,7 +15,7 @@ from .candidates import Candidate
 from .influence import Influence
 from .residual import Measured, Noise, whitening
 
-__all__ = ["Fit", "Problem", "Term"]
+__all__ = ["Fit", "Problem", "Term", "without"]
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,19 @@ class Problem:
             exists = self.measured.exists[samples] & influence.run.solved[samples, None]
             self._whitening = samples, whitening(self.noise, influence.compliance, exists)
         return self._whitening[1]
+
+    def freed(self, influence: Influence, module: str) -> Problem:
+        """Return the same problem with a module deforming at every sample as it likes.
+
+        What its deformations do to the pose is projected out of all residuals and changes.
+        """
+        white = self.whiteners(influence)
+        basis, sizes, _ = np.linalg.svd(white @ influence.signature(module), full_matrices=False)
+        basis = basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
+        other = Problem(self.simulator, self.measured, self.noise)
+        other._whitening = influence.run.samples, white - basis @ (basis.mT @ white)
+        other._solved = self._solved
+        return other
 
     def fit_at(self, terms: Sequence[Term], start: Run | None = None) -> Fit:
         """Return the simulation with these terms, without fitting."""
@@ -113,23 +126,23 @@ class Problem:
         fit: Fit,
         kept: Sequence[Term],
         candidate: Candidate,
-        rows: np.ndarray | None = None,
         starts: Sequence[Array] | None = None,
         limit: int = 25,
+        beside: Array | None = None,
     ) -> tuple[float, Term, Array]:
         """Return (chi squared, fitted term, change (n, 6)) of a candidate on top of `kept`, to first order about `fit`.
 
-        Only the samples `rows` (n,) count where given.
+        `beside` (6 n, p): orthonormal changes by the kept terms, which are so fitted together with the candidate; the
+        change returned is what they cannot do.
         """
         effects = [term.effect for term in kept]
-        chosen = slice(None) if rows is None else rows
         target = fit.residual
         low, high = candidate.bounds
 
         def left(coordinates: Array) -> Array:
             changed = self.change(fit, [*effects, candidate.effect(coordinates)])
             with np.errstate(invalid="ignore"):
-                return np.nan_to_num((target - changed)[chosen].ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
+                return without(np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6), beside)
 
         steps = 1e-4 * candidate.scales()
 
@@ -157,7 +170,20 @@ class Problem:
             gtol=1e-10,
         )
         term = Term(candidate, found.x)
-        return 2 * float(found.cost), term, self.change(fit, [*effects, term.effect])
+        change = self.change(fit, [*effects, term.effect])
+        return 2 * float(found.cost), term, without(change.ravel(), beside).reshape(change.shape)
+
+    def beside(self, fit: Fit, kept: Sequence[int]) -> Array | None:
+        """Return orthonormal changes (6 n, p) by some of a fit's terms, given by their places; None for none."""
+        sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
+        columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
+        if not columns:
+            return None
+        jacobian = self.jacobian(fit)[:, columns]
+        left, size, _ = np.linalg.svd(
+            jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300), full_matrices=False
+        )
+        return left[:, size > 1e-6]
 
     def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
         """Return the fit of all terms together through the whole simulation (Gauss-Newton, steps halved)."""
@@ -208,6 +234,11 @@ class Problem:
                     ends.append(self.change(fit, changed))
                 columns.append(((ends[0] - ends[1]) / (2 * step)).ravel())
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
+
+
+def without(values: Array, beside: Array | None) -> Array:
+    """Return values (m,) less their part in the span of orthonormal columns (m, p)."""
+    return values if beside is None else values - beside @ (beside.T @ values)
 
 
 def _least_step(jacobian: Array, residual: Array) -> Array:

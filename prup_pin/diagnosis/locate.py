@@ -17,7 +17,7 @@ from ..spatial import Array
 from .fit import Fit, Problem
 from .local_curve import LocalCurve, curve_against, local_curve
 
-__all__ = ["Located", "Yielding", "captured", "locate", "yieldings"]
+__all__ = ["Located", "Yielding", "least_left", "locate", "yieldings"]
 
 #: Motions of a module whose load is a wrench: along its axis, across, tilting, about its axis; bending of a beam.
 _MOTIONS = ((2,), (0, 1), (3, 4), (5,))
@@ -73,10 +73,10 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
     return sorted(found, key=lambda item: -item.gain)
 
 
-def captured(problem: Problem, fit: Fit, module: str, residual: Array) -> float:
-    """Return the part of a whitened residual (n, 6), squared and summed, that deformations of a module can take away.
+def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside: Array | None = None) -> float:
+    """Return what of a whitened residual (n, 6), squared and summed, no deformation of a module can take away.
 
-    No law of that module alone takes away more, to first order.
+    `beside` (6 n, p): changes that may be made with it. No law of that module alone leaves less, to first order.
     """
     cache = fit.influence.cache
     key = ("space", module)
@@ -84,7 +84,16 @@ def captured(problem: Problem, fit: Fit, module: str, residual: Array) -> float:
         directions = problem.whiteners(fit.influence) @ fit.influence.signature(module)
         basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
         cache[key] = basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
-    return float(((residual[:, None, :] @ cache[key]) ** 2).sum())
+    basis = cache[key]
+
+    def left(values: Array) -> Array:
+        return values - basis @ (basis.mT @ values)
+
+    rest = left(residual[..., None])[..., 0].ravel()
+    if beside is not None:
+        others = left(beside.reshape(*residual.shape, -1)).reshape(len(rest), -1)
+        rest = rest - others @ np.linalg.lstsq(others, rest, rcond=1e-9)[0]
+    return float(rest @ rest)
 
 
 def locate(problem: Problem, fit: Fit) -> Located | None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ..laws import Creep, Resistance
 from ..spatial import Array
@@ -163,6 +162,8 @@ def _crept(creep: Creep, elastic: Array, time: Array, run: np.ndarray, first: Ar
     decays = np.exp(-np.maximum(np.diff(time), 0.0) / creep.time_constant)  # a new run may start earlier
     even = len(decays) > 0 and float(np.ptp(decays)) < 1e-9 * (1 - float(decays[0])) and not np.any(run != run[0])
     if even:
+        from scipy.signal import lfilter  # its import takes longer than that of all the rest
+
         decay = float(decays.mean())
         out[1:] = lfilter([1 - decay], [1, -decay], target[1:], axis=0, zi=decay * out[:1])[0]
         return out
