@@ -29,7 +29,7 @@ MOST_TERMS = 4
 #: Processor time after which no further law is looked for [s].
 MOST_SECONDS = 30.0
 #: A residual of this many times the noise may be noise; else the search is made again, so many times.
-_CLEAN = 1.05
+_CLEAN = 1.10
 _DETOURS = 2
 _FIRST_STEPS = 4
 _FRONT = 24
@@ -196,6 +196,11 @@ def is_clean(fit: Fit) -> bool:
     return fit.chi2 <= max(_CLEAN, 1 + 4 * float(np.sqrt(0.5 / max(fit.residual.size, 1)))) ** 2 * fit.residual.size
 
 
+def _share(step: int, part: float) -> float:
+    """Return how far the search is; how many rounds there will be is not known."""
+    return 0.9 * (1 - 0.5 ** (step + part))
+
+
 def _cost(fit: Fit) -> float:
     return fit.chi2 + sum(penalty(term) for term in fit.terms)
 
@@ -218,7 +223,9 @@ def _forward(
     rivals: list[list[Rival]] = []
     for step in range(MOST_TERMS + 1):
         labels = blocks[fit.samples]
-        screened = screen(problem, fit, library, lambda share, step=step: tell(f"laws, round {step + 1}", share))
+        screened = screen(
+            problem, fit, library, lambda share, step=step: tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
+        )
         if step == MOST_TERMS or time.process_time() > ends:
             break
         least = threshold(fit.residual.size, len(library), fit.residual, labels, screened)
@@ -228,7 +235,7 @@ def _forward(
             size = rival.term.candidate.size
             if rival.term.candidate.name in refused or fit.chi2 - rival.chi2 < least(size):
                 continue
-            tell("the whole simulation", 0.3 + 0.1 * step)
+            tell("the whole simulation", _share(step, 0.6))
             trial = problem.refine([*fit.terms, rival.term], fit)
             after = cross_validated(problem, trial, labels)
             if fit.chi2 - trial.chi2 >= least(size) and before - after > LEAST_GAIN * before:
@@ -237,7 +244,7 @@ def _forward(
             refused.add(rival.term.candidate.name)
         if taken is None:
             break
-        tell("earlier choices again", 0.4 + 0.1 * step)
+        tell("earlier choices again", _share(step, 0.8))
         if time.process_time() > ends:
             fit, rivals = taken, []
             continue

@@ -54,6 +54,18 @@ def _silent(stage: str, share: float) -> None:
     pass
 
 
+def _only_forward(tell: Tell) -> Tell:
+    """Return a `tell` whose share never goes back."""
+    highest = 0.0
+
+    def told(stage: str, share: float) -> None:
+        nonlocal highest
+        highest = max(highest, share)
+        tell(stage, highest)
+
+    return told
+
+
 def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Diagnosis:
     """Return what the recording says that the simulation of `robot` left out.
 
@@ -61,6 +73,7 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
     (units, frames, another machine), UnknownNameError where it lacks the actuators' positions.
     """
     begun = time.perf_counter()
+    tell = _only_forward(tell)
     remarks = [*recording.remarks, *suspicions(recording)]
     recording = _thinned(recording, remarks)
     inputs = _inputs(robot, recording)
