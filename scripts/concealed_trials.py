@@ -29,7 +29,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
-from concealed.draw import PHYSICS, draw, write
+from concealed.draw import NOISE, PHYSICS, draw, write
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
@@ -44,6 +44,9 @@ GROUPS = {
     "pair": (0.10, 2, (4.0, 40.0)),
     "outside": (0.15, ["alien"], (3.0, 30.0)),
 }
+#: Noise of the sensors, as a share of 2 um, 10 urad, 0.03 N and 2 mN m; share of the recordings that do not tell it.
+SENSORS = (0.5, 4.0)
+UNDECLARED = 0.15
 KNOWN = [name for name in PHYSICS if name != "alien"]
 #: Parameters whose truth is one number under the same name, or under the given one.
 COMPARABLE = {
@@ -77,26 +80,30 @@ def trial(seed: int) -> dict:
     _, effects, multiple = GROUPS[group]
     if effects is None:
         effects = [KNOWN[seed % len(KNOWN)]]
+    rng = np.random.default_rng([seed, 8])
+    sensors = float(np.exp(rng.uniform(*np.log(SENSORS))))
+    noise = {name: sensors * value for name, value in NOISE.items()}
+    declared = bool(rng.random() > UNDECLARED)
     with tempfile.TemporaryDirectory() as folder:
         out, sealed = Path(folder) / "out", Path(folder) / "sealed"
-        write(draw(seed, effects, multiple), out, sealed, "device")
+        write(draw(seed, effects, multiple, noise=noise), out, sealed, "device", declared)
         begun = time.perf_counter()
         robot = prup_pin.load("3prup")
         recording = read_recording(out / "device.csv")
         found = diagnose(robot, recording)
         seconds = time.perf_counter() - begun
         heldout = read_recording(out / "device.heldout.csv")
-        before, after = (residual(robot, heldout, effects) for effects in ((), found.effects))
+        before, after = (residual(robot, heldout, effects, noise) for effects in ((), found.effects))
         truth = json.loads((sealed / "device.truth.json").read_text())
-    return score(seed, group, found, truth, seconds, before, after)
+    return score(seed, group, found, truth, seconds, before, after) | {"sensors": sensors, "declared": declared}
 
 
-def residual(robot, recording, effects) -> float:
+def residual(robot, recording, effects, noise=NOISE) -> float:
     """Return the RMS residual of a prediction in multiples of the sensors' noise."""
     predicted = simulate(robot, recording, effects)
-    moved = (np.array(recording.position) - predicted.position) / 2e-6
+    moved = (np.array(recording.position) - predicted.position) / noise["position"]
     measured, simulated = (rotation_exp(np.array(x)) for x in (recording.rotation, predicted.rotation))
-    turned = rotation_log(measured @ simulated.mT) / 1e-5
+    turned = rotation_log(measured @ simulated.mT) / noise["rotation"]
     return float(np.sqrt(np.nanmean(np.hstack([moved, turned]) ** 2)))
 
 

@@ -84,7 +84,7 @@ def programme(rng, poses: int, level: float, warm: bool = False, directions: int
     return Programme(q, np.vstack(w), temperature, np.arange(n, dtype=float))
 
 
-def measure(device: Device, run: Programme, rng=None) -> dict[str, np.ndarray]:
+def measure(device: Device, run: Programme, rng=None, noise=NOISE) -> dict[str, np.ndarray]:
     """What the bench records: q, w, p, r, and the temperature and time; without `rng`, free of noise."""
     s = device.simulate(run.q, run.w, run.temperature, run.time)
     if s.residual.max() > 0.2:
@@ -93,17 +93,17 @@ def measure(device: Device, run: Programme, rng=None) -> dict[str, np.ndarray]:
     if rng is not None:
         n = len(q)
         q = np.round(q, 7)
-        w = w + np.hstack([NOISE["force"] * rng.normal(size=(n, 3)), NOISE["moment"] * rng.normal(size=(n, 3))])
-        p = p + NOISE["position"] * rng.normal(size=(n, 3))
-        r = r + NOISE["rotation"] * rng.normal(size=(n, 3))
+        w = w + np.hstack([noise["force"] * rng.normal(size=(n, 3)), noise["moment"] * rng.normal(size=(n, 3))])
+        p = p + noise["position"] * rng.normal(size=(n, 3))
+        r = r + noise["rotation"] * rng.normal(size=(n, 3))
     return {"q": q, "w": w, "p": p, "r": r, "temperature": run.temperature, "time": run.time}
 
 
-def strength(effects, run: Programme) -> np.ndarray:
+def strength(effects, run: Programme, noise=NOISE) -> np.ndarray:
     """RMS over the run of what the effects change, by pose channel, in multiples of its noise (6,)."""
     seen = measure(Device(effects), run)
     expected = Device().simulate(run.q, seen["w"], run.temperature, run.time)
-    e = np.hstack([(seen["p"] - expected.p) / NOISE["position"], (seen["r"] - expected.r) / NOISE["rotation"]])
+    e = np.hstack([(seen["p"] - expected.p) / noise["position"], (seen["r"] - expected.r) / noise["rotation"]])
     return np.sqrt((e**2).mean(0))
 
 
@@ -241,7 +241,7 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
         module, direction = _pick(rng, CREEPS)
         tau = float(rng.uniform(1.0, 20.0))
         return Candidate(
-            lambda x: effect(module, direction=direction, ratio=x, time_constant=tau), 0.02, 200.0
+            lambda x: effect(module, direction=direction, ratio=x, time_constant=tau), 0.02, 20.0
         )  # fmt: skip
     if physics == "payload":
         lever = list(rng.uniform(0, 0.05) * _unit(rng)) if rng.random() < 0.5 else [0.0, 0.0, 0.0]
@@ -271,14 +271,14 @@ def _alien(rng, leg, sign) -> Candidate:
     return Candidate(lambda x: e | {key: flip * x}, low, high)
 
 
-def scaled(cand: Candidate, run: Programme, target: float) -> tuple[dict, np.ndarray]:
+def scaled(cand: Candidate, run: Programme, target: float, noise=NOISE) -> tuple[dict, np.ndarray]:
     """The effect at the size that gives `target` in its strongest channel (or at its bound), and its strengths."""
     if cand.fixed:
         e = cand.make(1.0)
-        return e, strength([e], run)
+        return e, strength([e], run, noise)
 
     def excess(x):
-        return strength([cand.make(x)], run)
+        return strength([cand.make(x)], run, noise)
 
     x = np.sqrt(cand.low * cand.high)
     s = excess(x)
@@ -307,12 +307,12 @@ def _end(guess, cand):
 
 # ---------------------------------------------------------------------------------------------- device and files
 def draw(seed: int, effects=None, multiple=(4.0, 40.0), level: float | None = None, poses=(14, 6),
-         variants: str = "practice") -> dict:  # fmt: skip
+         variants: str = "practice", noise=NOISE) -> dict:  # fmt: skip
     """A device and its bench test: device, fit and held-out records (noisy), and the truth.
 
     `effects`: None for a random number (0 to 3, mostly 1), a number, or a list of names of PHYSICS. `multiple`: the
     range of each effect's strength in its strongest channel, drawn log-uniformly. `level` [N]: typical force,
-    None for 15 to 150 N.
+    None for 15 to 150 N. `noise`: standard deviations of the sensors.
     """
     rng = np.random.default_rng(seed)
     if level is None:
@@ -329,7 +329,7 @@ def draw(seed: int, effects=None, multiple=(4.0, 40.0), level: float | None = No
         best = None
         for _ in range(16):  # where a size is out of reach, the place (or, if free, the physics) is drawn again
             cand = candidate(rng, name, variants)
-            e, s = scaled(cand, fit, target)
+            e, s = scaled(cand, fit, target, noise)
             miss = 0.0 if cand.fixed else abs(np.log(max(s.max(), 1e-9) / target))
             if (e["physics"], e["location"]) in {(c["physics"], c["location"]) for c in chosen}:
                 miss += 10.0
@@ -345,17 +345,18 @@ def draw(seed: int, effects=None, multiple=(4.0, 40.0), level: float | None = No
         chosen.append(e)
         truths.append(_truth(e, s, target))
     device = Device(chosen)
-    noise = np.random.default_rng([seed, 1])
+    sensors = np.random.default_rng([seed, 1])
     return {
         "device": device,
-        "fit": measure(device, fit, noise),
-        "heldout": measure(device, held, noise),
+        "fit": measure(device, fit, sensors, noise),
+        "heldout": measure(device, held, sensors, noise),
+        "noise": noise,
         "warm": warm,
         "truth": {
             "seed": seed,
             "effects": truths,
             "level": level,
-            "strength_together": [round(v, 3) for v in strength(chosen, fit).tolist()] if chosen else [0.0] * 6,
+            "strength_together": [round(v, 3) for v in strength(chosen, fit, noise).tolist()] if chosen else [0.0] * 6,
             "channels": ["p.x", "p.y", "p.z", "r.x", "r.y", "r.z"],
             "unit": "multiples of the channel's noise, RMS over the fitting part",
         },
@@ -380,13 +381,15 @@ def write_csv(path: Path, rec: dict[str, np.ndarray], temperature: bool) -> None
     np.savetxt(path, np.hstack(cols), delimiter=",", header=",".join(head), comments="", fmt="%.9g")
 
 
-def write(drawn: dict, out: Path, sealed: Path, name: str) -> None:
-    """Recordings into `out`, the answer into `sealed`."""
+def write(drawn: dict, out: Path, sealed: Path, name: str, declared: bool = True) -> None:
+    """Recordings into `out`, the answer into `sealed`; `declared`: whether the recordings tell their noise."""
     out.mkdir(parents=True, exist_ok=True)
     sealed.mkdir(parents=True, exist_ok=True)
     write_csv(out / f"{name}.csv", drawn["fit"], drawn["warm"])
     write_csv(out / f"{name}.heldout.csv", drawn["heldout"], drawn["warm"])
-    about = {"robot": "3prup", "frame": "base"} | {f"{k}_noise": v for k, v in NOISE.items()}
+    about = {"robot": "3prup", "frame": "base"}
+    if declared:
+        about |= {f"{k}_noise": v for k, v in drawn["noise"].items()}
     (out / f"{name}.json").write_text(json.dumps(about, indent=1) + "\n")
     (sealed / f"{name}.truth.json").write_text(json.dumps(drawn["truth"], indent=1) + "\n")
 
