@@ -295,3 +295,59 @@ def test_a_recording_whose_own_json_would_be_replaced(clean_bench, run, tmp_path
     assert done.exit_code == 2
     assert "beside the recording" in " ".join(done.stderr.split())
     assert path.with_suffix(".json").read_text() == before
+
+
+def times(prefix, factor):
+    def change(columns):
+        return {
+            name: [repr(factor * float(cell)) for cell in cells] if name.startswith(prefix) else cells
+            for name, cells in columns.items()
+        }
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("prefix", "factor", "words"),
+    [
+        ("w.f", 1e-3, ("forces", "kN", "expected N")),
+        ("w.m", 1e3, ("moments", "N mm", "expected N m")),
+        ("r.", 180 / np.pi, ("orientations", "degrees")),
+        ("q.", 1e3, ("cannot reach", "[m, rad]")),
+    ],
+)
+def test_other_units(bench, run, tmp_path, prefix, factor, words):
+    path = changed(bench, tmp_path, times(prefix, factor))
+    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", *words)
+
+
+@pytest.mark.parametrize("column", ["q.leg2_slide", "w.fx"])
+def test_a_column_without_any_number(bench, run, tmp_path, column):
+    path = changed(bench, tmp_path, lambda columns: {**columns, column: [""] * len(columns[column])})
+    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", "empty in every row", column[0])
+
+
+def declare(path, **noise):
+    beside = path.with_suffix(".json")
+    beside.write_text(json.dumps({**json.loads(beside.read_text()), **noise}))
+
+
+def test_noise_declared_far_too_small(clean_bench, run, tmp_path):
+    path = changed(clean_bench, tmp_path, lambda columns: columns)
+    declare(path, position_noise=2e-8)
+    done = run("diagnose", path, "--out", tmp_path / "out", "--no-report")
+    assert done.exit_code == 0, done.output
+    document = read_json(tmp_path / "out" / "diagnosis.json")
+    assert document["verdict"] == "nothing_missing"
+    assert document["noise"]["source"] == "estimated"
+    assert document["noise"]["position"] == pytest.approx(2e-6, rel=0.15)
+    assert any("what is left is noise" in text for text in document["remarks"])
+
+
+def test_noise_declared_far_too_large(bench, run, tmp_path):
+    path = changed(bench, tmp_path, lambda columns: columns)
+    declare(path, position_noise=2e-4, rotation_noise=1e-3)
+    done = run("diagnose", path, "--out", tmp_path / "out", "--no-report")
+    assert done.exit_code == 0, done.output
+    remarks = read_json(tmp_path / "out" / "diagnosis.json")["remarks"]
+    assert sum("repeats of a load scatter" in text for text in remarks) == 2

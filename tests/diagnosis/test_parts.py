@@ -1,0 +1,206 @@
+"""What the diagnosis is made of: fits to first order, the place before any law, what counts as noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis.candidates import candidates
+from prup_pin.diagnosis.fit import Problem, Term
+from prup_pin.diagnosis.influence import Influence
+from prup_pin.diagnosis.locate import least_left, locate, yieldings
+from prup_pin.diagnosis.residual import Measured, Noise
+from prup_pin.diagnosis.whiteness import is_white, noise_of_the_rest
+from prup_pin.laws import Inputs
+from prup_pin.recordings import read_recording
+from prup_pin.simulation import Simulator, effect_named, inputs_of
+from prup_pin.spatial import rotation_exp
+
+from ..simulation.bench import inputs
+
+NOISE = Noise(2e-6, 1e-5, 0.0, 0.0, "declared")
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return prup_pin.load("3prup")
+
+
+@pytest.fixture(scope="module")
+def simulator(robot):
+    bench = inputs(robot, poses=6, cycle=(0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0))
+    return Simulator(robot, inputs_of(bench, robot))
+
+
+@pytest.fixture(scope="module")
+def library(robot, simulator):
+    return {candidate.name: candidate for candidate in candidates(robot.mechanism, simulator.inputs)}
+
+
+def problem_of(simulator, effects, scatter=1.0, seed=0, noise=NOISE):
+    """A recording of the robot with these effects, whose sensors scatter by so many times NOISE."""
+    run = simulator.run(effects)
+    rng = np.random.default_rng(seed)
+    shape = run.position.shape
+    position = run.position + scatter * NOISE.position * rng.normal(size=shape)
+    rotation = rotation_exp(scatter * NOISE.rotation * rng.normal(size=shape)) @ run.rotation
+    return Problem(simulator, Measured(position, rotation, np.ones((len(position), 6), bool)), noise)
+
+
+def term(library, name, *values):
+    candidate = library[name]
+    return Term(candidate, candidate.coordinates_of(np.array(values, float)))
+
+
+# -- fits to first order -----------------------------------------------------------------------------------------------
+
+
+def test_a_fit_may_start_where_the_effect_is_nothing(simulator, library):
+    """There a coordinate is zero, and steps in proportion to it would be nothing too."""
+    truth = term(library, "stiffness_changed at leg3/linear_rod", 0.9)
+    problem = problem_of(simulator, [truth.effect])
+    first = problem.fit_at(())
+    chi2, found, _ = problem.quick(first, (), truth.candidate, starts=[np.zeros(1)])
+    assert found.effect.values["factor"] == pytest.approx(0.9, abs=0.01)
+    assert chi2 < 1.2 * first.residual.size < 0.5 * first.chi2
+
+
+def test_a_candidate_is_fitted_together_with_what_is_there(simulator, library):
+    """An offset of the sensor and of the load look much alike: one of them must give way while the other is fitted."""
+    bias = term(library, "wrench_sensor_bias at wrench_sensor", 0.5, -1.5, 3.0, 1.0, 0.2, -0.5)
+    turn = term(library, "pose_sensor_misalignment at pose_sensor", 5e-5, 2e-5, 4e-5, 1e-5, 0, 5e-6)
+    problem = problem_of(simulator, [bias.effect, turn.effect])
+    start = problem.fit_at(())
+    fit = problem.refine([problem.quick(start, (), bias.candidate)[1]], start)
+    beside = problem.beside(fit, [0])
+    alone, _, _ = problem.quick(fit, fit.terms, turn.candidate)
+    together, found, change = problem.quick(fit, fit.terms, turn.candidate, beside=beside)
+    whole = problem.refine([*fit.terms, found], fit)
+    assert together == pytest.approx(whole.chi2, rel=0.02)
+    assert together < 0.9 * alone
+    assert np.abs(beside.T @ change.ravel()).max() < 1e-9 * np.linalg.norm(change)
+
+
+def test_no_law_of_a_module_beats_its_bound(simulator, library):
+    truth = [term(library, "backlash at leg2/ball_nut", 3e-5, 1.0), term(library, "self_weight at robot", 0.3)]
+    problem = problem_of(simulator, [item.effect for item in truth])
+    first = problem.fit_at(())
+    bounded = [candidate for candidate in library.values() if problem.module_of(candidate)]
+    assert len(bounded) > 60
+    for candidate in bounded[::7]:
+        bound = least_left(problem, first, problem.module_of(candidate), first.residual)
+        chi2, _, _ = problem.quick(first, (), candidate)
+        assert chi2 >= bound * (1 - 1e-9)
+    # ... and the bound is worth something: a law elsewhere cannot do what the true one does
+    own = least_left(problem, first, "leg2/ball_nut", first.residual)
+    other = least_left(problem, first, "leg1/ball_nut", first.residual)
+    assert own < 0.8 * other
+
+
+def test_what_acts_otherwise_has_no_bound(simulator, library):
+    problem = problem_of(simulator, [])
+    assert problem.module_of(library["stiffness_changed at leg3/linear_rod"]) == "leg3/linear_rod"
+    assert problem.module_of(library["creep at leg1/R_phi (axial)"]) == "leg1/R_phi"
+    for name in ("coulomb_friction at leg1/R_phi", "encoder_offset at leg1/motor", "self_weight at robot"):
+        assert problem.module_of(library[name]) is None
+
+
+# -- the place, before any law -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("physics", "place", "aspect", "values", "module"),
+    [
+        ("backlash", "leg2/ball_nut", "", {"half_gap": 4e-5, "closing_load": 0.5}, "leg2/ball_nut"),
+        ("root_tilt_compliance", "leg3/linear_rod", "", {"root_tilting_stiffness": 5e3}, "leg3/linear_rod"),
+        ("stiffness_changed", "leg1/R_lambda", "tilting", {"factor": 0.1}, "leg1/R_lambda"),
+    ],
+)
+def test_the_place_is_found_without_a_law(robot, simulator, physics, place, aspect, values, module):
+    problem = problem_of(simulator, [effect_named(physics, place, aspect, values, robot.mechanism)])
+    fit = problem.fit_at(())
+    found = locate(problem, fit)
+    assert module in found.candidates
+    assert {name.partition("/")[0] for name in found.candidates} == {module.partition("/")[0]}
+    assert found.share > 0.7
+    best = yieldings(problem, fit)
+    signal = fit.chi2 - fit.residual.size
+    assert best[0].gain == pytest.approx(signal, rel=0.1)
+    elsewhere = max(item.gain for item in best if item.module[:4] != module[:4])
+    assert elsewhere < 0.9 * best[0].gain
+
+
+def test_it_says_what_a_strange_deformation_follows(tmp_path, robot):
+    """The drive of leg 1 moves with the load of the drive of leg 2."""
+    from concealed.device import Device
+    from concealed.draw import NOISE as SENSORS
+    from concealed.draw import measure, programme, write_csv
+
+    rng = np.random.default_rng(5)
+    effect = {"physics": "alien", "location": "leg1/support_bearing", "kind": "coupling", "of": 2, "coefficient": 4e-6}
+    write_csv(tmp_path / "device.csv", measure(Device([effect]), programme(rng, 5, 60.0), rng, SENSORS), False)
+    recording = read_recording(tmp_path / "device.csv")
+    problem = Problem(Simulator(robot, inputs_of(recording, robot)), Measured.of(recording), NOISE)
+    found = locate(problem, problem.fit_at(()))
+    assert "leg1/support_bearing" in found.candidates
+    assert all(name.startswith("leg1/") for name in found.candidates)
+    words, share = found.follows
+    assert "leg2_slide" in words
+    assert "load" in words
+    assert share > 0.7 > found.curve.gain / problem.fit_at(()).chi2
+
+
+def test_what_a_freed_module_does_is_not_seen(simulator, library):
+    """With one module free to deform as it likes, what it does is nothing, and what others do is found right."""
+    strange = term(library, "backlash at leg1/ball_nut", 5e-5, 1.0)
+    weight = term(library, "self_weight at robot", 1.0)
+    problem = problem_of(simulator, [strange.effect, weight.effect])
+    first = problem.fit_at(())
+    freed = problem.freed(Influence(simulator, first.run), "leg1/ball_nut")
+    alone = problem_of(simulator, [strange.effect]).freed(Influence(simulator, first.run), "leg1/ball_nut")
+    assert alone.fit_at(()).chi2 < 1.3 * first.residual.size
+    fit = freed.refine([term(library, "self_weight at robot", 0.5)], freed.fit_at(()))
+    assert fit.terms[0].effect.values["scale"] == pytest.approx(1.0, abs=0.01)
+    assert fit.chi2 < 1.3 * first.residual.size < 0.01 * first.chi2
+
+
+# -- noise -------------------------------------------------------------------------------------------------------------
+
+
+def test_noise_is_white_and_structure_is_not(robot, simulator):
+    problem = problem_of(simulator, [])
+    fit = problem.fit_at(())
+    blocks = simulator.inputs.blocks[fit.samples]
+    assert is_white(problem, fit, blocks)
+    weak = effect_named("stiffness_changed", "leg1/R_lambda", "tilting", {"factor": 0.5}, robot.mechanism)
+    other = problem_of(simulator, [weak])
+    assert not is_white(other, other.fit_at(()), blocks)
+
+
+@pytest.mark.parametrize("scatter", [4.0, 100.0])
+def test_noise_that_was_declared_too_small_is_measured(simulator, scatter):
+    problem = problem_of(simulator, [], scatter)
+    fit = problem.fit_at(())
+    found = noise_of_the_rest(problem, fit, simulator.inputs.blocks[fit.samples])
+    assert found.position == pytest.approx(scatter * NOISE.position, rel=0.15)
+    assert found.rotation == pytest.approx(scatter * NOISE.rotation, rel=0.15)
+    assert found.source == "estimated"
+
+
+def test_structure_is_not_taken_for_noise(robot, simulator):
+    missing = effect_named("backlash", "leg2/ball_nut", "", {"half_gap": 4e-5, "closing_load": 0.5}, robot.mechanism)
+    problem = problem_of(simulator, [missing])
+    fit = problem.fit_at(())
+    assert noise_of_the_rest(problem, fit, simulator.inputs.blocks[fit.samples]) is None
+    right = problem_of(simulator, [])
+    fit = right.fit_at(())
+    assert noise_of_the_rest(right, fit, simulator.inputs.blocks[fit.samples]) is None
+
+
+def test_runs_are_kept_when_samples_are_taken(simulator):
+    given = simulator.inputs
+    assert (given.run_labels() == 0).all()
+    labelled = replace(given, runs=np.arange(len(given)) // 5)
+    assert isinstance(labelled, Inputs)
+    assert labelled.run_labels().max() == (len(given) - 1) // 5
