@@ -44,7 +44,7 @@ _LEAST_PIECES = 40
 #: Offsets and the like are rarely this many times larger than where a fit starts.
 _USUAL = 30.0
 #: Alternatives whose chi squared is larger by less than this cannot be told apart.
-INDISTINCT = 10.0
+INDISTINCT = 13.0
 
 
 @dataclass(frozen=True)
@@ -290,7 +290,7 @@ def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Arra
 
 def _finished(problem: Problem, fit: Fit, kept, rival: Rival, beside: Array | None) -> Rival:
     term = rival.term
-    chi2, new, change = problem.quick(fit, kept, term.candidate, [term.coordinates], 20, beside)
+    chi2, new, change = problem.quick(fit, kept, term.candidate, term.candidate.around(term.coordinates), 20, beside)
     return Rival(new, chi2, change) if chi2 < rival.chi2 else rival
 
 
