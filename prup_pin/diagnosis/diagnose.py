@@ -268,7 +268,7 @@ def _with_unknown(
                 finding,
                 effect=term.effect,
                 parameters=_parameters(problem, fit, index),
-                statement=term.candidate.law.statement(term.candidate.place, term.effect.values),
+                statement=term.effect.statement(robot.mechanism),
             )
             for index, (finding, term) in enumerate(zip(kept, fit.terms, strict=True))
         ]
@@ -337,7 +337,7 @@ def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot
         candidates=tuple(dict.fromkeys(places)),
         parameters=_parameters(problem, fit, index),
         heldout_gain=float(np.clip(1 - held / max(without, 1e-300), 0.0, 1.0)),
-        statement=term.candidate.law.statement(term.candidate.place, term.effect.values),
+        statement=term.effect.statement(robot.mechanism),
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )

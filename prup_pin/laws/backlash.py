@@ -61,5 +61,6 @@ class Backlash(Law):
         direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
         setup.add_strain(place.name, Strain(along(direction, play, 6)))
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
-        return f"{place} has a play of +-{1e6 * values['half_gap']:.3g} um or urad, which its load takes up"
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = "urad" if turns(mechanism, place) else "um"
+        return f"{place} has a play of +-{1e6 * values['half_gap']:.3g} {unit}, which its load takes up"

@@ -54,5 +54,6 @@ class CoulombFriction(Law):
         let_beams_twist(setup)
         setup.resistances.append(Resistance(joint, values["limit"], values["presliding_stiffness"]))
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
-        return f"{place.name} sticks and slips: it slides at {values['limit']:.3g} N m (N, if it is a slide)"
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = "N" if is_slide(mechanism, joint_places(mechanism)[place.name]) else "N m"
+        return f"the joint at {place.name} sticks and slips: it slides at {values['limit']:.3g} {unit}"

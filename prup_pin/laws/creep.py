@@ -43,6 +43,6 @@ class CreepLaw(Law):
         components = ASPECTS[place.aspect] if place.aspect else slice(None)
         setup.creeps.append(Creep(place.name, values["share"], values["time_constant"], components))
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         share, constant = 100 * values["share"], values["time_constant"]
         return f"{place} goes on yielding under load: {share:.3g} % more, with a time constant of {constant:.3g} s"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .law import Law, Place, Setup
-from .modules_at import actuator_places, drive_of
+from .modules_at import actuator_places, drive_of, is_slide
 
 
 class EncoderOffset(Law):
@@ -16,11 +17,14 @@ class EncoderOffset(Law):
 
     physics = "encoder_offset"
     summary = "an encoder with an offset"
-    quantities = (Quantity("offset", "m or rad", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1),)
+    quantities = (Quantity("offset", "m", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1),)
     neutral: ClassVar = {"offset": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name) for name in actuator_places(mechanism)]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return self.quantities if _slides(place, mechanism) else (replace(self.quantities[0], unit="rad"),)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)
@@ -28,8 +32,13 @@ class EncoderOffset(Law):
     def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
         setup.travel[:, actuator_places(setup.mechanism)[place.name]] += values["offset"]
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
-        return f"the encoder at {place} is off by {1e3 * values['offset']:+.3g} mm (mrad, if it turns)"
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = "mm" if _slides(place, mechanism) else "mrad"
+        return f"the encoder at {place} is off by {1e3 * values['offset']:+.3g} {unit}"
+
+
+def _slides(place: Place, mechanism: Mechanism) -> bool:
+    return is_slide(mechanism, mechanism.actuated[actuator_places(mechanism)[place.name]])
 
 
 class EncoderDelay(Law):
@@ -49,5 +58,5 @@ class EncoderDelay(Law):
         if setup.inputs.speeds is not None:
             setup.travel[:, column] += values["delay"] * setup.inputs.speeds[:, column]
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the encoder at {place} reports {1e3 * values['delay']:.3g} ms late"

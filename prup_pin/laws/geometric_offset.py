@@ -50,7 +50,7 @@ class GeometricOffset(Law):
                 column, rate = held
                 setup.travel[:, column] += rate * error
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         listed = ", ".join(f"{name} {1e3 * value:+.3g} mm" for name, value in values.items())
         return f"{place.name} is not where the drawing has it: {listed}"
 

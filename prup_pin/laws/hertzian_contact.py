@@ -58,5 +58,5 @@ class HertzianContact(Law):
         direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
         setup.add_strain(place.name, Strain(along(direction, contact, 6)))
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place} stiffens with its load, as contacts do (preload {values['preload']:.3g})"

@@ -213,7 +213,7 @@ class Law(ABC):
         """Return other parts to which one and the same effect could be ascribed just as well."""
         return ()
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         """Return one sentence that a machine builder understands."""
         return f"{self.summary} at {place}"
 
@@ -228,6 +228,10 @@ class Effect:
 
     def act(self, setup: Setup) -> None:
         self.law.act(self.place, self.values, setup)
+
+    def statement(self, mechanism: Mechanism) -> str:
+        """Return one sentence that a machine builder understands."""
+        return self.law.statement(self.place, self.values, mechanism)
 
     def checked(self, mechanism: Mechanism) -> Effect:
         """Return self, or raise UnknownNameError, ParameterError for a place or values that do not fit the robot."""

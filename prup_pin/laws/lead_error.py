@@ -29,7 +29,7 @@ class LeadError(Law):
         column, _ = screws(setup.mechanism)[place.name]
         setup.travel[:, column] += values["relative"] * setup.inputs.actuators[:, column]
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} has another lead: the nut travels {1e3 * values['relative']:+.3g} um more per millimetre"
 
 
@@ -53,6 +53,6 @@ class PeriodicLeadError(Law):
         angle = 2 * np.pi * setup.inputs.actuators[:, column] / lead
         setup.travel[:, column] += values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle)
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])
         return f"{place.name} errs once a turn, by +-{amplitude:.3g} um"

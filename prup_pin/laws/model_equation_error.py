@@ -50,7 +50,7 @@ class ModelEquationError(Law):
 
             setup.add_strain(module.name, Strain(missing, (values["share"] * (right - wrong),)))
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return "the rods' bending about x is modelled with the sign that Eq. (90) of the source paper prints"
 
 

@@ -37,7 +37,7 @@ class Payload(Law):
         """Return the centre of mass in the tool's axes [m], (3,)."""
         return np.zeros(3)
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the tool carries {values['mass']:.3g} kg that the simulation does not know of"
 
 
@@ -57,6 +57,6 @@ class OffCentrePayload(Payload):
     def _centre(self, values: Mapping[str, float]) -> np.ndarray:
         return np.array([values[axis] for axis in "xyz"])
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         centre = ", ".join(f"{1e3 * values[axis]:.3g}" for axis in "xyz")
-        return f"{super().statement(place, values)}, centred at ({centre}) mm in its axes"
+        return f"{super().statement(place, values, mechanism)}, centred at ({centre}) mm in its axes"

@@ -36,7 +36,7 @@ class PoseSensorMisalignment(Law):
 
         setup.sensors.append(reported)
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = 1e3 * np.linalg.norm([values["rx"], values["ry"], values["rz"]])
         shift = 1e3 * np.linalg.norm([values["tx"], values["ty"], values["tz"]])
         return f"the pose sensor's frame is turned by {turn:.3g} mrad and shifted by {shift:.3g} mm"

@@ -34,7 +34,7 @@ class RootTiltCompliance(Law):
         compliance = 1 / given + 1 / values["root_tilting_stiffness"]
         setup.values[f"{place.name}.root_tilting_stiffness"] = 1 / compliance if compliance else np.inf
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the clamp at the root of {place.name} tilts, with {values['root_tilting_stiffness']:.3g} N m/rad"
 
 

@@ -26,7 +26,7 @@ class SelfWeight(Law):
     def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
         setup.masses += values["scale"]
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the robot sags under its own weight ({100 * values['scale']:.3g} % of the robot file's masses)"
 
 

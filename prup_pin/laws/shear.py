@@ -38,7 +38,7 @@ class Shear(Law):
                 if np.isinf(twisting):  # shear alone: the section stays stiff in torsion
                     setup.values[f"{module.name}.torsion_constant"] = np.inf
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"rods and branches shear, {values['scale']:.3g} times as much as round steel would"
 
 
@@ -62,7 +62,7 @@ class Torsion(Law):
                 constant = _divided(module.values["torsion_constant"], values["scale"])
                 setup.values[f"{module.name}.torsion_constant"] = constant
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"rods and branches twist, {values['scale']:.3g} times as much as round steel would"
 
 

@@ -37,7 +37,7 @@ class StiffnessChanged(Law):
         ):
             setup.values[f"{place.name}.{changed}"] = setup.module_value(place.name, changed) * values["factor"]
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         share = 100 * values["factor"]
         what = f"{place.aspect} stiffness" if place.aspect else "stiffness"
         return f"the {what} of {place.name} is {share:.3g} % of the robot file's"

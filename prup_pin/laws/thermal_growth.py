@@ -47,5 +47,5 @@ class ThermalGrowth(Law):
 
         setup.add_strain(place.name, Strain(grow, (growth * lengths,)))
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place} grows as it warms up, by {1e6 * values['expansion']:.3g} um per metre and kelvin"

@@ -37,5 +37,7 @@ class ViscousFriction(Law):
         let_beams_twist(setup)
         setup.resistances.append(Resistance(joint, damping=values["damping"]))
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
-        return f"{place} resists its speed, by {values['damping']:.3g} N m s/rad (N s/m, if it is a slide)"
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        slides = is_slide(mechanism, joint_places(mechanism)[place.name])
+        unit = "N s/m" if slides else "N m s/rad"
+        return f"the joint at {place.name} resists its speed, by {values['damping']:.3g} {unit}"

@@ -32,7 +32,7 @@ class WrenchSensorMisalignment(Law):
         turn = rotation_exp(np.array([values[f"r{axis}"] for axis in "xyz"]))
         setup.sensed = np.concatenate((setup.sensed[:, :3] @ turn.T, setup.sensed[:, 3:] @ turn.T), axis=1)
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = np.degrees(np.linalg.norm([values[f"r{axis}"] for axis in "xyz"]))
         return f"the wrench sensor is turned by {turn:.3g} degrees against the base frame"
 
@@ -53,7 +53,7 @@ class WrenchSensorGain(Law):
     def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
         setup.sensed = setup.sensed * np.array([values[name] for name in WRENCH_NAMES])
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         off = ", ".join(f"{name} {100 * (values[name] - 1):+.3g} %" for name in WRENCH_NAMES)
         return f"the true wrench differs from the sensor's by {off}"
 
@@ -73,7 +73,7 @@ class WrenchSensorCommonGain(Law):
     def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
         setup.sensed = setup.sensed * values["gain"]
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the true wrench is {100 * values['gain']:.4g} % of what the sensor reports"
 
 
@@ -93,7 +93,7 @@ class WrenchSensorBias(Law):
     def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
         setup.sensed = setup.sensed - np.array([values[name] for name in WRENCH_NAMES])
 
-    def statement(self, place: Place, values: Mapping[str, float]) -> str:
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         force = np.linalg.norm([values[name] for name in WRENCH_NAMES[:3]])
         moment = np.linalg.norm([values[name] for name in WRENCH_NAMES[3:]])
         return f"the wrench sensor reports {force:.3g} N and {moment:.3g} N m at rest"

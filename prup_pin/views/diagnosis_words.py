@@ -26,7 +26,6 @@ __all__ = [
 _SMALLER = {
     "m": ((1e6, "µm"), (1e3, "mm")),
     "rad": ((1e6, "µrad"), (1e3, "mrad")),
-    "m or rad": ((1e6, "µm or µrad"), (1e3, "mm or mrad")),
     "m/m": ((1e6, "µm/m"),),
     "s": ((1e3, "ms"),),
     "1/K": ((1e6, "µm/(m K)"),),

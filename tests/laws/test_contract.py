@@ -152,7 +152,8 @@ def test_strains_are_what_their_derivatives_say(name, law, place):
 
 @ONE_LEG
 def test_statement_is_a_sentence_for_people(name, law, place):
-    text = law.statement(place, law.starts(place, robot(name).mechanism)[0])
+    mechanism = robot(name).mechanism
+    text = law.statement(place, law.starts(place, mechanism)[0], mechanism)
     assert len(text) > 20
     assert not text.endswith(".")
     assert not set("{}_\n") & set(text.replace(str(place), "").replace(place.name, ""))
