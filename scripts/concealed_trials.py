@@ -169,6 +169,12 @@ def wilson(hits: int, total: int) -> str:
     return f"{100 * p:.1f} % ({hits}/{total}; {100 * max(centre - half, 0):.1f}-{100 * min(centre + half, 1):.1f} %)"
 
 
+def alternative(trial: dict) -> bool:
+    """Return True where the true physics stands among the alternatives of a finding."""
+    true = trial["effects"][0]["physics"]
+    return any(text.partition(" at ")[0] == true for item in trial["findings"] for text in item["alternatives"])
+
+
 def summary(trials: list[dict]) -> str:
     """Return the tables as Markdown."""
     lines = [f"{len(trials)} devices, seeds {min(t['seed'] for t in trials)} to {max(t['seed'] for t in trials)}.", ""]
@@ -181,6 +187,8 @@ def summary(trials: list[dict]) -> str:
     wrong = [t for t in outside if any(item["physics"] != "unknown" for item in t["findings"])]
     paired = [e for t in pairs for e in t["effects"]]
 
+    classes = [len(t["findings"][0]["candidates"]) for t in strong if t["findings"]] or [0]
+
     def rate(key: str) -> str:
         return wilson(sum(t["effects"][0][key] for t in strong), len(strong))
 
@@ -191,6 +199,10 @@ def summary(trials: list[dict]) -> str:
         f"| one effect of 3 x noise or more: place right | {rate('place')} |",
         f"| … physics right | {rate('named')} |",
         f"| … both, in one finding | {rate('right')} |",
+        f"| … physics right, or named among those that the data cannot tell apart | "
+        f"{wilson(sum(t['effects'][0]['named'] or alternative(t) for t in strong), len(strong))} |",
+        f"| places in the class of a single effect, median (90th percentile) | {np.median(classes):.0f} "
+        f"({np.quantile(classes, 0.9):.0f}) |",
         f"| pairs: effects with place and physics right | {wilson(sum(e['right'] for e in paired), len(paired))} |",
         f"| outside the library: a law named | {wilson(len(wrong), len(outside))} |",
         f"| 95 % intervals that hold the truth | {wilson(sum(inside), len(inside))} |",

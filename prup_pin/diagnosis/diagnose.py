@@ -151,7 +151,7 @@ def _quieter(noise: Noise, recording, measured: Measured, linear: Linear, inputs
     """Return sentences on declared noise that is much larger than the scatter of repeats."""
     remarks = []
     seen = scatter_of_repeats(measured, np.nan_to_num(linear.compliance), inputs.blocks, inputs.wrench)
-    for name, unit, found in (("position", "um", seen[0]), ("rotation", "urad", seen[1])):
+    for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
         declared = getattr(recording.noise, name)
         if declared is not None and found is not None and declared > _MUCH_LARGER * found:
             remarks.append(
@@ -163,8 +163,8 @@ def _quieter(noise: Noise, recording, measured: Measured, linear: Linear, inputs
 
 def _noisier(noise: Noise, larger: Noise) -> str:
     return (
-        f"what is left is noise, but {1e6 * larger.position:.3g} um and {1e6 * larger.rotation:.3g} urad, not the "
-        f"{noise.source} {1e6 * noise.position:.3g} um and {1e6 * noise.rotation:.3g} urad: the former were used"
+        f"what is left is noise, but {1e6 * larger.position:.3g} µm and {1e6 * larger.rotation:.3g} µrad, not the "
+        f"{noise.source} {1e6 * noise.position:.3g} µm and {1e6 * noise.rotation:.3g} µrad: the former were used"
     )
 
 

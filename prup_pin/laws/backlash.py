@@ -62,5 +62,5 @@ class Backlash(Law):
         setup.add_strain(place.name, Strain(along(direction, play, 6)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "urad" if turns(mechanism, place) else "um"
-        return f"{place} has a play of +-{1e6 * values['half_gap']:.3g} {unit}, which its load takes up"
+        unit = "µrad" if turns(mechanism, place) else "µm"
+        return f"{place} has a play of ±{1e6 * values['half_gap']:.3g} {unit}, which its load takes up"

@@ -30,7 +30,7 @@ class LeadError(Law):
         setup.travel[:, column] += values["relative"] * setup.inputs.actuators[:, column]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} has another lead: the nut travels {1e3 * values['relative']:+.3g} um more per millimetre"
+        return f"{place.name} has another lead: the nut travels {1e3 * values['relative']:+.3g} µm more per millimetre"
 
 
 class PeriodicLeadError(Law):
@@ -55,4 +55,4 @@ class PeriodicLeadError(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])
-        return f"{place.name} errs once a turn, by +-{amplitude:.3g} um"
+        return f"{place.name} errs once a turn, by ±{amplitude:.3g} µm"

@@ -48,4 +48,4 @@ class ThermalGrowth(Law):
         setup.add_strain(place.name, Strain(grow, (growth * lengths,)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place} grows as it warms up, by {1e6 * values['expansion']:.3g} um per metre and kelvin"
+        return f"{place} grows as it warms up, by {1e6 * values['expansion']:.3g} µm per metre and kelvin"
