@@ -17,7 +17,7 @@ from scipy.stats import chi2 as chi_squared
 from ..spatial import Array
 from .candidates import Candidate
 from .fit import Fit, Problem, Term, without
-from .locate import least_left
+from .locate import least_left, yieldings
 
 __all__ = ["Rival", "Selection", "cross_validated", "select"]
 
@@ -31,6 +31,8 @@ MOST_SECONDS = 30.0
 #: A residual of this many times the noise may be noise; else the search is made again, so many times.
 _CLEAN = 1.10
 _DETOURS = 2
+#: Share of what is left that one module's deformation must take away to be all of it.
+_ONE_PLACE = 0.9
 _FIRST_STEPS = 4
 _FRONT = 24
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
@@ -175,7 +177,9 @@ def select(
     ends = time.process_time() + seconds
     best = _forward(problem, library, blocks, first, ends, tell)
     tried: set[str] = set()
-    while not is_clean(best.last) and len(tried) < _DETOURS and time.process_time() < ends:
+    while len(tried) < _DETOURS and time.process_time() < ends:
+        if is_clean(best.last) or _sits_in_one_place(problem, best.last):
+            break
         banned = next((term.candidate.name for term in best.last.terms if term.candidate.name not in tried), None)
         if banned is None:
             break
@@ -199,6 +203,12 @@ def is_clean(fit: Fit) -> bool:
 def _share(step: int, part: float) -> float:
     """Return how far the search is; how many rounds there will be is not known."""
     return 0.9 * (1 - 0.5 ** (step + part))
+
+
+def _sits_in_one_place(problem: Problem, fit: Fit) -> bool:
+    """Return True where what is left is the deformation of one module: then no other order of laws explains it."""
+    found = yieldings(problem, fit)
+    return bool(found) and found[0].gain > _ONE_PLACE * (fit.chi2 - fit.residual.size)
 
 
 def _cost(fit: Fit) -> float:
