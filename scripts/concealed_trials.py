@@ -29,7 +29,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
-from concealed.draw import NOISE, PHYSICS, draw, write
+from concealed.draw import NOISE, PHYSICS, RARE, draw, write
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
@@ -43,6 +43,7 @@ GROUPS = {
     "one": (0.50, None, (3.0, 40.0)),
     "pair": (0.10, 2, (4.0, 40.0)),
     "outside": (0.15, ["alien"], (3.0, 30.0)),
+    "rare": (0.0, None, (4.0, 40.0)),
 }
 #: Noise of the sensors, as a share of 2 um, 10 urad, 0.03 N and 2 mN m; share of the recordings that do not tell it.
 SENSORS = (0.5, 4.0)
@@ -60,11 +61,19 @@ COMPARABLE = {
     ("encoder_offset", "offset"): "offset",
     ("payload", "mass"): "mass",
     ("creep", "share"): "ratio",
+    ("viscous_friction", "damping"): "damping",
+    ("encoder_delay", "delay"): "delay",
 }
+
+
+#: Seeds from here on draw physics that few robots have, one device in ten besides.
+RARE_SEEDS = 1_000_000
 
 
 def group_of(seed: int) -> str:
     """Return which kind of device a seed draws."""
+    if seed >= RARE_SEEDS:
+        return "rare"
     at = np.random.default_rng([seed, 7]).random()
     total = 0.0
     for name, (share, _, _) in GROUPS.items():
@@ -79,7 +88,8 @@ def trial(seed: int) -> dict:
     group = group_of(seed)
     _, effects, multiple = GROUPS[group]
     if effects is None:
-        effects = [KNOWN[seed % len(KNOWN)]]
+        names = RARE if group == "rare" else KNOWN
+        effects = [names[seed % len(names)]]
     rng = np.random.default_rng([seed, 8])
     sensors = float(np.exp(rng.uniform(*np.log(SENSORS))))
     noise = {name: sensors * value for name, value in NOISE.items()}
@@ -177,9 +187,9 @@ def alternative(trial: dict) -> bool:
 
 def summary(trials: list[dict]) -> str:
     """Return the tables as Markdown."""
-    lines = [f"{len(trials)} devices, seeds {min(t['seed'] for t in trials)} to {max(t['seed'] for t in trials)}.", ""]
+    lines = [f"{len(trials)} devices, seeds from {min(t['seed'] for t in trials)} on.", ""]
     clean = [t for t in trials if t["group"] == "clean"]
-    one = [t for t in trials if t["group"] == "one"]
+    one = [t for t in trials if t["group"] in ("one", "rare")]
     strong = [t for t in one if t["effects"][0]["strength"] >= 3]
     outside = [t for t in trials if t["group"] == "outside"]
     pairs = [t for t in trials if t["group"] == "pair"]
@@ -248,7 +258,8 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     kept = options.out / "trials.jsonl"
     done = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
-    seeds = range(options.first_seed, options.first_seed + options.count)
+    first = options.first_seed
+    seeds = [*range(first, first + options.count), *range(RARE_SEEDS + first, RARE_SEEDS + first + options.count // 10)]
     done = [item for item in done if item["seed"] in seeds]
     left = [seed for seed in seeds if seed not in {item["seed"] for item in done}]
     with ProcessPoolExecutor(options.workers) as pool, kept.open("a") as file:

@@ -17,7 +17,7 @@ import numpy as np
 from ..laws import Setup
 from ..loaded import with_values
 from ..simulation import Run, Simulator
-from ..simulation.memory import creep_strains, follow_resistances
+from ..simulation.memory import creep_strains, resisted
 from ..spatial import Array, rotation_exp, rotation_log
 
 __all__ = ["Influence"]
@@ -204,7 +204,7 @@ class Influence:
         if items:
             inputs, samples = self.simulator.inputs, self.run.samples
             influence = self._joint_influence(tuple(places))
-            new = follow_resistances(
+            new, _ = resisted(
                 items,
                 self.found.state.travel[:, dofs],
                 before[:, places],

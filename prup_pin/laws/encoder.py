@@ -53,6 +53,9 @@ class EncoderDelay(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name) for name in actuator_places(mechanism)]
 
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return drive_of(place.name, mechanism)
+
     def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
         column = actuator_places(setup.mechanism)[place.name]
         if setup.inputs.speeds is not None:

@@ -16,7 +16,7 @@ import numpy as np
 from ..laws import Creep, Resistance
 from ..spatial import Array
 
-__all__ = ["Crept", "Memory", "Resisted", "creep_strains", "follow_resistances", "resisted"]
+__all__ = ["Crept", "Memory", "Resisted", "creep_strains", "resisted"]
 
 _SWEEPS = 60
 
@@ -47,22 +47,6 @@ class Memory:
     crept: Mapping[str, Crept] = field(default_factory=dict)
 
 
-def follow_resistances(
-    resistances: Sequence[Resistance],
-    displacement: Array,
-    torque: Array,
-    influence: Array,
-    blocks: np.ndarray,
-    time: Array,
-) -> Array:
-    """Return the resisting torques (N, r) that agree with the joints' history.
-
-    displacement (N, r) of the joints at the present `torque` (N, r); influence (N, r, r) is d(displacement)/d(torque).
-    A joint starts each block of samples relaxed, where it stands under the load of the first one.
-    """
-    return resisted(resistances, displacement, torque, influence, blocks, time, None)[0]
-
-
 def resisted(
     resistances: Sequence[Resistance],
     displacement: Array,
@@ -70,11 +54,13 @@ def resisted(
     influence: Array,
     blocks: np.ndarray,
     time: Array,
-    memory: Resisted | None,
+    memory: Resisted | None = None,
 ) -> tuple[Array, Resisted | None]:
-    """Return the same and what is remembered after the last sample; `memory` is that before the first one.
+    """Return the resisting torques (N, r) that agree with the joints' history, and what is remembered after it.
 
-    Blocks know nothing of each other: they are followed side by side, sample by sample.
+    displacement (N, r) of the joints at the present `torque` (N, r); influence (N, r, r) is d(displacement)/d(torque);
+    `memory`: what is remembered before the first sample. A joint starts each block of samples relaxed, where it stands
+    under the load of the first one. Blocks know nothing of each other: they are followed side by side.
     """
     out = np.zeros_like(torque)
     if not len(time):

@@ -31,6 +31,7 @@ import numpy as np
 
 G = 9.80665  # m/s^2, along +z
 ALPHA = np.radians([0.0, 120.0, 240.0])  # rad, legs around the base
+ENDLESS = 1e12  # N m or N, a limit that nothing reaches
 T_REF = 20.0  # degC
 
 NOMINAL: dict[str, float] = {
@@ -266,6 +267,7 @@ class Device:
         self.hertz: dict[str, list[dict]] = {}
         self.friction: dict[str, dict[str, np.ndarray]] = {}  # joint -> limit, presliding (3, 1)
         self.friction_kept = False
+        self.encoder_delay = np.zeros(3)
         self.base = np.zeros((3, 3))  # (leg, radial/tangential/height)
         self.offset_extra = np.zeros((3, 1))  # yoke longer without a shorter rod
         self.clamp = np.zeros((3, 1))  # rad/(N m), rod's clamp
@@ -335,6 +337,23 @@ class Device:
             f["presliding"][i] = e.get("presliding", 2.3e-4)
         self.friction_kept |= bool(e.get("kept", False))
         self.torsion |= bool(e.get("torsion", True))
+
+    def _effect_viscous_friction(self, e):
+        """joint (theta, phi, lambda, slide), damping (N m s/rad; N s/m for slide): torque by the way since the sample
+        before, over the time since; none at the first sample of a pose. Rods and branches twist, as above."""
+        j = e.get("joint") or {"R_theta_P": "theta", "R_phi": "phi", "R_lambda": "lambda"}[self._module(e)]
+        f = self.friction.setdefault(j, {"limit": np.zeros((3, 1)), "presliding": np.full((3, 1), 2.3e-4)})
+        f["viscous"] = True
+        for i in self._legs(e):
+            # a spring from where the joint was one second before, which nothing limits
+            f["limit"][i] = ENDLESS
+            f["presliding"][i] = ENDLESS / e["damping"]
+        self.torsion |= bool(e.get("torsion", True))
+
+    def _effect_encoder_delay(self, e):
+        """delay (s): an encoder reports where its actuator was."""
+        for i in self._legs(e):
+            self.encoder_delay[i] += e["delay"]
 
     def _effect_self_weight(self, e):
         """density (kg/m^3), branch_length, rod_length (m), hub_mass (kg), g (m/s^2), branches.
@@ -443,6 +462,10 @@ class Device:
         rot = _qmat(_qexp(tuple(self.wrench_turn)))
         turned = np.hstack([w[:, :3] @ rot.T, w[:, 3:] @ rot.T])
         return turned * self.wrench_gain + self.wrench_bias
+
+    def report_position(self, q: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """Positions (N, 3) that the encoders report at true ones and speeds, without noise."""
+        return q - self.encoder_delay * speeds
 
     def true_wrench(self, reported: np.ndarray) -> np.ndarray:
         """Inverse of `report_wrench`."""
@@ -896,7 +919,7 @@ class Device:
                 if j == 0:
                     ref[k] = v.copy()
                 else:
-                    r, pre = ref[k][:, live], f["presliding"]
+                    r, pre = ref[k][:, live], 0.0 if f.get("viscous") else f["presliding"]
                     ref[k][:, live] = np.clip(r, v - pre, v + pre)
         return (p, quat, u), out, size, most
 

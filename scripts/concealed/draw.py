@@ -31,12 +31,16 @@ LEVELS = np.array([0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0])  # one cycle
 # ---------------------------------------------------------------------------------------------- bench test
 @dataclass
 class Programme:
-    """Commands of a bench test: q [m] (N, 3), true wrench w (N, 6), temperature [degC] (N,), time [s] (N,)."""
+    """Commands of a bench test: q [m] (N, 3), true wrench w (N, 6), temperature [degC] (N,), time [s] (N,).
+
+    speeds [m/s] (N, 3): where the robot moves slowly while it is measured, else None.
+    """
 
     q: np.ndarray
     w: np.ndarray
     temperature: np.ndarray
     time: np.ndarray
+    speeds: np.ndarray | None = None
 
 
 def actuator_positions(z, theta, phi):
@@ -90,19 +94,22 @@ def measure(device: Device, run: Programme, rng=None, noise=NOISE) -> dict[str, 
     if s.residual.max() > 0.2:
         raise RuntimeError(f"equilibrium not found: residual {s.residual.max():.3g}")
     w, q, p, r = device.report_wrench(run.w), run.q, s.p, s.r
+    if run.speeds is not None:
+        q = device.report_position(q, run.speeds)
     if rng is not None:
         n = len(q)
         q = np.round(q, 7)
         w = w + np.hstack([noise["force"] * rng.normal(size=(n, 3)), noise["moment"] * rng.normal(size=(n, 3))])
         p = p + noise["position"] * rng.normal(size=(n, 3))
         r = r + noise["rotation"] * rng.normal(size=(n, 3))
-    return {"q": q, "w": w, "p": p, "r": r, "temperature": run.temperature, "time": run.time}
+    moving = {} if run.speeds is None else {"qd": run.speeds}
+    return {"q": q, "w": w, "p": p, "r": r, "temperature": run.temperature, "time": run.time} | moving
 
 
 def strength(effects, run: Programme, noise=NOISE) -> np.ndarray:
     """RMS over the run of what the effects change, by pose channel, in multiples of its noise (6,)."""
     seen = measure(Device(effects), run)
-    expected = Device().simulate(run.q, seen["w"], run.temperature, run.time)
+    expected = Device().simulate(seen["q"], seen["w"], run.temperature, run.time)
     e = np.hstack([(seen["p"] - expected.p) / noise["position"], (seen["r"] - expected.r) / noise["rotation"]])
     return np.sqrt((e**2).mean(0))
 
@@ -132,7 +139,8 @@ ALIENS = {  # kind: bounds of its coefficient
     "periodic_stiffness": (0.05, 300.0), "coupling": (1e-9, 1e-5), "tilt_quadratic": (1e-8, 1e-3),
     "angle_stiffness": (0.05, 60.0),
 }  # fmt: skip
-# on request only: shear stays below the noise at ordinary loads, and only friction can twist a rod or branch
+# on request only, as are shear, which stays below the noise at ordinary loads, and torsion, which only friction causes
+RARE = ["viscous_friction", "encoder_delay"]
 PHYSICS = [
     "stiffness_changed", "backlash", "hertzian_contact", "coulomb_friction", "self_weight",
     "root_tilt_compliance", "hub_root_compliance", "thermal_growth", "lead_error", "geometric_offset",
@@ -187,6 +195,13 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
             return Candidate(lambda x: effect(module, joint=joint, limit=x, presliding=pre), 0.2, 60.0)
         per_moment = float(rng.uniform(2e-4, 2.5e-4) if plain else rng.uniform(5e-5, 1e-3))  # rad at 1 N m
         return Candidate(lambda x: effect(module, joint=joint, limit=x, presliding=per_moment * x), 0.01, 8.0)
+    if physics == "viscous_friction":
+        joint, module = _pick(rng, [("theta", "R_theta_P"), ("phi", "R_phi"), ("lambda", "R_lambda"),
+                                    ("slide", "R_theta_P")])  # fmt: skip
+        low, high = (10.0, 1e7) if joint == "slide" else (1.0, 1e5)
+        return Candidate(lambda x: effect(module, joint=joint, damping=x), low, high)
+    if physics == "encoder_delay":
+        return Candidate(lambda x: effect("motor", delay=x), 1e-5, 0.2)
     if physics == "self_weight":
         return Candidate(lambda x: effect("", branches="hub" if plain else "distributed"), 1, 1, fixed=True)
     if physics in ("shear", "torsion"):
@@ -323,6 +338,10 @@ def draw(seed: int, effects=None, multiple=(4.0, 40.0), level: float | None = No
     names = [_pick(rng, PHYSICS) for _ in range(effects)] if free else list(effects)
     warm = "thermal_growth" in names or bool(rng.random() < 0.15)
     fit, held = (programme(rng, n, level, warm) for n in poses)
+    if "encoder_delay" in names:
+        for run in (fit, held):  # a slow crawl, at another speed in each pose
+            moves = np.r_[True, np.abs(np.diff(run.q, axis=0)).max(1) > 0]
+            run.speeds = rng.uniform(-0.02, 0.02, (int(moves.sum()), 3))[np.cumsum(moves) - 1]
     chosen, truths = [], []
     for name in names:
         target = float(np.exp(rng.uniform(*np.log(multiple))))
@@ -378,6 +397,9 @@ def write_csv(path: Path, rec: dict[str, np.ndarray], temperature: bool) -> None
     if temperature:
         head.append("temperature")
         cols.append(rec["temperature"][:, None])
+    if "qd" in rec:
+        head += [f"qd.leg{i}_slide" for i in (1, 2, 3)]
+        cols.append(rec["qd"])
     np.savetxt(path, np.hstack(cols), delimiter=",", header=",".join(head), comments="", fmt="%.9g")
 
 
@@ -401,7 +423,9 @@ def main(argv=None) -> None:
     ap.add_argument("--out", type=Path, required=True)
     ap.add_argument("--sealed", type=Path, required=True, help="directory of the answers")
     ap.add_argument("--effects", type=int, help="number of effects; default: random, mostly one")
-    ap.add_argument("--kind", action="append", choices=[*PHYSICS, "shear", "torsion"], help="this physics (repeatable)")
+    ap.add_argument(
+        "--kind", action="append", choices=[*PHYSICS, *RARE, "shear", "torsion"], help="this physics (repeatable)"
+    )
     ap.add_argument("--multiple", type=float, nargs=2, default=(4.0, 40.0), help="range of strength in noise")
     ap.add_argument("--level", type=float, help="typical force in N")
     ap.add_argument("--variants", choices=["practice", "physical", "mixed"], default="practice")

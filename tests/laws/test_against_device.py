@@ -107,6 +107,10 @@ CASES = [
     friction("leg1/R_phi", "phi", "leg1/R_phi"),
     friction("leg1/R_lambda", "lambda", "leg1/R_lambda"),
     friction("leg1/R_theta_P", "slide", "leg1/moving_star_branch", limit=5.0),
+    case("damper in phi", "viscous_friction", "leg1/R_phi", {"joint": "phi", "damping": 500.0},
+         effect(laws.ViscousFriction, "leg1/R_phi", damping=500.0)),
+    case("damper in the slide", "viscous_friction", "leg1/R_theta_P", {"joint": "slide", "damping": 5e4},
+         effect(laws.ViscousFriction, "leg1/moving_star_branch", damping=5e4)),
     case("weight with the star's at P", "self_weight", "robot", {"branches": "hub"},
          effect(laws.SelfWeight, "robot", scale=1.0), within=0.15),
     case("weight along the branches", "self_weight", "robot", {},
@@ -157,6 +161,18 @@ CASES = [
 def test_a_law_is_what_the_device_does(device, ours, within, beyond):
     assert apart([device], NOTHING) > beyond
     assert apart([device], ours) < within
+
+
+def test_encoders_that_report_late():
+    """The device's encoders report q - delay dq/dt; ours stand at q + delay dq/dt."""
+    speeds = np.linspace(-0.02, 0.02, 3 * len(RUN.q)).reshape(-1, 3)
+    device = Device([{"physics": "encoder_delay", "location": "leg2/motor", "delay": 0.01}])
+    told = device.report_position(RUN.q, speeds)
+    seen = device.simulate(RUN.q, RUN.w, RUN.temperature, RUN.time)
+    given = Inputs(RUN.time, told, RUN.w, POSE_CHANGES, RUN.temperature, speeds)
+    run = Simulator(ROBOT, given).run([effect(laws.EncoderDelay, "leg2/motor", delay=0.01)])
+    assert np.abs((run.position - seen.p) / NOISE[:3]).max() < AS_LONG_AS_TOLD
+    assert np.abs(told - RUN.q).max() == pytest.approx(2e-4, rel=0.05)
 
 
 def test_without_any_effect():
