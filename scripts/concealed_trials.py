@@ -87,14 +87,16 @@ COMPARABLE = {
 }
 
 
-#: Seeds from here on draw physics that few robots have, and effects near the noise: one device in ten each, besides.
-RARE_SEEDS, WEAK_SEEDS = 1_000_000, 2_000_000
+#: Seeds from here on draw, besides: physics that few robots have, effects near the noise (one device in ten each), and
+#: more clean devices (one in two), because few false alarms need many devices to be counted.
+RARE_SEEDS, WEAK_SEEDS, CLEAN_SEEDS = 1_000_000, 2_000_000, 3_000_000
 
 
 def group_of(seed: int) -> str:
     """Return which kind of device a seed draws."""
-    if seed >= RARE_SEEDS:
-        return "weak" if seed >= WEAK_SEEDS else "rare"
+    for start, name in ((CLEAN_SEEDS, "clean"), (WEAK_SEEDS, "weak"), (RARE_SEEDS, "rare")):
+        if seed >= start:
+            return name
     at = np.random.default_rng([seed, 7]).random()
     total = 0.0
     for name, (share, _, _) in GROUPS.items():
@@ -289,12 +291,9 @@ def main() -> None:
     kept = options.out / "trials.jsonl"
     done = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
     first = options.first_seed
-    starts = (
-        (first, options.count),
-        (RARE_SEEDS + first, options.count // 10),
-        (WEAK_SEEDS + first, options.count // 10),
-    )
-    seeds = [start + index for start, count in starts for index in range(count)]
+    counts = {0: options.count, RARE_SEEDS: options.count // 10, WEAK_SEEDS: options.count // 10}
+    counts[CLEAN_SEEDS] = options.count // 2
+    seeds = [start + first + index for start, count in counts.items() for index in range(count)]
     done = [item for item in done if item["seed"] in seeds]
     left = [seed for seed in seeds if seed not in {item["seed"] for item in done}]
     with ProcessPoolExecutor(options.workers) as pool, kept.open("a") as file:
