@@ -1,0 +1,75 @@
+"""First-order changes of the pose against the simulation itself, for every law on two robots."""
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis.influence import Influence
+from prup_pin.laws import LAWS, Effect, Inputs
+from prup_pin.simulation import Simulator
+from prup_pin.spatial import rotation_log
+
+from ..simulation.bench import inputs
+
+#: Share of what a law starts with that is small enough to be linear, and of the change that may differ from it.
+SMALL, WITHIN = 1e-3, 5e-3
+
+
+def three_prup():
+    robot = prup_pin.load("3prup")
+    bench = inputs(robot, poses=2, cycle=(0.0, 0.3, 0.6, 0.2, -0.4))
+    actuators = np.column_stack([bench.positions[name] for name in robot.mechanism.actuated])
+    return robot, actuators, np.array(bench.wrench)
+
+
+def arm():
+    robot = prup_pin.load("ur5", joint_stiffness=2e4, tool="tool0")
+    bent = np.array([0.3, -1.2, 1.4, -0.6, 0.8, 0.2])
+    wrench = np.array([0.0, 0.3, 0.6, 0.2, -0.4])[:, None] * np.array([20.0, -30.0, 40.0, 3.0, 2.0, -1.0])
+    return robot, np.repeat([bent, bent + 0.2], 5, axis=0), np.vstack((wrench, wrench))
+
+
+@pytest.fixture(scope="module", params=[three_prup, arm], ids=["3prup", "ur5"])
+def solved(request):
+    robot, actuators, wrench = request.param()
+    n = len(wrench)
+    speeds = 0.01 * np.cos(np.arange(n)[:, None] + np.arange(actuators.shape[1]))
+    temperature = 20.0 + np.linspace(0, 8, n)
+    blocks = np.repeat(np.arange(2), n // 2)
+    simulator = Simulator(robot, Inputs(np.arange(float(n)), actuators, wrench, blocks, temperature, speeds))
+    return simulator, simulator.run()
+
+
+def weak(law, place, mechanism):
+    """The law at a thousandth of its start, from where it is nothing."""
+    values = dict(law.starts(place, mechanism)[0])
+    nothing = law.neutral_at(place, mechanism)
+    if law.physics == "hertzian_contact":  # nothing where both are alike and far beyond every load
+        return Effect(law, place, {"preload": 1e6, "reference_load": 1e6 * (1 + SMALL)})
+    for name in law.neutral:
+        if np.isfinite(nothing[name]) and abs(nothing[name]) < 1e6:
+            values[name] = nothing[name] + SMALL * (values[name] - nothing[name])
+        else:
+            values[name] = values[name] / SMALL  # a stiffness without bounds is nothing
+    return Effect(law, place, values)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.physics} {law.variant}".strip())
+def test_first_order_is_the_simulations_slope(solved, law):
+    simulator, run = solved
+    mechanism = simulator.robot.mechanism
+    places = list(law.places(mechanism))
+    if not places:
+        pytest.skip(f"no place for {law.physics} on {mechanism.name}")
+    influence = Influence(simulator, run)
+    for place in (places[0], places[-1]):
+        effect = weak(law, place, mechanism)
+        found = influence.change(simulator.setup([effect]))
+        after = simulator.run([effect])
+        assert after.solved.all()
+        turned = rotation_log(after.rotation @ run.rotation.mT)
+        expected = np.concatenate((after.position - run.position, turned), axis=1)
+        # Equilibria are found to 1e-11, histories a little less; below that there is no slope to compare.
+        for columns in (slice(0, 3), slice(3, 6)):
+            size = np.abs(expected[:, columns]).max()
+            assert np.abs(found - expected)[:, columns].max() < WITHIN * size + 1e-10, place
