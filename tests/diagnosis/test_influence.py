@@ -23,7 +23,9 @@ def three_prup():
 
 
 def arm():
-    robot = prup_pin.load("ur5", joint_stiffness=2e4, tool="tool0")
+    # The elbow is stiff: its position acts on what comes after it without a drive between.
+    soft = ["shoulder_pan_joint", "shoulder_lift_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]
+    robot = prup_pin.load("ur5", joint_stiffness=dict.fromkeys(soft, 2e4), tool="tool0")
     bent = np.array([0.3, -1.2, 1.4, -0.6, 0.8, 0.2])
     wrench = np.array([0.0, 0.3, 0.6, 0.2, -0.4])[:, None] * np.array([20.0, -30.0, 40.0, 3.0, 2.0, -1.0])
     return robot, np.repeat([bent, bent + 0.2], 5, axis=0), np.vstack((wrench, wrench))
@@ -62,7 +64,7 @@ def test_first_order_is_the_simulations_slope(solved, law):
     if not places:
         pytest.skip(f"no place for {law.physics} on {mechanism.name}")
     influence = Influence(simulator, run)
-    for place in (places[0], places[-1]):
+    for place in places if len(places) <= 6 else (places[0], places[len(places) // 2], places[-1]):
         effect = weak(law, place, mechanism)
         found = influence.change(simulator.setup([effect]))
         after = simulator.run([effect])
