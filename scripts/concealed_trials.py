@@ -88,7 +88,7 @@ COMPARABLE = {
 
 
 #: Seeds from here on draw, besides: physics that few robots have, effects near the noise (one device in ten each), and
-#: more clean devices (one in two), because few false alarms need many devices to be counted.
+#: more clean devices (one in four), because few false alarms need many devices to be counted.
 RARE_SEEDS, WEAK_SEEDS, CLEAN_SEEDS = 1_000_000, 2_000_000, 3_000_000
 
 
@@ -292,7 +292,7 @@ def main() -> None:
     done = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
     first = options.first_seed
     counts = {0: options.count, RARE_SEEDS: options.count // 10, WEAK_SEEDS: options.count // 10}
-    counts[CLEAN_SEEDS] = options.count // 2
+    counts[CLEAN_SEEDS] = options.count // 4
     seeds = [start + first + index for start, count in counts.items() for index in range(count)]
     done = [item for item in done if item["seed"] in seeds]
     left = [seed for seed in seeds if seed not in {item["seed"] for item in done}]

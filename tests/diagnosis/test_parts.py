@@ -10,7 +10,7 @@ from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.fit import Problem, Term
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.locate import least_left, locate, yieldings
-from prup_pin.diagnosis.residual import Measured, Noise
+from prup_pin.diagnosis.residual import Measured, Noise, whitening
 from prup_pin.diagnosis.whiteness import is_white, noise_of_the_rest
 from prup_pin.laws import Inputs
 from prup_pin.recordings import read_recording
@@ -204,3 +204,39 @@ def test_runs_are_kept_when_samples_are_taken(simulator):
     labelled = replace(given, runs=np.arange(len(given)) // 5)
     assert isinstance(labelled, Inputs)
     assert labelled.run_labels().max() == (len(given) - 1) // 5
+
+
+def test_whitening_takes_the_wrench_sensors_noise_along(robot):
+    """Residuals of both sensors' noise, through the compliance, become independent and of unit variance."""
+    compliance = robot.compliance(robot.pose(z=0.4, theta=0.2, phi=-0.1)).C
+    noise = Noise(2e-6, 1e-5, 0.3, 0.02, "declared")
+    rng = np.random.default_rng(7)
+    n = 20_000
+    sensor = rng.normal(size=(n, 6)) * np.repeat([2e-6, 1e-5], 3)
+    load = rng.normal(size=(n, 6)) * np.repeat([0.3, 0.02], 3)
+    white = whitening(noise, np.repeat(compliance[None], n, axis=0), np.ones((n, 6), bool))
+    seen = (white @ (sensor + load @ compliance.T)[..., None])[..., 0]
+    np.testing.assert_allclose(seen.T @ seen / n, np.eye(6), atol=0.05)
+    # ... and the load's share is not small here
+    alone = (white @ sensor[..., None])[..., 0]
+    assert (alone**2).sum(1).mean() < 4.5
+
+
+def test_a_channel_that_was_not_measured_weighs_nothing(robot):
+    compliance = robot.compliance(robot.pose(z=0.4, theta=0.2, phi=-0.1)).C[None]
+    exists = np.array([[True, False, True, True, True, True]])
+    white = whitening(NOISE, compliance, exists)
+    residual = np.array([1e-6, 7.0, 1e-6, 1e-6, 1e-6, 1e-6])
+    assert (white[0] @ residual)[1] == 0
+    assert np.abs(white[0] @ residual).max() < 10
+
+
+def test_noise_alone_points_nowhere(simulator):
+    """What free numbers remove by chance is not counted as a gain."""
+    gains = [
+        [item.gain for item in yieldings(problem, problem.fit_at(()))]
+        for problem in (problem_of(simulator, [], seed=seed) for seed in range(4))
+    ]
+    n = len(simulator.inputs)
+    assert abs(np.mean(gains)) < 0.25 * n
+    assert np.max(gains) < 5 * np.sqrt(2 * 2 * n)
