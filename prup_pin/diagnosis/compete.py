@@ -19,7 +19,7 @@ from .candidates import Candidate
 from .fit import Fit, Problem, Term, without
 from .locate import least_left, yieldings
 
-__all__ = ["Rival", "Selection", "cross_validated", "select"]
+__all__ = ["Rival", "Selection", "cross_validated", "scale_of", "select"]
 
 #: Chance that anything of the whole library is accepted on a clean recording.
 FALSE_ALARM = 0.01
@@ -215,7 +215,8 @@ def _cost(fit: Fit) -> float:
     return fit.chi2 + sum(penalty(term) for term in fit.terms)
 
 
-def _scale(fit: Fit) -> float:
+def scale_of(fit: Fit) -> float:
+    """Return the mean squared residual where more than noise is left, else 1."""
     return max(1.0, fit.chi2 / max(fit.residual.size, 1))
 
 
@@ -312,7 +313,7 @@ def challengers(problem: Problem, fit: Fit, index: int, library) -> list[Rival]:
     beside = problem.beside(fit, others)
     removed = problem.change(fit, [term.effect for term in kept])
     changed = without(removed.ravel(), beside).reshape(removed.shape)
-    scale = _scale(fit)
+    scale = scale_of(fit)
     rivals = [Rival(own, fit.chi2, -changed, scale)]
     weight = float((changed**2).sum())
     worst = fit.chi2 + max(0.5 * weight, 4 * INDISTINCT)
@@ -347,7 +348,7 @@ def _challenged(problem: Problem, fit: Fit, library) -> tuple[Fit, list[list[Riv
         rivals = []
         for index in range(len(fit.terms)):
             found = challengers(problem, fit, index, library)
-            scale = _scale(fit)
+            scale = scale_of(fit)
             own = fit.chi2 + scale * penalty(fit.terms[index])
             weight = float((found[0].change ** 2).sum()) if found else 0.0
             reach = _CURVATURE * weight

@@ -12,10 +12,10 @@ from scipy.stats import chi2 as chi_squared
 from ..laws import Inputs
 from ..recordings import Recording, suspicions
 from ..robot import Robot
-from ..simulation import Simulator
+from ..simulation import Simulator, inputs_of
 from ..spatial import Array
 from .candidates import Candidate, candidates
-from .compete import INDISTINCT, Selection, cross_validated, penalty, select
+from .compete import INDISTINCT, Selection, cross_validated, penalty, scale_of, select
 from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
 from .fit import Fit, Problem
@@ -105,19 +105,10 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
 
 
 def _inputs(robot: Robot, recording: Recording) -> Inputs:
-    names = robot.mechanism.actuated
-    speeds = None
-    if recording.velocities and all(name in recording.velocities for name in names):
-        speeds = np.stack([recording.velocities[name] for name in names], axis=1)
-    return Inputs(
-        time=np.array(recording.time),
-        actuators=recording.actuator_positions(names),
-        wrench=np.array(recording.wrench),
-        blocks=recording.blocks(),
-        temperature=None if recording.temperature is None else np.array(recording.temperature),
-        speeds=speeds,
-        runs=recording.run,
-    )
+    """Return the inputs; speeds only where they were recorded for every actuator."""
+    inputs = inputs_of(recording, robot)
+    every = all(name in recording.velocities for name in robot.mechanism.actuated)
+    return inputs if every else replace(inputs, speeds=None)
 
 
 def _thinned(recording: Recording, remarks: list[str]) -> Recording:
@@ -318,7 +309,7 @@ def _alone(problem: Problem, fit: Fit, index: int) -> float:
 def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot: Robot, held: float) -> Finding:
     term = fit.terms[index]
     without = _alone(problem, fit, index) + fit.chi2
-    scale = max(1.0, fit.chi2 / max(fit.residual.size, 1))  # where more than noise is left, less can be told apart
+    scale = scale_of(fit)  # where more than noise is left, less can be told apart
     own = fit.chi2 + scale * penalty(term)
     places, laws = [term.candidate.place.name], []
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)

@@ -64,14 +64,24 @@ class Problem:
             self._whitening = samples, whitening(self.noise, influence.compliance, exists)
         return self._whitening[1]
 
+    def reach(self, influence: Influence, module: str) -> Array:
+        """Return the whitened pose changes that a module's deformations can make, (n, 6, k).
+
+        Orthonormal columns at every sample, zero where a deformation does not reach the tool.
+        """
+        key = ("reach", module)
+        if key not in influence.cache:
+            directions = self.whiteners(influence) @ influence.signature(module)
+            basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
+            influence.cache[key] = basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
+        return influence.cache[key]
+
     def freed(self, influence: Influence, module: str) -> Problem:
         """Return the same problem with a module deforming at every sample as it likes.
 
         What its deformations do to the pose is projected out of all residuals and changes.
         """
-        white = self.whiteners(influence)
-        basis, sizes, _ = np.linalg.svd(white @ influence.signature(module), full_matrices=False)
-        basis = basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
+        white, basis = self.whiteners(influence), self.reach(influence, module)
         other = Problem(self.simulator, self.measured, self.noise)
         other._whitening = influence.run.samples, white - basis @ (basis.mT @ white)
         other._solved = self._solved

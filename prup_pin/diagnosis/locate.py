@@ -78,13 +78,7 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside:
 
     `beside` (6 n, p): changes that may be made with it. No law of that module alone leaves less, to first order.
     """
-    cache = fit.influence.cache
-    key = ("space", module)
-    if key not in cache:
-        directions = problem.whiteners(fit.influence) @ fit.influence.signature(module)
-        basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
-        cache[key] = basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
-    basis = cache[key]
+    basis = problem.reach(fit.influence, module)
 
     def left(values: Array) -> Array:
         return values - basis @ (basis.mT @ values)
