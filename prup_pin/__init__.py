@@ -27,8 +27,8 @@ __version__ = "0.1.0"
 
 
 def _view(self, *args, **options):
-    """Return a view of the robot in meshcat's viewer; see `prup_pin.views.meshcat_view.view`."""
-    from .views.meshcat_view import view
+    """Return a view of the robot in meshcat's viewer; see `prup_pin.views.meshcat.view.view`."""
+    from .views.meshcat.view import view
 
     return view(self, *args, **options)
 

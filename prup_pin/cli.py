@@ -35,18 +35,18 @@ from .robot import Robot
 from .simulation import Prediction, read_model, simulate
 from .spatial import Array, as_wrench
 from .statics import Compliance
-from .views import robot_text, terminal
-from .views.answer import Answer
-from .views.answer_text import print_answer
-from .views.as_json import answer_as_json, dump
-from .views.effect_options import parse_effect
-from .views.joints import coordinate_dimensions, dimension
-from .views.law_text import print_laws
-from .views.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
-from .views.simulation_text import print_simulation
+from .views.report.as_json import answer_as_json, dump
+from .views.text import robot_text, terminal
+from .views.text.answer import Answer
+from .views.text.answer_text import print_answer
+from .views.text.effect_options import parse_effect
+from .views.text.joints import coordinate_dimensions, dimension
+from .views.text.law_text import print_laws
+from .views.text.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+from .views.text.simulation_text import print_simulation
 
 if TYPE_CHECKING:
-    from .views.meshcat_view import View
+    from .views.meshcat.view import View
 
 __all__ = ["app", "main"]
 
@@ -208,7 +208,7 @@ def view(
     open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
 ) -> None:
     """The robot in 3-D: its pose, its deflection, what yields (extra: view)."""
-    from .views.meshcat_view import view as shown_in_3d
+    from .views.meshcat.view import view as shown_in_3d
 
     if serve and html is not None:
         raise InputError("--serve and --html exclude each other; give one of them")
@@ -239,7 +239,7 @@ def report(
     open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
 ) -> None:
     """One page with everything about one pose, to print or hand on (extra: report)."""
-    from .views.report import report_html
+    from .views.report.pose_report import report_html
 
     _check_folder(out, "--out")
     case = _case(question, frame)
@@ -399,8 +399,8 @@ def diagnose_recording(
 ) -> None:
     """What a recording says that the simulation left out: where, which physics, how much of it."""
     from .diagnosis import diagnose
-    from .views.diagnosis_files import check_before, write_diagnosis
-    from .views.diagnosis_text import print_diagnosis
+    from .views.report.diagnosis_files import check_before, write_diagnosis
+    from .views.text.diagnosis_text import print_diagnosis
 
     check_before(out, recording, report)
     read = read_recording(recording)
@@ -600,7 +600,7 @@ def _parameter_value(robot: Robot, name: str, value: str, setting: str) -> Any:
 
 def _draw(folder: Path, robot: Robot, answer: Answer) -> list[Path]:
     """Write the pictures of an answer and return where they are."""
-    from .views.figures import pose_figure, shares_figure
+    from .views.drawing.figures import pose_figure, shares_figure
 
     wrench = answer.load.wrench
     figures = {"pose": pose_figure(robot, answer.compliance.pose, answer.compliance, wrench)}

@@ -19,7 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import prup_pin
-from prup_pin.views.meshcat_view import view
+from prup_pin.views.meshcat.view import view
 
 WRENCH = [300, 0, 0, 0, 0, 0]
 

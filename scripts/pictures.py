@@ -18,7 +18,7 @@ import render
 
 import prup_pin
 from prup_pin.robot import random_poses
-from prup_pin.views.meshcat_view import View, view
+from prup_pin.views.meshcat.view import View, view
 
 OUT = ROOT / "docs" / "pictures"
 LARGEST = 300_000  # bytes
@@ -73,7 +73,7 @@ SCENES = {
 
 def drawings() -> None:
     """Draw what `prup-pin stiffness --pictures` writes."""
-    from prup_pin.views.figures import pose_figure, shares_figure
+    from prup_pin.views.drawing.figures import pose_figure, shares_figure
 
     robot, pose = three_prup()
     compliance = robot.compliance(pose)
@@ -88,8 +88,8 @@ def diagnosis() -> None:
 
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
-    from prup_pin.views.diagnosis_figures import place_figure
-    from prup_pin.views.recovered import recovered
+    from prup_pin.views.drawing.diagnosis_figures import place_figure
+    from prup_pin.views.report.recovered import recovered
 
     robot, _ = three_prup()
     with tempfile.TemporaryDirectory() as folder:

@@ -215,4 +215,4 @@ def test_a_robots_name_as_a_file(name, file):
 
 
 def test_prup_pin_has_a_template_in_its_package():
-    assert (Path(prup_pin.__file__).parent / "views" / "report_page.html").is_file()
+    assert (Path(prup_pin.__file__).parent / "views" / "report" / "report_page.html").is_file()

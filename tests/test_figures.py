@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.views.figures import pose_figure, shares_figure
-from prup_pin.views.skeleton import BodyMotions, skeleton
+from prup_pin.views.drawing.figures import pose_figure, shares_figure
+from prup_pin.views.scene.skeleton import BodyMotions, skeleton
 
 WRENCH = np.array([300, 0, 0, 0, 0, 100.0])
 GHOST = np.array([0xE8, 0x59, 0x0C])
@@ -143,14 +143,14 @@ def test_files_are_readable(robot, compliance, tmp_path):
 
 
 def test_pyplot_stays_untouched():
-    code = "import prup_pin.views.figures, sys; assert 'matplotlib.pyplot' not in sys.modules"
+    code = "import prup_pin.views.drawing.figures, sys; assert 'matplotlib.pyplot' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_missing_matplotlib_names_the_extra():
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
-        "try:\n    import prup_pin.views.figures\n"
+        "try:\n    import prup_pin.views.drawing.figures\n"
         "except ImportError as error:\n    print(type(error).__name__, error)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.views.meshcat_view import view
+from prup_pin.views.meshcat.view import view
 
 from .chromium import Browser, render
 

@@ -17,11 +17,11 @@ import pytest
 
 import prup_pin
 from prup_pin.errors import InputError, MissingExtraError
-from prup_pin.views.answer import Answer
-from prup_pin.views.levers import find_levers
-from prup_pin.views.quantities import length_text, workshop_text
-from prup_pin.views.report import report_html
-from prup_pin.views.tables import compliance_table, stiffness_table
+from prup_pin.views.report.levers import find_levers
+from prup_pin.views.report.pose_report import report_html
+from prup_pin.views.text.answer import Answer
+from prup_pin.views.text.quantities import length_text, workshop_text
+from prup_pin.views.text.tables import compliance_table, stiffness_table
 
 from . import chromium
 
@@ -227,13 +227,13 @@ def test_it_holds_everything_and_is_small(page):
 
 def test_a_heavy_scene_leaves_the_deflection_out_or_is_left_out(robot, pose, page, monkeypatch):
     packed = len(base64.b64encode(gzip.compress(scene_of(page).encode(), mtime=0)))
-    monkeypatch.setattr("prup_pin.views.report.SCENE_LIMIT", packed - 5000)
-    monkeypatch.setattr("prup_pin.views.report.PLAIN_LIMIT", 0)
+    monkeypatch.setattr("prup_pin.views.report.pose_report.SCENE_LIMIT", packed - 5000)
+    monkeypatch.setattr("prup_pin.views.report.pose_report.PLAIN_LIMIT", 0)
     lighter = report_html(robot, pose, WRENCH)
     assert 'id="packed"' in lighter
     assert "leaves out the deflection" in words(lighter)
     assert scene_of(lighter) is not None
-    monkeypatch.setattr("prup_pin.views.report.SCENE_LIMIT", 1000)
+    monkeypatch.setattr("prup_pin.views.report.pose_report.SCENE_LIMIT", 1000)
     without = report_html(robot, pose, WRENCH)
     assert "The 3-D scene is not shown: its meshes take" in words(without)
     assert scene_of(without) is None
@@ -271,7 +271,7 @@ def test_without_meshcat_the_drawing_stands_alone_and_the_page_says_so(robot, po
     def missing(*_, **__):
         raise MissingExtraError("meshcat", "view")
 
-    monkeypatch.setattr("prup_pin.views.meshcat_view.view", missing)
+    monkeypatch.setattr("prup_pin.views.meshcat.view.view", missing)
     page = report_html(robot, pose, WRENCH)
     assert "The 3-D scene is not shown: this needs the package 'meshcat'" in words(page)
     assert "<iframe" not in page

@@ -9,12 +9,12 @@ import pytest
 
 import prup_pin
 from prup_pin.spatial import skew
-from prup_pin.views.colours import MAP, map_colour, rgb_of
-from prup_pin.views.meshcat_commands import motion_commands, scene_commands
-from prup_pin.views.meshcat_view import View, view
-from prup_pin.views.motions import load_ramp, path_motion, vibration, workspace_cloud
-from prup_pin.views.painter import pose_scene
-from prup_pin.views.shapes import Box, Ellipsoid, Mesh, Tube, ball_mesh, belt_mesh, thread_mesh
+from prup_pin.views.meshcat.commands import motion_commands, scene_commands
+from prup_pin.views.meshcat.view import View, view
+from prup_pin.views.scene.colours import MAP, map_colour, rgb_of
+from prup_pin.views.scene.motions import load_ramp, path_motion, vibration, workspace_cloud
+from prup_pin.views.scene.painter import pose_scene
+from prup_pin.views.scene.shapes import Box, Ellipsoid, Mesh, Tube, ball_mesh, belt_mesh, thread_mesh
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 WRENCH = np.array([300, 0, 40, 0, 20, 30.0])
@@ -436,7 +436,7 @@ def test_commands_are_meshcats(scene):
 
 
 def test_strange_names_stay_one_folder(tmp_path):
-    from prup_pin.views.meshcat_commands import tree_path
+    from prup_pin.views.meshcat.commands import tree_path
 
     assert tree_path("robot/a.b<object>[0]:c//d") == "/robot/a_b_object__0__c/d"
 
@@ -477,7 +477,7 @@ def test_server_is_for_this_machine_only(robot):
 def test_missing_meshcat_names_the_extra():
     code = (
         "import sys; sys.modules['meshcat'] = None\n"
-        "import prup_pin\nfrom prup_pin.views.meshcat_view import view\n"
+        "import prup_pin\nfrom prup_pin.views.meshcat.view import view\n"
         "try:\n    view(prup_pin.load('3prup'))\n"
         "except ImportError as error:\n    print(type(error).__name__, error)"
     )
@@ -489,7 +489,7 @@ def test_missing_meshcat_names_the_extra():
 
 def test_scenes_need_no_renderer():
     code = (
-        "import sys, prup_pin.views.painter, prup_pin.views.motions, prup_pin.views.meshcat_view\n"
+        "import sys, prup_pin.views.scene.painter, prup_pin.views.scene.motions, prup_pin.views.meshcat.view\n"
         "heavy = 'meshcat matplotlib trimesh tornado umsgpack IPython'.split()\n"
         "print([name for name in heavy if name in sys.modules])"
     )

@@ -1,0 +1,345 @@
+"""Pictures of a diagnosis: the place on the robot, the local response, the residuals. Needs matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+
+import numpy as np
+
+from ...diagnosis import Diagnosis, Finding
+from ...kinematics import ClosedPose
+from ...modules import DriveModule
+from ...robot import Robot
+from ...spatial import Array
+from ..report.recovered import Agreement, Recovered, Residuals
+from ..scene.camera import best_camera
+from ..scene.skeleton import Skeleton, skeleton
+from ..text.diagnosis_words import finding_text, scaled
+from .drawing import Drawing, Labels
+from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, leg_colours
+from .plotting import Figure, FigureCanvasAgg, plain_words
+
+__all__ = ["Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
+
+_FOUND, _BEFORE, _AFTER, _INK, _FAINT = "#C2255C", "#9AA3AD", "#0B6AA8", "#4A5058", "#6B7280"
+_BAND = "#DCE3EA"
+_AXES = ("#D62728", "#2CA02C", "#1F5FD0")
+_CHANNELS = ("x", "y", "z", "about x", "about y", "about z")
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A point or a line of the robot that a finding names: points (1, 3) or (2, 3)."""
+
+    name: str
+    points: Array
+    number: int  # of the finding; 0 for a place that the data cannot tell from it
+
+
+def marks(robot: Robot, pose: ClosedPose, findings: Sequence[Finding]) -> list[Mark]:
+    """Return where the findings and their candidates are; places that are everywhere have no mark."""
+    parts = skeleton(pose)
+    made: list[Mark] = []
+    named: set[str] = set()
+    for index, finding in enumerate(findings, 1):
+        at = _points(robot, pose, parts, finding.location)
+        if at is not None:
+            made.append(Mark(finding.location, at, index))
+            named.add(finding.location)
+    for finding in findings:
+        for name in finding.candidates:
+            at = None if name in named else _points(robot, pose, parts, name)
+            if at is not None:
+                made.append(Mark(name, at, 0))
+                named.add(name)
+    return made
+
+
+def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array | None:
+    mechanism = robot.mechanism
+    for segment in parts.segments:
+        if segment.name == name and segment.kind == "beam":
+            return np.array([segment.start, segment.end])
+    module = next((item for item in mechanism.modules if item.name == name), None)
+    if module is not None and isinstance(module.kind, DriveModule):
+        # the drive is drawn where its joint has its seat
+        joint = str(mechanism.model.names[module.joint])
+        return next((item.at[None] for item in parts.joints if item.name == joint), None)
+    if module is not None:
+        return (pose.placements[module.frame.joint] @ module.frame.placement)[None, :3, 3]
+    for length in mechanism.description.lengths:
+        if length.parameter.owner == name:
+            joints = [joint for joint, _ in length.moves if mechanism.model.existJointName(joint)]
+            if joints:
+                return next((item.at[None] for item in parts.joints if item.name == joints[0]), None)
+    if mechanism.model.existJointName(name):
+        return pose.placements[mechanism.joint_id(name)][None, :3, 3]
+    if name in mechanism.frame_names:
+        return pose.placement(name)[None, :3, 3]
+    if name in ("moving_star", "wrench_sensor", "pose_sensor"):
+        return parts.tool[None, :3, 3]
+    return None
+
+
+@plain_words
+def place_figure(robot: Robot, diagnosis: Diagnosis, response: Recovered | None = None) -> Figure:
+    """Return a picture of the robot with the places of the findings marked; `response` is drawn beside it."""
+    run = diagnosis.final
+    poses = [] if run is None else run.geometry.poses
+    pose = poses[len(poses) // 2] if poses else robot.home
+    parts = skeleton(pose)
+    camera = best_camera(robot.mechanism.gravity, parts, np.zeros(3))
+    figure = Figure(figsize=(11, 6.6), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.02, 0.02, 0.62, 0.86))
+    axes.set_aspect("equal")
+    axes.axis("off")
+    flat, size = camera.flat(parts.points), parts.size
+    low, high = flat.min(axis=0) - 0.1 * size, flat.max(axis=0) + 0.1 * size
+    # a tall robot leaves room at its sides, where labels may go
+    middle, half = (low + high) / 2, (high - low) / 2
+    half[0] = max(half[0], half[1] * (0.62 * 11) / (0.86 * 6.6))
+    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
+    figure.canvas.draw()
+    labels = Labels(figure, axes)
+    drawing = Drawing(figure, axes, camera, labels)
+    colours = leg_colours(list(parts.legs))
+    draw_mechanism(drawing, parts, colours)
+    texts = draw_tool(drawing, parts)
+    found = marks(robot, pose, diagnosis.findings)
+    _draw_marks(drawing, found)
+    middle = camera.flat(parts.points).mean(axis=0)
+    for text, at in _mark_texts(drawing, found):
+        labels.put(text, at, _FOUND, at - middle, 17, "bold")
+    for text, at, colour, towards in texts:
+        labels.put(text, at, colour, towards)
+    for leg, point in parts.legs.items():
+        at = camera.flat(point)
+        labels.put(leg, at, colours[leg], at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
+    draw_compass(figure, camera, robot.mechanism.gravity)
+    draw_legend(figure, parts, False, False, None)
+    _draw_list(figure, diagnosis, found, (0.655, 0.87 if response is None else 0.965))
+    if response is not None:
+        small = figure.add_axes((0.725, 0.49, 0.255, 0.34))
+        _draw_response(small, response, 8.0)
+    figure.text(0.025, 0.95, robot.name, fontsize=16, weight="bold", va="center")
+    return figure
+
+
+def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> None:
+    span = float(np.ptp(drawing.axes.get_ylim()))
+    for mark in found:
+        flat = drawing.camera.flat(mark.points)
+        strong = mark.number > 0
+        if len(flat) == 2:
+            thick, alpha = (15.0, 0.35) if strong else (10.0, 0.16)
+            drawing.axes.plot(*flat.T, color=_FOUND, lw=thick, alpha=alpha, solid_capstyle="round", zorder=3)
+        size, width = (24, 2.6) if strong else (17, 1.2)
+        at = flat.mean(axis=0) if len(flat) == 2 else flat[0]
+        line = "-" if strong else (0, (2, 1.5))
+        if len(flat) == 1:
+            drawing.axes.scatter(
+                *at[:, None],
+                s=size**2,
+                facecolors=_FOUND + "22" if strong else "none",
+                edgecolors=_FOUND,
+                linewidths=width,
+                linestyles=[line],
+                zorder=200,
+            )
+        ring = np.linspace(0, 2 * np.pi, 13)[:, None] * np.array([1.0, 1.0]) + np.array([0.0, np.pi / 2])
+        drawing.labels.avoid(at + 0.024 * span * np.sin(ring))
+
+
+def _mark_texts(drawing: Drawing, found: Sequence[Mark]) -> list[tuple[str, Array]]:
+    """Return one label per point: the numbers of the findings there."""
+    at: dict[tuple, tuple[Array, list[Mark]]] = {}
+    for mark in found:
+        if mark.number:
+            point = drawing.camera.flat(mark.points).mean(axis=0)
+            at.setdefault(tuple(np.round(point, 6)), (point, []))[1].append(mark)
+    return [(", ".join(str(mark.number) for mark in marks), point) for point, marks in at.values()]
+
+
+def _draw_list(figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], place: tuple[float, float]) -> None:
+    """Write the findings beside the drawing, by the numbers that it shows."""
+    lines = []
+    for index, finding in enumerate(diagnosis.findings, 1):
+        lines += wrap(f"{index}  {finding_text(finding)}", 40, subsequent_indent="    ", break_on_hyphens=False)
+    if any(not mark.number for mark in found):
+        lines.append("dashed: these data cannot tell them apart")
+    text = "\n".join(lines[:9]) if lines else "nothing is missing"
+    figure.text(*place, text, fontsize=11, color=_FOUND, va="top", linespacing=1.6)
+
+
+# -- response ----------------------------------------------------------------------------------------------------------
+
+
+@plain_words
+def response_figure(response: Recovered | Agreement) -> Figure:
+    """Return the local response: estimates of every sample, the curve that knows no law, and the law.
+
+    Of what hangs on no single load: what the recording asks for at the tool against what the law gives.
+    """
+    if isinstance(response, Agreement):
+        return _agreement_figure(response)
+    figure = Figure(figsize=(9.5, 4.6), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.1, 0.13, 0.87, 0.75))
+    _draw_response(axes, response, 10)
+    figure.text(0.1, 0.94, finding_text(response.finding), fontsize=13, weight="bold", va="center")
+    return figure
+
+
+def _draw_response(axes, response: Recovered, size: float) -> None:
+    reach = np.abs(response.curve) + 2 * response.band
+    if response.law is not None:
+        reach = np.concatenate((reach, np.abs(response.law)))
+    x_factor, x_unit = scaled(float(np.abs(response.x).max(initial=0.0)), response.x_unit)
+    y_factor, y_unit = scaled(float(reach.max(initial=0.0)), response.y_unit)
+    x, y, knots = x_factor * response.x, y_factor * response.y, x_factor * response.knots
+    curve, band = y_factor * response.curve, y_factor * response.band
+    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    if response.x.min() < 0 < response.x.max():
+        axes.axvline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    weight = 1 / response.deviation**2
+    strong = np.clip(weight / np.quantile(weight, 0.9), 0.12, 1.0)
+    colours = np.tile([0.29, 0.31, 0.35, 1.0], (len(x), 1))
+    colours[:, 3] = 0.45 * strong
+    axes.scatter(x, y, s=30 if response.path else 9, color=colours, linewidths=0, zorder=2, label="each measured pose")
+    means = "their means, 95 %" if size < 9 else "means over neighbours, 95 %"
+    if not response.path:
+        axes.fill_between(knots, curve - 1.96 * band, curve + 1.96 * band, color=_AFTER, alpha=0.18, lw=0, zorder=3)
+        axes.plot(knots, curve, "o-", color=_AFTER, lw=1.4, ms=4, zorder=4, label=means)
+    if response.law is not None:
+        law = y_factor * response.law
+        name = response.finding.physics.replace("_", " ")
+        if response.path:
+            axes.scatter(x, law, s=9, color=_FOUND, linewidths=0, zorder=5, label=f"the law: {name}")
+            for block in np.unique(response.blocks):
+                here = response.blocks == block
+                axes.plot(x[here], law[here], color=_FOUND, lw=0.6, alpha=0.35, zorder=4)
+        else:
+            order = np.argsort(x, kind="stable")
+            axes.plot(x[order], law[order], color=_FOUND, lw=2.2, zorder=5, label=f"the law: {name}")
+    top = 1.25 * float(max((y_factor * reach).max(), np.quantile(np.abs(y), 0.5)))
+    low, high = min(float(np.quantile(y, 0.02)), 0.0), max(float(np.quantile(y, 0.98)), 0.0)
+    pad = 0.12 * max(high - low, 1e-12)
+    axes.set_ylim(max(low - pad, -top), min(high + pad, top))
+    axes.set_xlabel(f"{response.x_label} [{x_unit}]", fontsize=size)
+    axes.set_ylabel(f"{response.y_label} [{y_unit}]", fontsize=size)
+    axes.tick_params(labelsize=size - 1)
+    axes.grid(color="#EDF0F2", zorder=0)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.legend(frameon=False, fontsize=size - 1, loc="best", handlelength=1.2)
+
+
+def _agreement_figure(response: Agreement) -> Figure:
+    figure = Figure(figsize=(9.5, 4.6), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    figure.text(0.1, 0.94, finding_text(response.finding), fontsize=13, weight="bold", va="center")
+    shown = [block for block in (slice(0, 3), slice(3, 6)) if np.any(response.asked[:, block])]
+    for index, block in enumerate(shown):
+        axes = figure.add_axes((0.1 + 0.47 * index, 0.13, 0.38, 0.73))
+        turning = block.start == 3
+        asked, law = response.asked[:, block], response.law[:, block]
+        largest = float(np.abs(law).max(initial=0.0)) or float(np.abs(asked).max(initial=0.0))
+        factor, unit = scaled(largest, "rad" if turning else "m")
+        reach = 1.08 * factor * largest
+        noise = 2 * factor * response.noise[index if len(shown) == 2 else int(turning)]
+        line = np.array([-reach, reach])
+        axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
+        axes.plot(line, line, color=_FOUND, lw=1.6, zorder=2, label="the law")
+        for column, colour in enumerate(_AXES):
+            label = _CHANNELS[block.start + column]
+            axes.plot(
+                factor * law[:, column], factor * asked[:, column], ".", color=colour, ms=4, alpha=0.6, label=label
+            )
+        axes.set_xlim(-reach, reach)
+        axes.set_ylim(-reach - 2 * noise, reach + 2 * noise)
+        kind = "rotation" if turning else "position"
+        axes.set_xlabel(f"{kind} that the law gives [{unit}]", fontsize=10)
+        axes.set_ylabel(f"{kind} that the recording asks for [{unit}]", fontsize=10)
+        axes.tick_params(labelsize=9)
+        axes.grid(color="#EDF0F2", zorder=0)
+        axes.set_axisbelow(True)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        axes.legend(frameon=False, fontsize=9, loc="best", handlelength=1.2)
+    return figure
+
+
+# -- residuals ---------------------------------------------------------------------------------------------------------
+
+
+@plain_words
+def sample_figure(diagnosis: Diagnosis) -> Figure:
+    """Return the residual of each channel over the samples, before and after, with the band of the noise."""
+    rows = [channel for channel in range(6) if np.any(diagnosis.residual_before[:, channel])]
+    figure = Figure(figsize=(11, 1.0 + 1.35 * max(len(rows), 1)), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    height = figure.get_size_inches()[1]
+    each = (height - 1.0) / max(len(rows), 1)
+    samples = diagnosis.samples
+    for row, channel in enumerate(rows):
+        bottom = (height - 0.45 - (row + 1) * each + 0.12) / height
+        axes = figure.add_axes((0.1, bottom, 0.88, (each - 0.18) / height))
+        noise = diagnosis.noise.position if channel < 3 else diagnosis.noise.rotation
+        before, after = diagnosis.residual_before[:, channel], diagnosis.residual_after[:, channel]
+        factor, unit = scaled(float(np.quantile(np.abs(before), 0.98)), "m" if channel < 3 else "rad")
+        axes.axhspan(-2 * factor * noise, 2 * factor * noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
+        axes.plot(samples, factor * before, ".", color=_BEFORE, ms=3.2, zorder=2, label="before")
+        axes.plot(samples, factor * after, ".", color=_AFTER, ms=2.6, zorder=3, label="after")
+        kind = "position" if channel < 3 else "rotation"
+        axes.set_ylabel(f"{kind}\n{_CHANNELS[channel]} [{unit}]", fontsize=8.5)
+        axes.tick_params(labelsize=8)
+        axes.margins(x=0.005)
+        axes.grid(axis="y", color="#EDF0F2", zorder=0)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        if row < len(rows) - 1:
+            axes.tick_params(axis="x", labelbottom=False)
+        else:
+            axes.set_xlabel("sample", fontsize=9)
+        if row == 0:
+            handles, texts = axes.get_legend_handles_labels()
+            figure.legend(
+                handles, texts, loc="upper right", ncols=3, frameon=False, fontsize=9.5, markerscale=2.5,
+                bbox_to_anchor=(0.985, 1.0), borderaxespad=0.2,
+            )  # fmt: skip
+    figure.text(0.1, 1 - 0.2 / height, "Measured less simulated", fontsize=12, weight="bold", va="center")
+    return figure
+
+
+@plain_words
+def histogram_figure(found: Residuals) -> Figure:
+    """Return histograms of the residuals in multiples of the noise, before and after, against the normal curve."""
+    figure = Figure(figsize=(11, 3.3), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    groups = [(name, block) for name, block in (("position", slice(0, 3)), ("rotation", slice(3, 6)))]
+    groups = [(name, block) for name, block in groups if found.exists[:, block].any()]
+    edges = np.linspace(-6, 6, 49).tolist()
+    grid = np.linspace(-6, 6, 200)
+    for index, (name, block) in enumerate(groups):
+        axes = figure.add_axes((0.1 + 0.46 * index, 0.18, 0.41, 0.64))
+        there = found.exists[:, block]
+        clipped = [np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after)]
+        axes.hist(clipped[0], color=_BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)
+        axes.hist(clipped[1], histtype="step", color=_AFTER, lw=1.8, label="after", zorder=3, bins=edges, density=True)
+        normal = np.exp(-0.5 * grid**2) / np.sqrt(2 * np.pi)
+        axes.plot(grid, normal, "--", color=_INK, lw=1.2, label="noise alone", zorder=4)
+        axes.set_xlim(-6, 6)
+        axes.set_title(name, fontsize=11, loc="left", color=_INK)
+        axes.set_xlabel("multiples of the noise (beyond ± 6: in the outermost bars)", fontsize=8.5)
+        axes.set_yticks([])
+        axes.tick_params(labelsize=8.5)
+        for side in ("top", "right", "left"):
+            axes.spines[side].set_visible(False)
+        if index == 0:
+            axes.legend(frameon=False, fontsize=9, loc="upper left")
+    return figure

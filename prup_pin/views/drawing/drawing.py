@@ -1,0 +1,116 @@
+"""Lines, arrows and marks of one projected drawing, and labels that cover none of them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ...spatial import Array
+from ..scene.camera import Camera
+from .plotting import Bbox, Figure
+
+__all__ = ["Drawing", "Labels"]
+
+
+class Labels:
+    """Places labels near their points where they cover neither lines nor other labels."""
+
+    def __init__(self, figure: Figure, axes):
+        self.figure, self.axes = figure, axes
+        self.obstacles: list[Array] = []
+        self.boxes: list[Bbox] = []
+
+    def avoid(self, line: Array) -> None:
+        """Keep labels off a line (n, 2) in data coordinates."""
+        line = np.asarray(line, float).reshape(-1, 2)
+        for start, end in pairwise(line):
+            self.obstacles.append(start + np.linspace(0, 1, 25)[:, None] * (end - start))
+        if len(line) == 1:
+            self.obstacles.append(line)
+
+    def put(
+        self, text: str, at: Array, colour: str, towards: Array | None = None, size: float = 10, weight="normal"
+    ) -> None:
+        """Write `text` beside the point `at`, rather in the direction `towards`."""
+        renderer = self.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+        transform = self.axes.transData
+        dots = transform.transform(np.concatenate(self.obstacles)) if self.obstacles else np.zeros((0, 2))
+        label = self.axes.text(
+            *at, text, color=colour, fontsize=size, ha="center", va="center", zorder=1000, weight=weight
+        )
+        extent = label.get_window_extent(renderer)
+        half = np.array([extent.width, extent.height]) / 2 + 2
+        centre = transform.transform(at)
+        bounds = self.axes.get_window_extent(renderer)
+        wanted = None
+        if towards is not None and np.linalg.norm(towards) > 1e-9:
+            wanted = np.asarray(towards) / np.linalg.norm(towards)
+        best, place = np.inf, centre
+        for radius in (6, 14, 26, 42, 62):
+            for angle in np.radians(np.arange(0, 360, 15)):
+                direction = np.array([np.cos(angle), np.sin(angle)])
+                middle = centre + direction * (radius + np.abs(direction) @ half)
+                low, high = middle - half, middle + half
+                box = Bbox([low, high])
+                covered = ((dots > low - 4) & (dots < high + 4)).all(axis=1).sum()
+                clashes = sum(box.overlaps(other) for other in self.boxes)
+                outside = np.maximum(bounds.min - low, 0).sum() + np.maximum(high - bounds.max, 0).sum()
+                cost = 30 * covered + 5000 * clashes + 50 * outside + radius
+                cost += 0 if wanted is None else 25 * (1 - float(direction @ wanted))
+                if cost < best:
+                    best, place = cost, middle
+        label.set_position(transform.inverted().transform(place))
+        self.boxes.append(Bbox([place - half, place + half]))
+
+
+class Drawing:
+    """One drawing of the mechanism on 2-D axes."""
+
+    def __init__(self, figure: Figure, axes, camera: Camera, labels: Labels):
+        self.figure, self.axes, self.camera, self.labels = figure, axes, camera, labels
+
+    def line(self, points: Array, colour: str, width: float, lift: float = 0.0, halo: bool = True, **style) -> None:
+        """Draw a line; nearer lines cross farther ones with a white edge."""
+        flat, depth = self.camera.flat(points), self.camera.depth(points)
+        order = 10 + depth + lift
+        if halo:
+            self.axes.plot(*flat.T, color="white", lw=width + 2.5, solid_capstyle="butt", zorder=order)
+        self.axes.plot(*flat.T, color=colour, lw=width, solid_capstyle="round", zorder=order + 1e-6, **style)
+        self.labels.avoid(flat)
+
+    def rod(self, points: Array, colour: str) -> None:
+        """Draw a beam: a thick line with a light along its middle."""
+        self.line(points, colour, 7.0)
+        flat, depth = self.camera.flat(points), self.camera.depth(points)
+        self.axes.plot(*flat.T, color="white", alpha=0.35, lw=2.0, solid_capstyle="round", zorder=10 + depth + 2e-6)
+
+    def arrow(
+        self, start: Array, end: Array, colour: str, width: float, head: float = 12.0, lift: float = 50.0
+    ) -> None:
+        """Draw an arrow with a head of constant size."""
+        a, b = self.camera.flat(start), self.camera.flat(end)
+        self.axes.annotate(
+            "",
+            xy=b,
+            xytext=a,
+            zorder=10 + lift,
+            arrowprops={
+                "arrowstyle": "-|>",
+                "color": colour,
+                "lw": width,
+                "mutation_scale": head,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            },
+        )
+        self.labels.avoid(np.array([a, b]))
+
+    def mark(
+        self, point: Array, marker: str, size: float, face: str, edge: str, lift: float = 20.0, width: float = 1.3
+    ) -> None:
+        flat = self.camera.flat(point)
+        self.axes.plot(
+            *flat, marker, ms=size, mfc=face, mec=edge, mew=width, zorder=10 + lift + 0.01 * self.camera.depth(point)
+        )
+        self.labels.avoid(flat)

@@ -1,0 +1,404 @@
+"""Pictures: the mechanism at a pose, and which module yields. Needs matplotlib, the extra `figures`.
+
+The mechanism is drawn in parallel projection: gravity points down on the page, nearer parts cover farther ones, and
+labels are placed where nothing else is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...errors import InputError
+from ...kinematics import ClosedPose
+from ...robot import Robot
+from ...spatial import Array, as_wrench
+from ...statics import Compliance
+from ..scene.camera import FORCE_LENGTH, Camera, best_camera, hull
+from ..scene.skeleton import BodyMotions, Skeleton, skeleton
+from ..text.answer import Answer, wrench_text
+from ..text.joints import pose_text
+from ..text.quantities import length_text, number
+from .drawing import Drawing, Labels
+from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
+from .plotting import Figure, FigureCanvasAgg, Line2D, Patch, Polygon, plain_words
+
+__all__ = [
+    "draw_compass",
+    "draw_legend",
+    "draw_mechanism",
+    "draw_tool",
+    "leg_colours",
+    "pose_figure",
+    "shares_figure",
+]
+
+_LEGS = ("#0072B2", "#009E73", "#CC79A7", "#8C6BB1", "#A6761D", "#56B4E9")
+_PART, _PLATE, _GHOST, _LOAD = "#4A5058", "#AEB6BF", "#E8590C", "#B5179E"
+_AXES = ("#D62728", "#2CA02C", "#1F5FD0")
+_FAINT = "#6B7280"
+
+
+# -- drawing -----------------------------------------------------------------------------------------------------------
+
+
+def _nice_below(value: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is not above `value`."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)) * power)
+
+
+def leg_colours(legs: Sequence[str]) -> dict[str, str]:
+    """Return a colour per leg."""
+    return {leg: _LEGS[index % len(_LEGS)] for index, leg in enumerate(legs)}
+
+
+@plain_words
+def pose_figure(
+    robot: Robot,
+    pose: ClosedPose,
+    compliance: Compliance | None = None,
+    wrench=None,
+    scale: float | None = None,
+) -> Figure:
+    """Return a picture of the mechanism, its deflection under a wrench, and the compliance at its tool.
+
+    The deflected mechanism is drawn `scale` times larger than life (None: a round number that shows it), as the title
+    says. The ellipsoid is the displacement of the tool under unit forces in all directions. Save it with
+    `figure.savefig("pose.png")`.
+    """
+    if compliance is not None and compliance.pose is not pose:
+        raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
+    if wrench is not None and compliance is None:
+        raise InputError("a wrench deflects nothing without a compliance: give robot.compliance(pose)")
+    load = None if wrench is None else as_wrench(wrench)
+    parts = skeleton(pose)
+    size = parts.size
+    camera = best_camera(robot.mechanism.gravity, parts, np.zeros(3) if load is None else load[:3])
+    figure = Figure(figsize=(11, 7.2), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.02, 0.02, 0.67, 0.83))
+    axes.set_aspect("equal")
+    axes.axis("off")
+    if load is not None and compliance is not None and load.any() and scale is None:
+        scale = _fitting_scale(compliance, load, parts)
+    ghost = BodyMotions(compliance, load, scale) if load is not None and compliance is not None and scale else None
+    # fix the limits first: labels are placed on the page
+    extent = [camera.flat(parts.points)]
+    if ghost is not None:
+        extent += [camera.flat(ghost.curve(segment)) for segment in parts.segments]
+    tool = parts.tool[:3, 3]
+    if load is not None and load[:3].any():
+        extent.append(camera.flat(tool + FORCE_LENGTH * size * load[:3] / np.linalg.norm(load[:3]))[None])
+    extent.append(camera.flat(tool) + 0.16 * size * np.array([[-1, -1], [1, 1]]))
+    flat = np.concatenate(extent)
+    low, high = flat.min(axis=0) - 0.07 * size, flat.max(axis=0) + 0.07 * size
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    figure.canvas.draw()
+    labels = Labels(figure, axes)
+    drawing = Drawing(figure, axes, camera, labels)
+    colours = leg_colours(list(parts.legs))
+    draw_mechanism(drawing, parts, colours)
+    if compliance is not None:
+        draw_small_ellipsoid(drawing, compliance, tool, size)
+    if ghost is not None:
+        _draw_ghost(drawing, parts, ghost)
+    texts = draw_tool(drawing, parts)
+    if load is not None and load.any():
+        texts += _draw_wrench(drawing, tool, load, size)
+    for text, at, colour, towards in texts:
+        labels.put(text, at, colour, towards)
+    middle = camera.flat(parts.points).mean(axis=0)
+    for leg, point in parts.legs.items():
+        at = camera.flat(point)
+        labels.put(leg, at, colours[leg], at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
+    draw_compass(figure, camera, robot.mechanism.gravity)
+    if compliance is not None:
+        draw_ellipsoid(figure, camera, compliance)
+    draw_legend(figure, parts, load is not None and bool(load.any()), ghost is not None, scale)
+    _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None)
+    return figure
+
+
+def _fitting_scale(compliance: Compliance, load: Array, parts: Skeleton) -> float | None:
+    """Return the round factor that makes the largest deflection about an eighth of the mechanism."""
+    motions = BodyMotions(compliance, load)
+    moved = [
+        np.linalg.norm(motions.move(body, end) - end)
+        for segment in parts.segments
+        for body, end in zip(segment.bodies, (segment.start, segment.end), strict=True)
+    ]
+    largest = max([*map(float, moved), float(np.linalg.norm(compliance.deflection(load)[:3]))])
+    return _nice_below(0.14 * parts.size / largest) if largest > 0 else None
+
+
+def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -> None:
+    """Draw bodies, joints and loop closures."""
+    axes, camera = drawing.axes, drawing.camera
+    for plate in parts.plates:
+        outline = hull(camera.flat(plate.corners))
+        if len(outline) >= 3:
+            ground = plate.body == 0
+            order = (5 if ground else 10) + camera.depth(plate.corners) * 0.1
+            axes.add_patch(
+                Polygon(outline, facecolor=_PLATE, alpha=0.35 if ground else 0.5, edgecolor=_PART, lw=1.2, zorder=order)
+            )
+            drawing.labels.avoid(np.vstack((outline, outline[:1])))
+    for anchor in parts.anchors:
+        _draw_ground(drawing, anchor, parts.size)
+    for segment in sorted(parts.segments, key=lambda s: camera.depth(np.array([s.start, s.end]))):
+        line = np.array([segment.start, segment.end])
+        if segment.kind == "beam":
+            drawing.rod(line, colours.get(segment.leg or "", _PART))
+        elif segment.kind == "slide":
+            drawing.line(line, _PART, 1.6, linestyle=(0, (4, 2)))
+        else:
+            drawing.line(line, _PART, 4.0)
+    marks: dict[tuple, tuple] = {}
+    rank = {"passive": 0, "sprung": 1, "locked": 2, "actuated": 3}
+    for joint in parts.joints:
+        style = max((word.strip() for word in joint.role.split(",")), key=lambda word: rank[word])
+        shape = "s" if joint.type == "prismatic" else "o"
+        key = tuple(np.round(joint.at, 6))
+        present = marks.get(key)
+        if present is None or (rank[style], shape == "o") > (rank[present[1]], present[2] == "o"):
+            marks[key] = (joint.at, style, shape)
+    for at, style, shape in marks.values():
+        face = {"actuated": "#F2B705", "locked": "black", "sprung": "#9BD1E5"}.get(style, "white")
+        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, face, _PART)
+    for first, second, _, _ in parts.closures:
+        if np.linalg.norm(first - second) > 1e-6:
+            drawing.line(np.array([first, second]), _PART, 1.2, linestyle=":")
+        drawing.mark(second, "D", 10, "none", _PART, lift=19)
+
+
+def _draw_ground(drawing: Drawing, at: Array, size: float) -> None:
+    """Draw the hatched symbol of a fixed point, hatched away from the mechanism."""
+    flat, half = drawing.camera.flat(at), 0.028 * size
+    edge = flat + np.array([[-half, 0], [half, 0]])
+    drawing.axes.plot(*edge.T, color=_PART, lw=1.8, zorder=6)
+    away = 1.0 if flat[1] > np.mean(drawing.axes.get_ylim()) else -1.0
+    for step in np.linspace(-half, half, 6)[:-1]:
+        start = flat + np.array([step, 0])
+        end = start + np.array([0.4 * half, away * 0.45 * half])
+        drawing.axes.plot(*np.array([start, end]).T, color=_PART, lw=1.0, zorder=6)
+    for height in (0, 0.25, 0.5):
+        drawing.labels.avoid(edge + np.array([0, away * height * half]))
+
+
+def _draw_ghost(drawing: Drawing, parts: Skeleton, ghost: BodyMotions) -> None:
+    for segment in parts.segments:
+        width = 2.4 if segment.kind == "beam" else 1.8
+        drawing.line(ghost.curve(segment), _GHOST, width, lift=5.0, halo=False, alpha=0.9)
+    for plate in parts.plates:
+        if plate.body:
+            outline = hull(drawing.camera.flat(np.array([ghost.move(plate.body, corner) for corner in plate.corners])))
+            if len(outline) >= 3:
+                drawing.axes.add_patch(Polygon(outline, facecolor="none", edgecolor=_GHOST, lw=1.4, zorder=16))
+    drawing.mark(ghost.move(parts.tool_body, parts.tool[:3, 3]), "o", 6, _GHOST, "white", lift=26)
+
+
+def draw_tool(drawing: Drawing, parts: Skeleton) -> list[tuple]:
+    """Draw the tool's axes; return their labels."""
+    at, turn = parts.tool[:3, 3], parts.tool[:3, :3]
+    texts: list[tuple] = []
+    for axis, colour, name in zip(turn.T, _AXES, "xyz", strict=True):
+        tip = at + 0.085 * parts.size * axis
+        drawing.arrow(at, tip, colour, 2.0, 9, lift=40)
+        flat = drawing.camera.flat(np.array([at, tip]))
+        texts.append((name, flat[1], colour, flat[1] - flat[0]))
+    drawing.mark(at, "o", 5, "black", "white", lift=45, width=1.0)
+    return texts
+
+
+def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[tuple]:
+    """Draw a force as an arrow and a moment as an arc around its axis; return their labels."""
+    camera = drawing.camera
+    texts: list[tuple] = []
+    for block, unit in ((load[:3], "N"), (load[3:], "N m")):
+        amount = float(np.linalg.norm(block))
+        if amount == 0:
+            continue
+        axis = block / amount
+        label = f"{number(amount, 4)} {unit}"
+        if unit == "N":
+            tip = at + FORCE_LENGTH * size * axis
+            drawing.arrow(at, tip, _LOAD, 3.0, 17)
+            flat = camera.flat(np.array([at, tip]))
+            texts.append((label, flat[1], _LOAD, flat[1] - flat[0]))
+            continue
+        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        across /= np.linalg.norm(across)
+        other = np.cross(axis, across)
+        start = np.arctan2(other @ camera.viewer, across @ camera.viewer) + np.radians(215)
+        angles = start + np.linspace(0, np.radians(290), 60)
+        arc = at + 0.08 * size * (np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * other)
+        drawing.line(arc[:-2], _LOAD, 2.6, lift=48, halo=False)
+        drawing.arrow(arc[-3], arc[-1], _LOAD, 2.6, 15)
+        flat = camera.flat(arc)
+        texts.append((label, flat[30], _LOAD, flat[30] - camera.flat(at)))
+    return texts
+
+
+# -- around the drawing ------------------------------------------------------------------------------------------------
+
+
+def draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
+    """Draw the base's axes and gravity in the corner."""
+    axes = figure.add_axes((0.015, 0.02, 0.13, 0.19))
+    axes.set_aspect("equal")
+    axes.axis("off")
+    axes.set_xlim(-2.0, 2.3)
+    axes.set_ylim(-2.0, 2.0)
+    figure.canvas.draw()
+    labels = Labels(figure, axes)
+    drawing = Drawing(figure, axes, camera, labels)
+    texts = []
+    for axis, colour, name in zip(np.eye(3), _AXES, "xyz", strict=True):
+        drawing.arrow(np.zeros(3), axis, colour, 1.8, 9)
+        flat = camera.flat(axis)
+        texts.append((name, flat, colour, flat))
+    if np.linalg.norm(gravity) > 0:
+        start, end = (1.75, 0.75), (1.75, -0.75)
+        axes.annotate(
+            "",
+            xy=end,
+            xytext=start,
+            arrowprops={"arrowstyle": "-|>", "color": _FAINT, "lw": 1.6, "shrinkA": 0},
+        )
+        labels.avoid(np.array([start, end]))
+        labels.put("gravity", np.array(end), _FAINT, np.array([0, -1]), 8.5)
+    for text, at, colour, towards in texts:
+        labels.put(text, at, colour, towards, 9.5)
+    labels.put("base", np.zeros(2), _FAINT, np.array([-1, -1]), 8.5)
+
+
+def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, scale: float | None) -> None:
+    """Explain every sign that occurs."""
+    kinds = {segment.kind for segment in parts.segments}
+    roles = {word.strip() for joint in parts.joints for word in joint.role.split(",")}
+    handles: list = []
+
+    def add(label: str, **style) -> None:
+        handles.append(Line2D([], [], label=label, **style))
+
+    def mark(label: str, marker: str, face: str, size: float = 9) -> None:
+        add(label, marker=marker, ls="", mfc=face, mec=_PART, ms=size)
+
+    if "beam" in kinds:
+        add("elastic beam" + (" (in its leg's colour)" if parts.legs else ""), color=_PART, lw=7)
+    if "link" in kinds:
+        add("rigid link", color=_PART, lw=4)
+    if "slide" in kinds:
+        add("slide", color=_PART, lw=1.6, ls=(0, (4, 2)))
+    if any(plate.body for plate in parts.plates) or any(not plate.body for plate in parts.plates):
+        handles.append(Patch(facecolor=_PLATE, edgecolor=_PART, alpha=0.5, label="rigid body, base"))
+    if "actuated" in roles:
+        shapes = {joint.type == "prismatic" for joint in parts.joints if "actuated" in joint.role}
+        mark("actuated joint", "s" if shapes == {True} else "o", "#F2B705", 10)
+    if "passive" in roles:
+        mark("passive joint", "o", "white", 7.5)
+    if "sprung" in roles and "actuated" not in roles:
+        mark("sprung joint", "o", "#9BD1E5", 7.5)
+    if "locked" in roles:
+        mark("locked joint", "o", "black", 7.5)
+    if parts.closures:
+        mark("loop closure", "D", "none", 8)
+    if loaded:
+        add("load on the tool", color=_LOAD, lw=3)
+    if deflected:
+        add(f"deflected, drawn {number(scale or 0)} times larger", color=_GHOST, lw=2.4)
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=(0.715, 0.39),
+        frameon=False,
+        fontsize=9.5,
+        handlelength=2.4,
+        labelspacing=0.55,
+    )
+
+
+def _write_title(figure: Figure, robot: Robot, pose: ClosedPose, compliance, load, scale: float | None) -> None:
+    at = ", ".join(text.replace(" deg", "°") for text in pose_text(robot, pose.coordinates or pose.actuators, 4))
+    if len(at) > 90:
+        at = f"{at[:88].rpartition(',')[0]}, …"
+    figure.text(0.025, 0.955, robot.name, fontsize=16, weight="bold", va="center")
+    figure.text(0.025, 0.915, at, fontsize=11, color=_PART, va="center")
+    if load is not None and load.any() and compliance is not None:
+        moved = float(np.linalg.norm(compliance.deflection(load)[:3]))
+        line = f"under {wrench_text(load)} the tool moves by {length_text(moved)}"
+        if scale:
+            line += f"; deflection drawn × {number(scale)}"
+        figure.text(0.025, 0.878, line, fontsize=11, color=_GHOST, va="center")
+
+
+def _percent(share: float) -> str:
+    percent = 100 * share
+    return "<0.01" if 0 < percent < 0.005 else f"{percent:.1f}" if percent >= 1 else f"{percent:.2f}"
+
+
+@plain_words
+def shares_figure(compliance: Compliance, wrench=None) -> Figure:
+    """Return horizontal bars of each module's share in the work of a wrench, in % and µm, coloured by leg.
+
+    Without a wrench: a unit force along the softest direction. Raises InputError where the wrench deflects nothing.
+    """
+    answer = Answer(compliance, wrench)
+    if answer.shares is None:
+        raise InputError("this load deflects nothing, so there are no shares to draw")
+    shares = dict(sorted(answer.shares.items(), key=lambda item: -item[1]))
+    shown = {name: share for name, share in shares.items() if share >= 5e-4}
+    shown = dict(list(shown.items())[:24])
+    rest = [name for name in shares if name not in shown]
+    unit = "µrad" if answer.load.turns else "µm"
+    rows = [(name, share, answer.contributions[name]) for name, share in shown.items()]
+    if rest:
+        label = rest[0] if len(rest) == 1 else f"{len(rest)} others"
+        rows.append((label, sum(shares[name] for name in rest), sum(answer.contributions[name] for name in rest)))
+    legs = {module.name: module.leg for module in answer.mechanism.modules}
+    colours = leg_colours(list(compliance.legs))
+    height = 2.0 + 0.33 * len(rows)
+    figure = Figure(figsize=(9.5, height), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    longest = max(len(row[0]) for row in rows)
+    left = min(0.45, 0.04 + 0.0085 * longest)
+    axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - 1.65 / height))
+    largest = max(share for _, share, _ in rows)
+    for row, (name, share, amount) in enumerate(rows):
+        leg = legs.get(name) or ""
+        axes.barh(row, 100 * share, height=0.68, color=colours.get(leg, _PART if name in legs else "#C3C9D0"), zorder=2)
+        text = f"{_percent(share)} %   {number(amount * 1e6, 3)} {unit}"
+        axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=9.5, color="#222222")
+    axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9.5)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlim(0, 132 * largest)
+    axes.set_xlabel("share of the work done by the load [%]", fontsize=9.5)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="x", color="#E3E6EA", zorder=0)
+    axes.set_axisbelow(True)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    if colours:
+        handles = [
+            Patch(color=colour, label=f"{leg}  {_percent(answer.share_of(compliance.legs[leg]) or 0.0)} %")
+            for leg, colour in colours.items()
+        ]
+        axes.legend(handles=handles, loc="lower right", frameon=False, fontsize=10)
+    what = "tool turns" if answer.load.turns else "tool moves"
+    per = "" if answer.load.given else " (softest direction)"
+    figure.text(
+        0.025, 1 - 0.35 / height, f"{answer.mechanism.name}: which part yields", fontsize=14, weight="bold", va="center"
+    )
+    figure.text(
+        0.025,
+        1 - 0.72 / height,
+        f"under {wrench_text(np.round(answer.load.wrench, 3))}{per} the {what} by "
+        f"{number(answer.amount * 1e6, 4)} {unit}; {unit}: the part of each module in this",
+        fontsize=10,
+        color=_PART,
+        va="center",
+    )
+    return figure

@@ -1,0 +1,304 @@
+"""Scenes and motions as commands of meshcat's protocol: what its Python client would send to its viewer.
+
+The commands are written directly, so that neither a server nor a socket is needed to make a page.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+import uuid
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, MissingExtraError
+from ...spatial import Array
+from ..scene.motions import Motion
+from ..scene.scene import Part, Scene
+from ..scene.shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
+
+__all__ = ["FIELD_OF_VIEW", "Command", "folders", "motion_commands", "packed", "scene_commands", "tree_path"]
+
+Command = dict[str, Any]
+#: Vertical opening of the eye [deg].
+FIELD_OF_VIEW = 28
+#: Shapes whose axis is z here and y in three.js.
+_Y_UP = (Cylinder, Cone)
+_Z_TO_Y = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+
+
+def _msgpack():
+    try:
+        return importlib.import_module("umsgpack")  # comes with meshcat
+    except ImportError as error:
+        raise MissingExtraError("meshcat", "view") from error
+
+
+def packed(command: Command) -> bytes:
+    """Return a command as meshcat's viewer reads it. Raises MissingExtraError."""
+    return _msgpack().packb(command)
+
+
+def _array(values: np.ndarray) -> dict[str, Any]:
+    """Return (n, k) numbers as three.js reads them."""
+    whole = values.dtype.kind in "iu"
+    data = np.ascontiguousarray(values, np.uint32 if whole else np.float32)
+    return {
+        "itemSize": 1 if whole else int(data.shape[-1]),
+        "type": "Uint32Array" if whole else "Float32Array",
+        "array": _msgpack().Ext(0x16 if whole else 0x17, data.tobytes()),
+        "normalized": False,
+    }
+
+
+def _surface(shape: Shape) -> Mesh | None:
+    return shape.mesh if isinstance(shape, Tube) else shape if isinstance(shape, Mesh) else None
+
+
+def _geometry(shape: Shape, targets: Sequence[Array] = ()) -> dict[str, Any]:
+    """Return a shape as a three.js geometry; `targets` are vertices at the frames of an animation."""
+    surface = _surface(shape)
+    if surface is not None:
+        attributes = {"position": _array(surface.vertices)}
+        if surface.normals is not None:
+            attributes["normal"] = _array(surface.normals)
+        if surface.colours is not None:
+            attributes["color"] = _array(surface.colours)
+        data: dict[str, Any] = {"attributes": attributes, "index": _array(surface.faces.reshape(-1, 1))}
+        if len(targets):
+            data["morphAttributes"] = {"position": [_array(target) for target in targets]}
+        return {"type": "BufferGeometry", "data": data}
+    if isinstance(shape, Lines):
+        return {"type": "BufferGeometry", "data": {"attributes": {"position": _array(shape.ends.reshape(-1, 3))}}}
+    if isinstance(shape, Box):
+        width, height, depth = shape.size
+        return {"type": "BoxGeometry", "width": width, "height": height, "depth": depth}
+    if isinstance(shape, Ball):
+        return {"type": "SphereGeometry", "radius": shape.radius, "widthSegments": 24, "heightSegments": 16}
+    if isinstance(shape, Ellipsoid):
+        return {"type": "SphereGeometry", "radius": 1.0, "widthSegments": 48, "heightSegments": 32}
+    if isinstance(shape, Cylinder):
+        radii = {"radiusTop": shape.radius, "radiusBottom": shape.radius}
+        return {"type": "CylinderGeometry", **radii, "height": shape.length, "radialSegments": 40}
+    if isinstance(shape, Cone):
+        radii = {"radiusTop": 0.0, "radiusBottom": shape.radius}
+        return {"type": "CylinderGeometry", **radii, "height": shape.length, "radialSegments": 32}
+    assert isinstance(shape, Ring)
+    segments = {"radialSegments": 12, "tubularSegments": 40}
+    return {"type": "TorusGeometry", "radius": shape.radius, "tube": shape.thickness, **segments}
+
+
+def _inner(shape: Shape) -> Array:
+    """Return shape_from_geometry, 4 x 4: what turns and stretches three.js's geometry into the shape."""
+    matrix = np.eye(4)
+    if isinstance(shape, _Y_UP):
+        matrix = _Z_TO_Y.copy()
+        if isinstance(shape, Cone):
+            matrix[2, 3] = shape.length / 2
+    elif isinstance(shape, Ellipsoid):
+        matrix[:3, :3] = np.diag(shape.semi_axes)
+    return matrix
+
+
+def _object(part: Part, targets: Sequence[Array] = ()) -> Command:
+    shape = part.shape
+    geometry, material, mesh = (str(uuid.uuid4()) for _ in range(3))
+    look: dict[str, Any] = {
+        "uuid": material,
+        "type": "LineBasicMaterial" if isinstance(shape, Lines) else "MeshPhongMaterial",
+        "color": int(part.colour[1:], 16),
+        "opacity": part.opacity,
+        "transparent": part.opacity < 1 or part.on_top,
+        "depthTest": not part.on_top,
+        "depthWrite": part.opacity >= 1,
+        "side": 2,
+        "vertexColors": isinstance(shape, Mesh) and shape.colours is not None,
+    }
+    if not isinstance(shape, Lines):
+        look |= {"shininess": 40, "specular": 0x222222}
+    if isinstance(shape, Mesh) and shape.normals is None:
+        look["flatShading"] = True
+    entry = {
+        "uuid": mesh,
+        "type": "LineSegments" if isinstance(shape, Lines) else "Mesh",
+        "geometry": geometry,
+        "material": material,
+        "matrix": _inner(shape).T.ravel().tolist(),
+        "renderOrder": 2 if part.on_top else 1 if part.opacity < 1 else 0,
+    }
+    return {
+        "type": "set_object",
+        "path": tree_path(part.path),
+        "object": {
+            "metadata": {"version": 4.5, "type": "Object"},
+            "geometries": [{"uuid": geometry, **_geometry(shape, targets)}],
+            "materials": [look],
+            "object": entry,
+        },
+    }
+
+
+def tree_path(path: str) -> str:
+    """Return a path that meshcat reads as the same folders; signs with a meaning there are replaced."""
+    return "/" + "/".join(re.sub(r"[<>\[\].:]", "_", name) or "_" for name in path.split("/") if name)
+
+
+def _transform(path: str, matrix: Array) -> Command:
+    return {"type": "set_transform", "path": path, "matrix": matrix.T.ravel().tolist()}
+
+
+def _property(path: str, name: str, value: Any) -> Command:
+    return {"type": "set_property", "path": path, "property": name, "value": value}
+
+
+_EYE = "/Cameras/default/rotated/<object>"
+
+
+def _stage(scene: Scene) -> list[Command]:
+    """Return the commands for light, background and eye."""
+    return [
+        _property("/Background", "top_color", [1.0, 1.0, 1.0]),
+        _property("/Background", "bottom_color", [0.91, 0.93, 0.95]),
+        _property("/Grid", "visible", False),
+        _property("/Axes", "visible", False),
+        _property(_EYE, "fov", FIELD_OF_VIEW),
+        _property(_EYE, "position", [2.6 * np.cos(scene.elevation), 2.6 * np.sin(scene.elevation), 0.0]),
+    ]
+
+
+def folders(parts: Sequence[Part]) -> list[str]:
+    """Return the top folders of parts."""
+    return list(dict.fromkeys(tree_path(part.path).split("/")[1] for part in parts))
+
+
+def scene_commands(scene: Scene) -> list[Command]:
+    """Return meshcat's commands that draw a scene."""
+    commands = _stage(scene)
+    for part in scene.parts:
+        commands += [_object(part), _transform(tree_path(part.path), part.placement)]
+    return commands + [_transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
+
+
+# -- motions -----------------------------------------------------------------------------------------------------------
+
+
+def motion_commands(motion: Motion) -> list[Command]:
+    """Return meshcat's commands that draw a motion: objects once, and tracks of what changes."""
+    first = motion.frames[0]
+    commands = _stage(first)
+    order: dict[str, None] = {}
+    by_path: list[dict[str, Part]] = []
+    for frame in motion.frames:
+        table = {part.path: part for part in frame.parts}
+        by_path.append(table)
+        order.update(dict.fromkeys(table))
+    everything: list[Part] = []
+    clips: list[dict[str, Any]] = []
+    for path in order:
+        parts = [table.get(path) for table in by_path]
+        drawn, tracks, on_object = _tracks(parts, motion.rate)
+        everything.append(drawn[0])
+        commands += [_object(*drawn), _transform(tree_path(path), drawn[0].placement)]
+        for where, found in ((tree_path(path), tracks), (f"{tree_path(path)}/<object>", on_object)):
+            if found:
+                clips.append({"path": where, "clip": {"fps": 30, "name": "default", "tracks": found}})
+    commands += [_transform(f"/{folder}", first.display_from_base) for folder in folders(everything)]
+    if clips:
+        options = {"play": True, "repetitions": 1_000_000}
+        commands.append({"type": "set_animation", "path": "", "animations": clips, "options": options})
+    return commands
+
+
+def _track(name: str, kind: str, rate: float, values: Sequence[Any]) -> dict[str, Any]:
+    keys = [{"time": index, "value": value} for index, value in enumerate(values)]
+    # the clip counts 30 frames a second; the motion's own rate stretches it
+    stretch = 30.0 / rate
+    for key in keys:
+        key["time"] *= stretch
+    return {"name": f".{name}", "type": kind, "keys": keys}
+
+
+def _tracks(parts: Sequence[Part | None], rate: float) -> tuple[tuple, list, list]:
+    """Return (part, morph targets) to draw, tracks of its node, and tracks of its object."""
+    present = [part for part in parts if part is not None]
+    last = present[0]
+    filled = []
+    for part in parts:
+        last = part if part is not None else last
+        filled.append(last)
+    shapes = [part.shape for part in filled]
+    surfaces = [_surface(shape) for shape in shapes]
+    tracks: list[dict[str, Any]] = []
+    on_object: list[dict[str, Any]] = []
+    drawn = filled[0]
+    targets: list[Array] = []
+    if any(part is None for part in parts):
+        tracks.append(_track("visible", "bool", rate, [part is not None for part in parts]))
+    placements = np.array([part.placement for part in filled])
+    if all(surface is not None for surface in surfaces):
+        vertices = [surface.vertices for surface in surfaces if surface is not None]
+        if any(other is not vertices[0] and not np.array_equal(other, vertices[0]) for other in vertices):
+            if any(other.shape != vertices[0].shape for other in vertices):
+                raise InputError(f"part '{drawn.path}' changes its number of vertices")
+            targets = vertices
+            for index in range(len(targets)):
+                on_object.append(_influence(index, len(targets), rate))
+    elif any(shape is not shapes[0] and shape != shapes[0] for shape in shapes):
+        # the largest is drawn, the others are stretched copies of it
+        drawn = max(filled, key=lambda part: float(np.prod(_extent(part.shape))))
+        own = _extent(drawn.shape)
+        scales = [(_extent(shape) / own).tolist() for shape in shapes]
+        tracks.append(_track("scale", "vector3", rate, scales))
+    if np.ptp(placements, axis=0).max() > 1e-12:
+        tracks.append(_track("position", "vector3", rate, placements[:, :3, 3].tolist()))
+        tracks.append(_track("quaternion", "quaternion", rate, _quaternions(placements[:, :3, :3]).tolist()))
+    colours = [part.colour for part in filled]
+    if len(set(colours)) > 1:
+        values = [[int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] for colour in colours]
+        on_object.append(_track("material.color", "color", rate, values))
+    return (drawn, targets), tracks, on_object
+
+
+def _influence(index: int, count: int, rate: float) -> dict[str, Any]:
+    """Return the track of one morph target: full at its own frame, nothing at the others."""
+    times = sorted({0, max(index - 1, 0), index, min(index + 1, count - 1), count - 1})
+    stretch = 30.0 / rate
+    keys = [{"time": time * stretch, "value": 1.0 if time == index else 0.0} for time in times]
+    return {"name": f".morphTargetInfluences[{index}]", "type": "number", "keys": keys}
+
+
+def _extent(shape: Shape) -> Array:
+    """Return the lengths of a shape along its own axes, never zero."""
+    lengths: tuple[float, ...]
+    if isinstance(shape, Box):
+        lengths = shape.size
+    elif isinstance(shape, Ellipsoid):
+        lengths = shape.semi_axes
+    elif isinstance(shape, Cylinder | Cone):
+        lengths = (shape.radius, shape.radius, shape.length)
+    else:
+        assert isinstance(shape, Ball | Ring)
+        lengths = (shape.radius,) * 3
+    return np.maximum(np.array(lengths, float), 1e-9)
+
+
+def _quaternions(rotations: Array) -> Array:
+    """Return (n, 4) quaternions x, y, z, w of rotations (n, 3, 3), each on the side of the one before."""
+    r = rotations
+    trace = np.trace(r, axis1=1, axis2=2)
+    candidates = np.empty((len(r), 4, 4))
+    d = np.diagonal(r, axis1=1, axis2=2)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        candidates[:, i, i] = 1 + 2 * d[:, i] - trace
+        candidates[:, i, j] = candidates[:, j, i] = r[:, i, j] + r[:, j, i]
+        candidates[:, i, k] = candidates[:, k, i] = r[:, i, k] + r[:, k, i]
+        candidates[:, i, 3] = candidates[:, 3, i] = r[:, k, j] - r[:, j, k]
+    candidates[:, 3, 3] = 1 + trace
+    best = np.argmax(np.diagonal(candidates, axis1=1, axis2=2), axis=1)
+    found = candidates[np.arange(len(r)), best]
+    found /= np.linalg.norm(found, axis=1, keepdims=True)
+    signs = np.concatenate(([1.0], np.sign(np.sum(found[1:] * found[:-1], axis=1) + 1e-15)))
+    return found * np.cumprod(signs)[:, None]

@@ -1,0 +1,248 @@
+"""Scenes in meshcat's viewer: as a self-contained HTML page, in a notebook, or served to a browser on this machine.
+
+Needs the extra `view`, which is loaded when it is first used.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import importlib.util
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, MissingExtraError
+from ...kinematics import ClosedPose
+from ...robot import Robot
+from ...spatial import Array
+from ...statics import Compliance
+from ..scene.motions import Motion, load_ramp, path_motion, vibration, workspace_cloud
+from ..scene.painter import pose_scene
+from ..scene.scene import Scene
+from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
+from .server import START, Server
+
+__all__ = ["View", "view"]
+
+PoseLike = ClosedPose | Mapping[str, float]
+
+
+def _viewer_script() -> str:
+    """Return meshcat's viewer. Raises MissingExtraError."""
+    spec = importlib.util.find_spec("meshcat")
+    for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
+        path = Path(folder) / "viewer" / "dist" / "main.min.js"
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    raise MissingExtraError("meshcat", "view")
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------
+
+
+def _words(frames: Sequence[Scene], rate: float) -> dict[str, Any]:
+    """Return what the page shows besides meshcat's scene: legend, labels, what the eye must see."""
+    first = frames[0]
+    display = first.display_from_base
+
+    def there(points: Array) -> list:
+        return np.round(np.asarray(points) @ display[:3, :3].T + display[:3, 3], 6).tolist()
+
+    def label(item) -> dict[str, Any]:
+        folder = tree_path(item.path).lstrip("/")
+        look = {"colour": item.colour, "strong": item.strong}
+        return {"path": folder, "text": item.text, "at": there(item.at), "beside": there(item.beside), **look}
+
+    bounds = np.concatenate([frame.bounds for frame in frames])
+    if len(bounds) > 3000:
+        bounds = _hull(bounds)
+    return {
+        "elevation": first.elevation,
+        "bounds": there(bounds),
+        "rate": rate,
+        "frames": [
+            {
+                "legend": asdict(frame.legend),
+                "labels": [label(item) for item in frame.labels],
+                "avoid": there(frame.obstacles),
+            }
+            for frame in frames
+        ],
+    }
+
+
+def _hull(points: Array) -> Array:
+    """Return the points that lie farthest out in many directions."""
+    directions = np.random.default_rng(0).normal(size=(3, 80))
+    return points[np.unique(np.argmax(points @ directions, axis=0))]
+
+
+def _script_json(value: Any) -> str:
+    """Return JSON that cannot end the script it stands in."""
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _page(title: str, start: str, connect: str = "'none'") -> str:
+    """Return the page; `connect` is what its content security policy lets it connect to."""
+    template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
+    fields = {
+        "__TITLE__": html.escape(title),
+        "__MESHCAT__": _viewer_script(),
+        "__START__": start,
+        "__CONNECT__": connect,
+    }
+    return re.sub("|".join(fields), lambda match: fields[match.group()], template)
+
+
+class View:
+    """A scene or a motion, ready to be looked at: a page, a file, a notebook's cell, or a server on this machine."""
+
+    def __init__(self, shown: Scene | Motion):
+        _viewer_script()  # says now what is missing
+        self.shown = shown
+        self._server: Server | None = None
+        self._folders: list[str] = []
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, or a motion's first frame."""
+        return self.shown.frames[0] if isinstance(self.shown, Motion) else self.shown
+
+    def commands(self) -> list[Command]:
+        """Return meshcat's commands."""
+        return motion_commands(self.shown) if isinstance(self.shown, Motion) else scene_commands(self.shown)
+
+    def _words(self) -> dict[str, Any]:
+        if isinstance(self.shown, Motion):
+            return _words(self.shown.frames, self.shown.rate)
+        return _words([self.shown], 1.0)
+
+    def static_html(self) -> str:
+        """Return a self-contained page: it needs no network."""
+        encoded = [base64.b64encode(packed(command)).decode("ascii") for command in self.commands()]
+        lines = [f'command("{text}");' for text in encoded]
+        return _page(self.scene.name, "\n".join([*lines, f"show({_script_json(self._words())});"]))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the self-contained page to a file and return its path. Raises InputError."""
+        target = Path(path).expanduser()
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(self.static_html(), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"cannot write '{target}': {error.strerror}") from error
+        return target
+
+    def serve(self, port: int = 0) -> str:
+        """Serve the scene to browsers on this machine (127.0.0.1) and return its address; 0 takes a free port.
+
+        Raises InputError where the port is taken.
+        """
+        if self._server is None:
+            self._server = Server(lambda host: _page(self.scene.name, START, f"ws://{host}"), port)
+            self._send()
+        return self._server.url
+
+    def _send(self) -> None:
+        assert self._server is not None
+        gone: list[Command] = [{"type": "delete", "path": f"/{folder}"} for folder in self._folders]
+        messages: list[bytes | str] = [*map(packed, self.commands()), json.dumps(self._words(), allow_nan=False)]
+        self._server.show(messages, [packed(command) for command in gone])
+        self._folders = folders(self.scene.parts)
+
+    @property
+    def url(self) -> str | None:
+        """Address of the server, or None where none runs."""
+        return None if self._server is None else self._server.url
+
+    def update(self, shown: Scene | Motion | View) -> None:
+        """Show another scene; browsers that look at the server follow."""
+        self.shown = shown.shown if isinstance(shown, View) else shown
+        if self._server is not None:
+            self._send()
+
+    def wait(self) -> None:
+        """Wait while the scene is served, until `close` or Ctrl-C."""
+        if self._server is not None:
+            self._server.wait()
+
+    def close(self) -> None:
+        """Stop the server, if one runs."""
+        if self._server is not None:
+            self._server.stop()
+            self._server = None
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe srcdoc="{html.escape(self.static_html())}" '
+            'style="width: 100%; height: 560px; border: 1px solid #d1d5db; border-radius: 6px"></iframe>'
+        )
+
+    def __repr__(self) -> str:
+        at = f" at {self.url}" if self.url else ""
+        return f"<View of {self.scene.name}: {len(self.scene.parts)} parts{at}>"
+
+
+def view(
+    robot: Robot,
+    pose: PoseLike | Sequence[PoseLike] | None = None,
+    wrench=None,
+    scale: float | None = None,
+    *,
+    motion: str | None = None,
+    workspace: Sequence[ClosedPose] | None = None,
+    index: Callable[[Compliance], float] | None = None,
+    compliance: Compliance | None = None,
+    ellipsoids: str = "beside",
+    serve: bool = False,
+) -> View:
+    """Return a view of the robot, in meshcat's viewer; `view.save("view.html")`, or the last line of a notebook's cell.
+
+    pose: a closed pose, or task coordinates such as {"z": 0.4}; none: home. Several make a path that the robot follows.
+    wrench: (6,) or {"fx": 300}, on the tool, base axes [N, N m]: draws the deflection and each module's share in it.
+    scale: the deflection is drawn this many times larger; none: a round number that shows it.
+    motion: 'load' lets the load grow and fall; 'mode 1' (to 6) shows a vibration mode, see `statics.vibration`.
+    workspace: poses, drawn as a cloud of dots coloured by `index` (of a Compliance); none: the largest translational
+        compliance.
+    compliance: that of the pose, where it is not the one at rest: `robot.compliance(pose, load=…)`.
+    ellipsoids: 'beside' the robot, at the 'tool', or 'none'.
+    serve: serve it on this machine; the address is `view.url`.
+
+    Raises InputError, MissingExtraError, and what `robot.pose` and `robot.compliance` raise.
+    """
+    poses = [_pose(robot, item) for item in _several(pose)]
+    single = poses[0] if poses else None
+    shown: Scene | Motion
+    if workspace is not None:
+        shown = workspace_cloud(robot, [_pose(robot, item) for item in workspace], index)
+    elif len(poses) > 1:
+        shown = path_motion(robot, poses, wrench, scale, ellipsoids=ellipsoids)
+    elif motion is None:
+        shown = pose_scene(robot, single, wrench, scale, compliance=compliance, ellipsoids=ellipsoids)
+    elif motion == "load":
+        shown = load_ramp(robot, single, wrench, scale, ellipsoids=ellipsoids)
+    elif re.fullmatch(r"mode [1-9]", motion):
+        shown = vibration(robot, single, int(motion[-1]))
+    else:
+        raise InputError(f"motion '{motion}': expected 'load' or 'mode 1' to 'mode 6'")
+    result = View(shown)
+    if serve:
+        result.serve()
+    return result
+
+
+def _several(pose: PoseLike | Sequence[PoseLike] | None) -> list[PoseLike]:
+    if pose is None:
+        return []
+    return [pose] if isinstance(pose, ClosedPose | Mapping) else list(pose)
+
+
+def _pose(robot: Robot, pose: PoseLike) -> ClosedPose:
+    return pose if isinstance(pose, ClosedPose) else robot.pose(**pose)

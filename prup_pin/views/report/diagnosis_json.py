@@ -1,0 +1,86 @@
+"""A diagnosis as JSON: SI, every key documented in docs/diagnosis.md, no NaN and no infinity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.local_curve import LocalCurve
+from ...robot import Robot
+from .as_json import plain
+from .recovered import curve_units
+
+__all__ = ["UNIT", "diagnosis_as_json"]
+
+#: In what residuals are counted.
+UNIT = "multiples of the noise (RMS of whitened residual)"
+
+
+def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot, version: str = "") -> dict[str, Any]:
+    """Return the document that `prup-pin diagnose` writes. What does not exist, or is not finite, is None."""
+    noise = diagnosis.noise
+    document: dict[str, Any] = {
+        "prup_pin": version,
+        "robot": robot.name,
+        "verdict": diagnosis.verdict,
+        "noise": {
+            "source": noise.source,
+            "position": noise.position,
+            "rotation": noise.rotation,
+            "force": noise.force,
+            "moment": noise.moment,
+        },
+        "residual": {
+            "unit": UNIT,
+            "before": dict(diagnosis.before),
+            "after": dict(diagnosis.after),
+            "by_channel": {name: dict(values) for name, values in diagnosis.by_channel.items()},
+        },
+        "findings": [_finding(finding, robot) for finding in diagnosis.findings],
+        "not_detectable": [
+            {
+                "physics": item.physics,
+                "location": item.location,
+                "parameter": item.parameter,
+                "smallest": item.smallest,
+                "unit": item.unit,
+                "reason": item.reason,
+            }
+            for item in diagnosis.not_detectable
+        ],
+        "next_experiment": dict(diagnosis.next_experiment),
+        "remarks": list(diagnosis.remarks),
+    }
+    return plain(document)
+
+
+def _finding(finding: Finding, robot: Robot) -> dict[str, Any]:
+    value: dict[str, Any] = {
+        "physics": finding.physics,
+        "location": finding.location,
+        "aspect": "" if finding.effect is None else finding.effect.place.aspect,
+        "candidates": list(finding.candidates),
+        "parameters": {
+            name: {"value": fitted.value, "unit": fitted.unit, "ci95": sorted(fitted.interval)}
+            for name, fitted in finding.parameters.items()
+        },
+        "heldout_gain": finding.heldout_gain,
+        "statement": finding.statement,
+        "alternatives": list(finding.alternatives),
+    }
+    if finding.curve is not None:
+        value["curve"] = _curve(finding.curve, robot)
+    return value
+
+
+def _curve(curve: LocalCurve, robot: Robot) -> dict[str, Any]:
+    module = next(item for item in robot.mechanism.modules if item.name == curve.module)
+    load, deformation = curve_units(robot.mechanism, curve.module, curve.component)
+    return {
+        "module": curve.module,
+        "component": module.kind.loads[curve.component],
+        "load": curve.load,
+        "deformation": curve.deformation,
+        "deviation": curve.deviation,
+        "units": {"load": load, "deformation": deformation},
+    }

@@ -1,0 +1,146 @@
+"""The report of a diagnosis: one self-contained page for a colleague. Needs the extra `report`.
+
+It holds everything, runs no script and fetches nothing; names of files and robots are escaped by the template engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import __version__
+from ...diagnosis import Diagnosis
+from ...recordings import Recording
+from ...robot import Robot
+from ...spatial import WRENCH_NAMES
+from ..drawing import diagnosis_figures as figures
+from ..text.diagnosis_words import (
+    alternative_text,
+    channel_rows,
+    finding_text,
+    gain_text,
+    hidden_rows,
+    noise_text,
+    parameter_texts,
+    verdict_text,
+)
+from ..text.joints import dimension
+from ..text.quantities import number
+from .pose_report import page_template, svg
+from .recovered import Agreement, Recovered, recovered, residuals
+
+__all__ = ["diagnosis_html", "page"]
+
+#: Beyond so many points a drawing is a picture of pixels, lest the page grow heavy.
+_MOST_DRAWN = 200
+
+
+def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> str:
+    """Return one self-contained HTML page on a diagnosis of `recording`. Raises MissingExtraError."""
+    template = page()
+    responses = recovered(diagnosis, robot)
+    white = residuals(diagnosis, robot)
+    drawn = white is not None and bool(white.exists.any())
+    plan = diagnosis.next_experiment.get("plan") or {}
+    return template.render(
+        name=robot.name,
+        version=__version__,
+        path=robot.mechanism.description.path.name,
+        recording=Path(recording.path).name or "the recording",
+        verdict=diagnosis.verdict,
+        sentence=verdict_text(diagnosis),
+        facts=_facts(diagnosis),
+        measured=_measured(diagnosis, robot, recording),
+        place=svg(lambda: figures.place_figure(robot, diagnosis)),
+        findings=[_finding(diagnosis, index, responses) for index in range(len(diagnosis.findings))],
+        channels=channel_rows(diagnosis),
+        samples=svg(lambda: figures.sample_figure(diagnosis), len(diagnosis.samples) > _MOST_DRAWN) if drawn else "",
+        histogram=svg(lambda: figures.histogram_figure(white)) if drawn else "",  # type: ignore[arg-type]
+        hidden=hidden_rows(diagnosis.not_detectable),
+        remarks=list(diagnosis.remarks),
+        why=_sentence(str(diagnosis.next_experiment.get("why", ""))),
+        plan=_plan(plan, robot),
+        actuators=robot.mechanism.actuated if plan else [],
+        components=WRENCH_NAMES,
+        effects=len(diagnosis.effects),
+    )
+
+
+def page():
+    """Return the page's template. Raises MissingExtraError."""
+    return page_template("diagnosis_page.html")
+
+
+def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    before, after = (number(values["heldout"], 3) for values in (diagnosis.before, diagnosis.after))
+    facts = [
+        ("Before", f"{before} ×", "the noise: recording against the robot file"),
+        ("After", f"{after} ×", "the noise, on samples held out"),
+    ]
+    for name, unit, shown in (("position", "um", "µm"), ("rotation", "urad", "µrad")):
+        values = diagnosis.by_channel.get(name)
+        if values is not None:
+            ends = (number(values[f"{key}_{unit}"], 3) for key in ("before", "after"))
+            facts.append((f"{name.capitalize()} residual", " → ".join(ends), f"{shown}, root mean square"))
+    return facts
+
+
+def _measured(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> list[tuple[str, list[str]]]:
+    blocks = len(np.unique(recording.blocks())) if len(recording) else 0
+    used = len(diagnosis.samples)
+    rows = [("Samples", [str(len(recording)), f"{used} used"] if used != len(recording) else [str(used)])]
+    rows.append(("Poses", [f"{blocks} standstills of the actuators"]))
+    sizes = []
+    for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
+        size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
+        sizes.append(f"up to {number(float(size), 3)} {unit}")
+    rows.append(("Loads", sizes if recording.has_wrench else ["none was recorded"]))
+    names = [name for name in ("position", "rotation", "temperature") if getattr(recording, name) is not None]
+    rows.append(("Channels", [*names, *(["efforts, not used"] if recording.efforts else [])] or ["none"]))
+    warm = recording.temperature
+    if warm is not None and np.isfinite(warm).any():
+        rows.append(("Temperature", [f"{number(float(np.nanmin(warm)), 3)} to {number(float(np.nanmax(warm)), 3)} °C"]))
+    *sensors, source = noise_text(diagnosis)
+    rows.append(("Noise, 1 σ", [*sensors, f"({source})"]))
+    if recording.notes:
+        rows.append(("Notes", [recording.notes]))
+    return rows
+
+
+def _finding(diagnosis: Diagnosis, index: int, responses: Sequence[Recovered | Agreement]) -> dict[str, Any]:
+    finding = diagnosis.findings[index]
+    response = next((one for one in responses if one.finding is finding), None)
+    many = len(diagnosis.samples) > _MOST_DRAWN
+    return {
+        "title": finding_text(finding),
+        "statement": _sentence(finding.statement),
+        "gain": gain_text(finding),
+        "unknown": finding.physics == "unknown",
+        "parameters": parameter_texts(finding.parameters),
+        "response": "" if response is None else svg(lambda: figures.response_figure(response), many),
+        "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
+    }
+
+
+def _sentence(text: str) -> str:
+    """Return a text with a capital and a full stop; a text that begins with a place keeps its letters."""
+    first = text.split(" ", 1)[0]
+    started = text if "/" in first or "_" in first else text[:1].upper() + text[1:]
+    return started if not started or started.endswith((".", ")")) else f"{started}."
+
+
+def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[list[str], list[str]]]:
+    """Return rows of actuator positions and full loads, one a pose of the plan."""
+    rows = []
+    for place, pose in enumerate(plan.get("poses", ())):
+        positions = []
+        for name in robot.mechanism.actuated:
+            turning = dimension(robot.mechanism, name) == "angle"
+            positions.append(number(pose["actuators"][name] * (180 / np.pi if turning else 1e3), 5))
+        here: list[dict[str, float]] = [item["wrench"] for item in plan["loads"] if place in item.get("poses", [place])]
+        wrench = here[0] if here else {}
+        rows.append((positions, [number(wrench.get(name, 0.0), 3) for name in WRENCH_NAMES]))
+    return rows

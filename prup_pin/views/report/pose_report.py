@@ -1,0 +1,379 @@
+"""The report: one self-contained page for whoever builds the machine. Needs the extra `report`.
+
+The page holds everything and fetches nothing. What a robot file names is escaped by the template engine; beyond that
+the page allows only its own scripts, by their hashes.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import io
+import re
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ... import __version__
+from ...errors import InputError, MissingExtraError
+from ...kinematics import ClosedPose
+from ...robot import Robot
+from ...spatial import Array, as_wrench
+from ...statics import Compliance
+from ..text.answer import Answer
+from ..text.joints import clean, pose_text
+from ..text.quantities import fixed, length_text, number, workshop_text
+from ..text.tables import (
+    DISPLACEMENT_COLUMNS,
+    assumptions,
+    compliance_table,
+    default_parameters,
+    displacement_cells,
+    given_parameters,
+    load_text,
+    mobility_text,
+    module_parameters,
+    percent_text,
+    redundancy_text,
+    rigid_texts,
+    sag_cells,
+    stiffness_table,
+)
+from .levers import STEP, Lever, find_levers
+
+__all__ = ["page_template", "report_html", "svg"]
+
+_MINUS = "\u2212"
+#: Modules and levers that are listed.
+SOFTEST, LEVERS = 10, 8
+#: Largest size of the packed scene [bytes]; a heavier one would make a page that cannot be mailed.
+SCENE_LIMIT = 2_620_000
+#: Up to this size [characters] the scene stands in the page as it is; a heavier one is packed.
+PLAIN_LIMIT = 1_900_000
+
+
+def report_html(
+    robot: Robot,
+    pose: ClosedPose | Mapping[str, float] | None = None,
+    wrench=None,
+    *,
+    scale: float | None = None,
+    frame: str | None = None,
+    compliance: Compliance | None = None,
+    changes: Mapping[str, Any] | None = None,
+    notes: Sequence[str] = (),
+) -> str:
+    """Return one self-contained HTML page: scene, K, C, deflection, shares, softest parts, levers, sag, assumptions.
+
+    pose: a closed pose, or task coordinates such as {"z": 0.4}; none: home.
+    wrench: (6,) or {"fx": 300}, on the tool, base axes [N, N m]; none: a unit force along the softest direction.
+    scale: the deflection is drawn this many times larger; none: a round number that shows it.
+    frame: one more frame whose deflection is wanted.
+    compliance: that of the pose, where it is not the one at rest: `robot.compliance(pose, load=…)`.
+    changes: parameters that differ from the robot file, by name, to be named in the report.
+    notes: remarks to be added.
+
+    Without the extra `view` the scene is left out and the page says so. Raises MissingExtraError, and what
+    `robot.pose` and `robot.compliance` raise.
+    """
+    template = page_template("report_page.html")
+    if pose is None:
+        pose = robot.home
+    elif not isinstance(pose, ClosedPose):
+        pose = robot.pose(**pose)
+    if compliance is None:
+        compliance = robot.compliance(pose)
+    elif compliance.pose is not pose:
+        raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
+    answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame)
+    scene, packed, scene_note = _scene(robot, answer, scale)
+    return template.render(
+        name=robot.name,
+        version=__version__,
+        path=robot.mechanism.description.path.name,
+        load=load_text(answer),
+        load_alone=load_text(answer).removeprefix("under "),
+        load_given=answer.load.given,
+        pose=_pose(robot, answer),
+        changes=[
+            f"{name} = {workshop_text(value, robot.parameters[name].unit)}" for name, value in (changes or {}).items()
+        ],
+        locked=sorted(robot.mechanism.locked),
+        facts=_facts(answer),
+        scene=scene,
+        packed="" if len(scene) <= PLAIN_LIMIT else packed,
+        scene_note=scene_note,
+        script_hashes=_script_hashes(scene),
+        script=_LOADER,
+        drawing=_drawing(robot, answer, scale),
+        stiffness=stiffness_table(answer),
+        rigid=rigid_texts(answer) if answer.stiffness is None else [],
+        compliance=compliance_table(answer),
+        displacement_columns=DISPLACEMENT_COLUMNS,
+        displacements=_displacements(answer),
+        groups=_groups(answer),
+        chart=_chart(answer),
+        softest=_softest(robot, answer),
+        exact_without=_adds_up(answer),
+        motion=answer.motion[1],
+        moved=_moved(answer, answer.deflection),
+        levers=_levers(robot, answer),
+        step=number(100 * STEP),
+        sag=sag_cells(answer),
+        mobility=_mobility(robot, answer),
+        assumptions=assumptions(robot, answer),
+        notes=list(notes),
+    )
+
+
+def page_template(name: str):
+    """Return a page's template, which escapes whatever is put into it. Raises MissingExtraError."""
+    try:
+        import jinja2
+    except ImportError as error:
+        raise MissingExtraError("jinja2", "report") from error
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("prup_pin", "views/report"),
+        autoescape=True,  # names come from files that anybody may have written
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)
+
+
+# -- what the page says ------------------------------------------------------------------------------------------------
+
+
+def _moved(answer: Answer, deflection: Array, digits: int = 3) -> str:
+    """Return '4.69 mm, 25.4 mrad'; of a pure force or moment only what it asks for, where that is not zero."""
+    metres, radians = float(np.linalg.norm(deflection[:3])), float(np.linalg.norm(deflection[3:]))
+    texts = [length_text(metres), f"{number(radians * 1e3, digits)} mrad"]
+    if answer.load.turns:
+        return texts[1]
+    return ", ".join(texts) if answer.load.wrench[3:].any() else texts[0]
+
+
+def _pose(robot: Robot, answer: Answer) -> list[tuple[str, list[str]]]:
+    pose = answer.compliance.pose
+    at = pose.base_from_tool[:3, 3] * 1e3
+    rows = [
+        ("Task", pose_text(robot, pose.coordinates)),
+        ("Actuators", pose_text(robot, pose.actuators)),
+        (f"Tool '{answer.tool}'", [f"{axis} {number(clean(v), 6)} mm" for axis, v in zip("xyz", at, strict=True)]),
+    ]
+    return [(label, [text.replace(" deg", "°") for text in texts]) for label, texts in rows if texts]
+
+
+def _facts(answer: Answer) -> list[tuple[str, str, str]]:
+    """Return the answer in a few (label, value, detail)."""
+    metres, radians = (float(np.linalg.norm(answer.deflection[block])) for block in (slice(0, 3), slice(3, 6)))
+    moved, turned = length_text(metres), f"{number(radians * 1e3, 3)} mrad"
+    per = "" if answer.load.given else " per N m" if answer.load.turns else " per N"
+    if answer.load.turns:
+        first = (f"The tool turns{per}", turned, f"and moves {moved}" if metres else "and does not move")
+    else:
+        first = (f"The tool moves{per}", moved, f"and turns {turned}" if radians else "and does not turn")
+    facts = [first]
+    stiffness = _stiffness_along(answer)
+    if stiffness is not None:
+        facts.append(("Stiffness along the load", stiffness, "load over the displacement in its own direction"))
+    if answer.shares is not None:
+        name = max(answer.shares, key=lambda n: answer.shares[n])  # type: ignore[index]
+        facts.append(("Share of the softest part", f"{percent_text(answer.shares[name])} %", name))
+    if answer.mechanism.gravity.any():
+        amount = length_text(float(np.linalg.norm(answer.sag[:3])))
+        facts.append(("Sag", amount, "the tool, under the robot's own weight"))
+    return facts
+
+
+def _stiffness_along(answer: Answer) -> str | None:
+    """Return force over displacement along a pure force, or the same of a pure moment."""
+    wrench, work = answer.load.wrench, float(answer.load.wrench @ answer.deflection)
+    if work <= 0 or (wrench[:3].any() and wrench[3:].any()):
+        return None
+    unit = "N m/mrad" if answer.load.turns else "N/mm"
+    return f"{number(float(wrench @ wrench) / work * 1e-3)} {unit}"
+
+
+def _displacements(answer: Answer) -> list[tuple[str, list[str]]]:
+    rows = [(answer.tool, displacement_cells(answer.deflection))]
+    if answer.frame is not None and answer.frame_deflection is not None:
+        rows.append((answer.frame, displacement_cells(answer.frame_deflection)))
+    return rows
+
+
+def _groups(answer: Answer) -> list[tuple[str, list[str]]]:
+    compliance = answer.compliance
+    if answer.shares is None:
+        return []
+    legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]
+    kinds = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
+    rows = [
+        ("By leg", legs),
+        ("By group", [f"{n} {percent_text(answer.share_of(part))} %" for n, part in kinds.items()]),
+    ]
+    return [row for row in rows if row[1]]
+
+
+def _adds_up(answer: Answer) -> bool:
+    """Return True where a rigid module would just take its part away: no loop carries load of its own."""
+    return answer.compliance.pose.balance.self_stress.shape[1] == 0
+
+
+def _softest(robot: Robot, answer: Answer) -> list[dict[str, Any]]:
+    """Return the modules with the largest shares; of modules with equal values all but the first refer to it."""
+    if answer.shares is None:
+        return []
+    shares = answer.shares
+    modules = {module.name: module for module in answer.mechanism.modules}
+    names = _softest_names(answer)
+    largest = max(shares[name] for name in names)
+    unit = "µrad" if answer.load.turns else "µm"
+    amounts = fixed([answer.contributions[name] * 1e6 for name in names])
+    rows: list[dict[str, Any]] = []
+    seen: dict[tuple, str] = {}
+    for name, amount in zip(names, amounts, strict=True):
+        own = module_parameters(robot, modules[name])
+        values = [(_words(p.short), workshop_text(p.value, p.unit), p.source) for p in given_parameters(own)]
+        first = seen.setdefault((modules[name].kind.kind, *values), name)
+        rest = answer.deflection - answer.compliance.parts[name] @ answer.load.wrench
+        rows.append(
+            {
+                "name": name,
+                "kind": _words(modules[name].kind.kind),
+                "summary": modules[name].kind.summary,
+                "percent": percent_text(shares[name]),
+                "bar": f"{100 * max(shares[name], 0.0) / largest:.1f}",
+                "amount": f"{amount} {unit}",
+                "without": _moved(answer, rest) if _adds_up(answer) else None,
+                "parameters": values,
+                "like": None if first == name else first,
+                "defaults": [f"{_words(p.short)} {workshop_text(p.value, p.unit)}" for p in default_parameters(own)],
+            }
+        )
+    return rows
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _softest_names(answer: Answer) -> list[str]:
+    shares = {name: share for name, share in (answer.shares or {}).items() if share > 1e-6}
+    return sorted(shares, key=lambda name: -shares[name])[:SOFTEST]
+
+
+def _levers(robot: Robot, answer: Answer) -> list[dict[str, str]]:
+    return [_lever(answer, lever) for lever in find_levers(robot, answer, _softest_names(answer))[:LEVERS]]
+
+
+def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
+    legs = [name.rpartition("/")[0] for name in lever.modules]
+    several = len(lever.modules) > 1 and all(legs)
+    value = ""
+    if np.ndim(lever.value) == 0:
+        before, after = (workshop_text(value, lever.unit) for value in (lever.value, lever.value * lever.factor))
+        value = f"{before.partition(' ')[0]} → {after}"
+    return {
+        "name": lever.modules[0].rpartition("/")[2] if several else ", ".join(lever.modules),
+        "where": f"in {', '.join(legs)}" if several else "",
+        "parameter": _words(lever.parameter),
+        "value": value,
+        "step": f"{100 * (lever.factor - 1):+.0f} %".replace("-", _MINUS),
+        "change": f"{_MINUS}{number(-100 * lever.change, 3)} %",
+        "moved": _moved(answer, lever.deflection),
+    }
+
+
+def _mobility(robot: Robot, answer: Answer) -> list[tuple[str, str]]:
+    found = robot.mobility(answer.compliance.pose)
+    rows = [("Freedom", mobility_text(robot.mechanism, found))]
+    if found.closures:
+        rows.append(("Redundant", redundancy_text(found) if found.redundant else "nothing: no loop is overconstrained"))
+    return [*rows, ("Idle joints", ", ".join(found.idle_joints) or "none")]
+
+
+# -- what the page shows -----------------------------------------------------------------------------------------------
+
+
+def _scene(robot: Robot, answer: Answer, scale: float | None) -> tuple[str, str, str]:
+    """Return the page of the 3-D scene, the same packed, and what must be said about it or its absence."""
+    compliance, wrench = answer.compliance, answer.load.wrench
+    notes = {True: "", False: "Its meshes are heavy, so the scene leaves out the deflection; prup-pin view shows it."}
+    size = 0
+    try:
+        from ..meshcat.view import view
+
+        for deflected in (True, False) if wrench.any() else (False,):
+            moved = wrench if deflected else None
+            page = view(robot, compliance.pose, moved, scale, compliance=compliance).static_html()
+            packed = base64.b64encode(gzip.compress(page.encode(), mtime=0)).decode("ascii")
+            if len(packed) <= SCENE_LIMIT:
+                return page, packed, notes[deflected] if wrench.any() else ""
+            size = len(packed)
+    except MissingExtraError as error:
+        return "", "", f"The 3-D scene is not shown: {error}."
+    return "", "", f"The 3-D scene is not shown: its meshes take {number(size / 1e6, 2)} MB; prup-pin view shows it."
+
+
+#: Unpacks the scene when it is about to be seen. The frame is sealed off: nothing in it reaches this page.
+_LOADER = """
+"use strict";
+(() => {
+  const frame = document.getElementById("scene");
+  const fail = () => document.getElementById("scene-box").remove();
+  const load = async () => {
+    try {
+      const packed = Uint8Array.from(atob(document.getElementById("packed").textContent), (c) => c.charCodeAt(0));
+      const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+      frame.srcdoc = await new Response(stream).text();
+    } catch { fail(); }
+  };
+  if (typeof DecompressionStream === "undefined") return fail();
+  const watch = new IntersectionObserver((seen) => {
+    if (seen.some((item) => item.isIntersecting)) { watch.disconnect(); load(); }
+  }, { rootMargin: "200px" });
+  watch.observe(frame);
+})();
+"""
+
+
+def _script_hashes(scene: str) -> list[str]:
+    """Return the hashes of the scripts that may run: a frame obeys the page's policy as well as its own."""
+    if not scene:
+        return []
+    scripts = [_LOADER, *re.findall(r"<script>(.*?)</script>", scene.replace("\r\n", "\n"), re.DOTALL)]
+    return [f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode('ascii')}'" for s in scripts]
+
+
+def _drawing(robot: Robot, answer: Answer, scale: float | None) -> str:
+    from ..drawing.figures import pose_figure
+
+    load = answer.load.wrench if answer.load.wrench.any() else None
+    return svg(lambda: pose_figure(robot, answer.compliance.pose, answer.compliance, load, scale))
+
+
+def _chart(answer: Answer) -> str | None:
+    from ..drawing.figures import shares_figure
+
+    return None if answer.shares is None else svg(lambda: shares_figure(answer.compliance, answer.load.wrench))
+
+
+def svg(draw: Callable[[], Any], pixels: bool = False) -> str:
+    """Return a figure as a data address; as an image it can neither run scripts nor fetch anything.
+
+    With `pixels` it is a PNG, for figures of very many points.
+    """
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
+        if pixels:
+            draw().savefig(buffer, format="png", dpi=160, metadata={"Software": None})
+        else:
+            draw().savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    kind = "png" if pixels else "svg+xml"
+    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

@@ -1,0 +1,550 @@
+"""Draws poses of a robot as scenes: its bodies as they are and as they bend, loads, frames, ellipsoids, shares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from ...errors import InputError
+from ...kinematics import ClosedPose
+from ...mechanism import Module
+from ...robot import Robot
+from ...spatial import Array, as_wrench, axis_as_z, placement
+from ...statics import Compliance
+from ..text.answer import wrench_text
+from ..text.joints import pose_text
+from ..text.quantities import length_text, number
+from .camera import best_camera
+from .colours import grey_of, map_colour
+from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, rotation_of
+from .scene import INK, ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
+from .shapes import Ball, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube
+from .skeleton import Segment, skeleton
+from .symbols import joint_axis, symbols
+from .visuals import Visual, visuals
+
+__all__ = ["Painter", "pose_scene", "pose_words"]
+
+GHOST, LOAD, MOVED, SYMBOL = "#7d8794", "#0f7b3e", "#111827", "#b08d57"
+AXES = ("#d62728", "#2a9d3f", "#1f5fd0")
+ELLIPSOIDS: Mapping[str, str] = {"translation": "#2a9d8f", "rotation": "#7a5195"}
+
+
+class Painter:
+    """Draws poses of one robot: reads its geometry once, keeps eye and sizes the same for all poses."""
+
+    def __init__(self, robot: Robot, pose: ClosedPose, force: Array | None = None):
+        mechanism = robot.mechanism
+        self.robot = robot
+        self.visuals, notes = visuals(mechanism)
+        self.notes = notes
+        self.links = {name: mechanism.frame(name) for name in self.visuals}
+        self.drawn_bodies = {frame.joint for frame in self.links.values()}
+        self.base_links = sum(frame.joint == 0 for frame in self.links.values())
+        self.beams = [module for module in mechanism.modules if module.kind.spans_frames]
+        # a link that is a beam's body bends with it
+        self.beam_of_link = {module.body: module for module in self.beams if module.body in self.visuals}
+        drawn = {module.name for module in self.beam_of_link.values()}
+        self.bare_beams = [module for module in self.beams if module.name not in drawn]
+        bones = skeleton(pose)
+        self.size = bones.size
+        self.middle = (bones.points.min(axis=0) + bones.points.max(axis=0)) / 2
+        camera = best_camera(mechanism.gravity, bones, np.zeros(3) if force is None else force)
+        self.up, self.viewer = camera.up, camera.viewer
+        right = np.cross(self.up, self.viewer)
+        self.page = np.array([right, np.cross(self.viewer, right)]) / np.linalg.norm(right)
+        still = [outline(part) for part in self.bodies(pose, None, 0.0, "robot", None)]
+        points = np.concatenate([*still, bones.points])
+        self.flat = points @ self.page.T
+        self.bottom = float((points @ self.up).min())
+
+    @cached_property
+    def ring_radii(self) -> dict[str, float]:
+        """Radius [m] of the ring that clears the robot's own geometry around each turning joint that has a spring."""
+        radii: dict[str, float] = {}
+        model = self.robot.model
+        meshes: dict[int, list[Array]] = {}
+        for link, shapes in self.visuals.items():
+            frame = self.links[link]
+            for visual in shapes:
+                if isinstance(visual.shape, Mesh):
+                    at = frame.placement @ visual.placement
+                    points = visual.shape.vertices @ at[:3, :3].T + at[:3, 3]
+                    meshes.setdefault(frame.joint, []).append(points)
+        for module in self.robot.mechanism.modules:
+            joint = module.joint
+            if module.kind.spans_frames or model.joints[joint].nv != 1 or joint not in meshes:
+                continue
+            axis = joint_axis(self.robot.mechanism, joint)
+            points = np.concatenate(meshes[joint])
+            along = points @ axis
+            across = np.linalg.norm(points - along[:, None] * axis, axis=1)
+            near = (np.abs(along) < 0.05 * self.size) & (across < 0.12 * self.size)
+            if near.any():
+                radii[module.name] = float(across[near].max()) + 0.004 * self.size
+        return radii
+
+    # -- the robot -------------------------------------------------------------------------------------------------
+
+    def bodies(
+        self,
+        pose: ClosedPose,
+        moved: Deflections | None,
+        scale: float,
+        path: str,
+        colours: Mapping[str, str] | None,
+        ghost: bool = False,
+    ) -> list[Part]:
+        """Return all bodies; `colours` by module (None: own colours); the base is left out of ghosts."""
+        parts: list[Part] = []
+
+        def body(body: int, at: Array) -> Array:
+            return at if moved is None else moved.place(body, at, scale)
+
+        def put(name: str, shape: Shape, at: Array, colour: str, opacity: float = 1.0) -> None:
+            if ghost:
+                colour, opacity = GHOST, 0.26 * opacity
+            parts.append(Part(f"{path}/{name}", shape, at, colour, opacity))
+
+        for link, shapes in self.visuals.items():
+            frame = self.links[link]
+            if ghost and frame.joint == 0:
+                continue
+            beam = self.beam_of_link.get(link)
+            folder = f"links/{link}"
+            if frame.joint == 0:
+                folder = "base" if self.base_links == 1 else f"base/{link}"
+            for index, visual in enumerate(shapes):
+                name = folder if len(shapes) == 1 else f"{folder}/{index + 1}"
+                seat = pose.placements[frame.joint] @ frame.placement
+                at = seat @ visual.placement
+                colour = visual.colour if colours is None else grey_of(visual.colour)
+                if beam is not None:
+                    name = f"beams/{beam.name}" + ("" if len(shapes) == 1 else f"/{index + 1}")
+                    shape, where = self._bent(beam, pose, moved, scale, visual, at)
+                    put(name, shape, where, colour if colours is None else colours[beam.name], visual.opacity)
+                else:
+                    put(name, visual.shape, body(frame.joint, seat) @ visual.placement, colour, visual.opacity)
+        for module in self.bare_beams:
+            frame_, length = beam_frame(module, pose)
+            visual = Visual("", Cylinder(self._beam_radius(module), length), np.eye(4), "#8a929b")
+            middle = frame_ @ placement(np.eye(3), np.array([0, 0, length / 2]))
+            shape, where = self._bent(module, pose, moved, scale, visual, middle)
+            put(f"beams/{module.name}", shape, where, visual.colour if colours is None else colours[module.name])
+        self._skeleton(pose, moved, scale, put, ghost)
+        return parts
+
+    def _beam_radius(self, module: Module) -> float:
+        values = module.values
+        for key in ("diameter", "root_diameter"):
+            value = float(np.max(values.get(key, np.nan)))
+            if np.isfinite(value):
+                return value / 2
+        area = float(np.max(values.get("area", np.nan)))
+        return float(np.sqrt(area / np.pi)) if np.isfinite(area) else 0.012 * self.size
+
+    def _bent(
+        self, beam: Module, pose: ClosedPose, moved: Deflections | None, scale: float, visual: Visual, at: Array
+    ) -> tuple[Shape, Array]:
+        """Return a beam's own geometry bent along its elastic line, in the beam's frame."""
+        frame, length = beam_frame(beam, pose)
+        still = np.zeros((2, 3))
+        line = BentLine(frame, length, still, still) if moved is None else moved.bent(beam, pose, scale)
+        own = np.linalg.inv(frame) @ at
+        shape = visual.shape
+        if isinstance(shape, Cylinder) and abs(own[2, 2]) > 1 - 1e-6:
+            low, high = own[2, 3] - shape.length / 2, own[2, 3] + shape.length / 2
+            if moved is None:
+                stations = np.array([low, high])
+            else:
+                stations = np.clip(np.concatenate(([low], np.linspace(0, length, SECTIONS), [high])), low, high)
+            points = np.column_stack((np.full(len(stations), own[0, 3]), np.full(len(stations), own[1, 3]), stations))
+            return Tube(points + line.displacement(points), shape.radius), frame
+        if isinstance(shape, Mesh) and moved is not None:
+            points = shape.vertices @ own[:3, :3].T + own[:3, 3]
+            normals = None if shape.normals is None else shape.normals @ own[:3, :3].T
+            return Mesh(points + line.displacement(points), shape.faces, normals), frame
+        if moved is None:
+            return shape, at
+        centre = own[:3, 3]
+        turned = rotation_of(line.rotation(centre[None])[0]) @ own[:3, :3]
+        return shape, frame @ placement(turned, centre + line.displacement(centre[None])[0])
+
+    def _skeleton(self, pose: ClosedPose, moved: Deflections | None, scale: float, put, ghost: bool) -> None:
+        """Draw lines between the joints of every body that has no geometry of its own."""
+        bones = skeleton(pose)
+        beams = {module.name for module in self.beams}
+        radius = 0.011 * self.size
+
+        def there(body: int, point: Array) -> Array:
+            return point if moved is None else point + moved.shift(body, point, scale)
+
+        def bare(segment: Segment) -> bool:
+            return segment.kind != "beam" and not self.drawn_bodies & set(segment.bodies)
+
+        for index, segment in enumerate(s for s in bones.segments if s.name not in beams and bare(s)):
+            if ghost and segment.bodies == (0, 0):
+                continue
+            ends = [there(b, p) for b, p in zip(segment.bodies, (segment.start, segment.end), strict=True)]
+            if np.linalg.norm(ends[1] - ends[0]) > 1e-9:
+                thin = 0.6 if segment.kind == "slide" else 1.0
+                tube = Tube(np.array(ends), thin * radius)
+                put(f"skeleton/{segment.name}_{index + 1}", tube, np.eye(4), "#8a929b")
+        for plate in bones.plates:
+            if plate.body in self.drawn_bodies or (ghost and plate.body == 0):
+                continue
+            corners = np.array([there(plate.body, corner) for corner in plate.corners])
+            middle = corners.mean(axis=0)
+            for number_, corner in enumerate(corners):
+                if plate.body == 0 and np.linalg.norm(corner - middle) > 1e-9:
+                    put(f"skeleton/base_{number_ + 1}", Tube(np.array([middle, corner]), radius), np.eye(4), "#5b636d")
+        sprung = {module.joint for module in pose.mechanism.modules}
+        for joint in bones.joints:
+            if joint.body in self.drawn_bodies or ghost:
+                continue
+            index = pose.mechanism.joint_id(joint.name)
+            if index in self.drawn_bodies or index in sprung:
+                continue
+            put(
+                f"skeleton/joints/{joint.name}",
+                Ball(1.7 * radius),
+                placement(np.eye(3), there(joint.body, joint.at)),
+                "#4a5058",
+            )
+
+    # -- the scene -------------------------------------------------------------------------------------------------
+
+    def scene(
+        self,
+        pose: ClosedPose,
+        compliance: Compliance | None,
+        wrench: Array | None = None,
+        scale: float | None = None,
+        *,
+        moved: Deflections | None = None,
+        factor: float = 1.0,
+        arrow: float = 1.0,
+        ellipsoids: str = "beside",
+        headline: Sequence[str] = (),
+    ) -> Scene:
+        """Return the scene of a pose; the deflection is drawn `factor * scale` times larger, the load `arrow` times."""
+        parts: list[Part] = []
+        labels: list[Label] = []
+        loaded = wrench is not None and compliance is not None and bool(wrench.any())
+        shares: dict[str, float] = {}
+        if loaded:
+            assert compliance is not None
+            assert wrench is not None
+            moved = moved or Deflections(compliance, wrench)
+            scale = fitting_scale(moved, self.size) if scale is None else scale
+            try:
+                shares = compliance.shares(wrench)
+            except InputError:
+                shares = {}
+        top = _round_up(max([*shares.values(), 0.0])) if shares else 0.0
+        colours = {name: map_colour(share / top if top else 0.0) for name, share in shares.items()} if shares else None
+        drawn = (scale or 0.0) * factor if loaded else 0.0
+        if loaded:
+            whole = self.bodies(pose, moved, drawn, "robot/deformed", colours)
+            base = "robot/deformed/base"
+            parts += [
+                Part(part.path.replace(base, "robot/base", 1), part.shape, part.placement, part.colour, part.opacity)
+                for part in whole
+            ]
+            parts += self.bodies(pose, None, 0.0, "robot/ghost", None, ghost=True)
+        else:
+            parts += self.bodies(pose, None, 0.0, "robot", None)
+        for symbol in symbols(pose, self.size, self.middle, self.ring_radii):
+            at = moved.place(symbol.body, symbol.placement, drawn) if loaded and moved is not None else symbol.placement
+            colour = symbol.colour
+            if symbol.module is not None:
+                colour = colours[symbol.module] if colours else SYMBOL
+            folder = "modules" if symbol.module is not None else "drives"
+            parts.append(Part(f"{folder}/{symbol.name}", symbol.shape, at, colour))
+        tool = pose.base_from_tool
+        there = tool
+        if loaded and moved is not None:
+            assert pose.mechanism.tool is not None
+            there = moved.place(pose.mechanism.tool.joint, tool, drawn)
+        parts += self._triad("frames/base", np.eye(4), 0.11)
+        parts += self._triad("frames/tool", there, 0.11)
+        labels += self._triad_labels("frames/base", np.eye(4), "base") + self._triad_labels(
+            "frames/tool", there, "tool"
+        )
+        if loaded:
+            assert wrench is not None
+            assert moved is not None
+            found = self._wrench(there, wrench, arrow)
+            parts += found[0]
+            labels += found[1]
+            found = self._deflection(tool, there, moved, factor)
+            parts += found[0]
+            labels += found[1]
+        balls: dict[str, ComplianceEllipsoid] = {}
+        if compliance is not None and ellipsoids != "none":
+            balls, found = self._ellipsoids(compliance, there, ellipsoids)
+            parts += found[0]
+            labels += found[1]
+        labels += self._legs(pose)
+        parts.append(self.floor)
+        legend = self._legend(pose, compliance, wrench if loaded else None, moved, scale, shares, top, balls, headline)
+        return Scene(
+            self.robot.name, tuple(parts), tuple(labels), legend, self.up, self.viewer, balls, float(scale or 0.0)
+        )
+
+    # -- signs -----------------------------------------------------------------------------------------------------
+
+    def _triad(self, path: str, at: Array, length: float) -> list[Part]:
+        parts = []
+        for index, (name, colour) in enumerate(zip("xyz", AXES, strict=True)):
+            frame = at @ placement(axis_as_z(np.eye(3)[index]), np.zeros(3))
+            parts += _arrow(f"{path}/{name}", frame, length * self.size, 0.0042 * self.size, colour, True)
+        return parts
+
+    def _triad_labels(self, path: str, at: Array, name: str) -> list[Label]:
+        origin = at[:3, 3]
+        labels = [
+            Label(path, letter, origin + 0.118 * self.size * at[:3, index], origin, AXES[index])
+            for index, letter in enumerate("xyz")
+        ]
+        away = origin + 0.05 * self.size * at[:3, :3].sum(axis=1)
+        return [*labels, Label(path, name, origin, away)]
+
+    def _wrench(self, at: Array, wrench: Array, arrow: float) -> tuple[list[Part], list[Label]]:
+        parts: list[Part] = []
+        labels: list[Label] = []
+        force, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
+        origin, size = at[:3, 3], self.size
+        if force > 0:
+            axis = wrench[:3] / force
+            frame = placement(axis_as_z(axis), origin)
+            length = 0.3 * size * max(arrow, 0.02)
+            parts += _arrow("wrench/force", frame, length, 0.0105 * size, LOAD)
+            tip = frame[:3, 3] + length * frame[:3, 2]
+            labels.append(Label("wrench/force", f"{number(arrow * force, 4)} N", tip, origin, LOAD, True))
+        if moment > 0:
+            axis = wrench[3:] / moment
+            turn = axis_as_z(axis)
+            # the gap of the arc faces away from the eye
+            to_eye = np.arctan2(turn[:, 1] @ self.viewer, turn[:, 0] @ self.viewer)
+            span = np.radians(280) * arrow
+            start = to_eye - span / 2
+            angle = start + np.linspace(0, 1, 49) * span
+            radius = 0.115 * size
+            points = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(49)))
+            frame = placement(turn, origin)
+            parts.append(Part("wrench/moment/arc", Tube(points, 0.0085 * size, 12), frame, LOAD))
+            tangent = np.array([-np.sin(angle[-1]), np.cos(angle[-1]), 0.0])
+            head = frame @ placement(axis_as_z(tangent), points[-1])
+            parts.append(Part("wrench/moment/head", Cone(0.026 * size, 0.06 * size), head, LOAD))
+            parts.append(Part("wrench/moment/axis", Cylinder(0.003 * size, 0.3 * size), frame, LOAD))
+            at_label = (frame @ np.append(points[24], 1.0))[:3]
+            labels.append(Label("wrench/moment", f"{number(arrow * moment, 4)} N m", at_label, origin, LOAD, True))
+        return parts, labels
+
+    def _deflection(
+        self, tool: Array, there: Array, moved: Deflections, factor: float
+    ) -> tuple[list[Part], list[Label]]:
+        start, end = tool[:3, 3], there[:3, 3]
+        length = float(np.linalg.norm(end - start))
+        if length < 1e-6 * self.size:
+            return [], []
+        frame = placement(axis_as_z(end - start), start)
+        parts = _arrow("deflection", frame, length, 0.006 * self.size, MOVED, True)
+        text = length_text(factor * float(np.linalg.norm(moved.tool[:3])))
+        parts.append(Part("deflection/start", Ball(0.011 * self.size), tool, MOVED, on_top=True))
+        return parts, [Label("deflection", text, start + 0.5 * (end - start), start - self.up, MOVED, True)]
+
+    def _ellipsoids(
+        self, compliance: Compliance, there: Array, where: str
+    ) -> tuple[dict[str, ComplianceEllipsoid], tuple[list[Part], list[Label]]]:
+        """Draw the ellipsoids of both blocks of C, beside the robot as seen by the eye, or at the tool."""
+        if where not in ("beside", "tool"):
+            raise InputError(f"ellipsoids: expected 'beside', 'tool' or 'none'; got '{where}'")
+        size = self.size
+        largest = 0.17 * size
+        low, high = self.flat.min(axis=0), self.flat.max(axis=0)
+        found: dict[str, ComplianceEllipsoid] = {}
+        parts: list[Part] = []
+        labels: list[Label] = []
+        for index, (name, block, unit, power) in enumerate(
+            (("translation", slice(0, 3), "µm/N", 1e6), ("rotation", slice(3, 6), "mrad/(N m)", 1e3))
+        ):
+            values, vectors = np.linalg.eigh(compliance.C[block, block])
+            values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1].copy()
+            lever = (size, 1 / size)[index]
+            other = float(np.trace(compliance.C[3:, 3:] if index == 0 else compliance.C[:3, :3]))
+            if values[0] <= 1e-12 * other * lever**2:  # rigid but for rounding
+                continue
+            # signs: every axis to the right on the page, the last one right-handed
+            for column in range(2):
+                if self.page[0] @ vectors[:, column] < 0:
+                    vectors[:, column] *= -1
+            vectors[:, 2] = np.cross(vectors[:, 0], vectors[:, 1])
+            centre = there[:3, 3]
+            if where == "beside":
+                across = high[0] + 0.3 * size
+                height = (low[1] + high[1]) / 2 + (0.26 - 0.52 * index) * size
+                depth = self.viewer @ self.middle
+                centre = across * self.page[0] + height * self.page[1] + depth * self.viewer
+            scale = largest / values[0]
+            found[name] = ComplianceEllipsoid(values, vectors, centre, scale)
+            semi = np.maximum(values * scale, 1e-3 * largest)
+            colour = ELLIPSOIDS[name]
+            path = f"ellipsoids/{name}"
+            at = placement(vectors, centre)
+            parts.append(Part(f"{path}/surface", Ellipsoid(tuple(semi.tolist())), at, colour, 0.5))
+            for axis in range(3):
+                frame = placement(axis_as_z(vectors[:, axis]), centre)
+                bar = Cylinder(0.0035 * size, 2 * values[axis] * scale + 0.02 * size)
+                parts.append(Part(f"{path}/axis_{axis + 1}", bar, frame, MOVED))
+            drawn = values > 1e-9 * values[0]
+            ends = _spread(self.page @ vectors * semi, drawn)
+            for axis in range(3):
+                if drawn[axis]:
+                    tip = centre + ends[axis] * vectors[:, axis] * (semi[axis] + 0.01 * size)
+                    labels.append(Label(path, f"{number(values[axis] * power, 3)} {unit}", tip, centre, colour))
+            words = "displacement by 1 N" if name == "translation" else "rotation by 1 N m"
+            reach = float(np.linalg.norm(self.page[1] @ vectors * semi))
+            top = centre + (reach + 0.075 * size) * self.page[1]
+            labels.append(Label(path, words, top, top - self.page[1] * size, colour, True))
+        return found, (parts, labels)
+
+    def _legs(self, pose: ClosedPose) -> list[Label]:
+        legs = skeleton(pose).legs
+        return [Label("labels", leg, at, self.middle, INK, True) for leg, at in legs.items()]
+
+    @cached_property
+    def floor(self) -> Part:
+        """A grid under the robot, with cells of a round length."""
+        centre = self.middle + (self.bottom - self.middle @ self.up) * self.up
+        cell = nice_below(0.2 * self.size)
+        right = self.page[0]
+        ahead = np.cross(self.up, right)
+        reach = cell * np.ceil(0.75 * self.size / cell)
+        ticks = np.arange(-reach, reach + cell / 2, cell)
+        lines = [(a * right - reach * ahead, a * right + reach * ahead) for a in ticks]
+        lines += [(a * ahead - reach * right, a * ahead + reach * right) for a in ticks]
+        return Part("floor/grid", Lines(np.array(lines)), placement(np.eye(3), centre), "#d7dce2")
+
+    # -- words -----------------------------------------------------------------------------------------------------
+
+    def _legend(
+        self,
+        pose: ClosedPose,
+        compliance,
+        wrench,
+        moved,
+        scale,
+        shares: Mapping[str, float],
+        top: float,
+        balls,
+        headline,
+    ) -> Legend:
+        lines = list(headline) or [pose_words(self.robot, pose)]
+        rows: list[Row] = []
+        signs: list[Row] = []
+        if wrench is not None and moved is not None:
+            if not headline:
+                lines.append(f"Load on the tool: {wrench_text(wrench)}")
+            moved_text = length_text(float(np.linalg.norm(moved.tool[:3])))
+            angle = float(np.linalg.norm(moved.tool[3:]))
+            rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
+            turned = "does not turn" if rigid else f"turns {number(angle * 1e3, 3)} mrad"
+            if not headline:
+                lines.append(f"The tool moves {moved_text} and {turned}; drawn {number(scale or 0, 3)} times larger")
+            ranked = sorted(shares, key=lambda name: -shares[name])
+            shown = ranked[:6]
+            rows = [Row(map_colour(shares[name] / top), name, f"{100 * shares[name]:.1f} %") for name in shown if top]
+            rest = 100 * sum(shares[name] for name in ranked[6:])
+            if len(ranked) > 6:
+                rows.append(Row("", f"{len(ranked) - 6} others", f"{rest:.1f} %"))
+            signs += [
+                Row(GHOST, "see-through: without load", sign="ghost"),
+                Row(LOAD, "load on the tool", sign="line"),
+                Row(MOVED, "displacement of the tool", sign="line"),
+            ]
+        elif any(not module.kind.spans_frames for module in pose.mechanism.modules):
+            signs.append(Row(SYMBOL, "drives, bearings and springs, as symbols"))
+        if "translation" in balls:
+            signs.append(Row(ELLIPSOIDS["translation"], "displacement by 1 N in every direction"))
+        if "rotation" in balls:
+            signs.append(Row(ELLIPSOIDS["rotation"], "rotation by 1 N m about every axis"))
+        return Legend(
+            title=self.robot.name,
+            lines=tuple(lines),
+            scale_title="Share of each module in the deflection" if shares else "",
+            scale_ends=("0", f"{number(100 * top, 3)} %") if shares else ("", ""),
+            rows=tuple(rows),
+            signs=tuple(signs),
+            notes=self.notes,
+        )
+
+
+def pose_scene(
+    robot: Robot,
+    pose: ClosedPose | None = None,
+    wrench=None,
+    scale: float | None = None,
+    *,
+    compliance: Compliance | None = None,
+    ellipsoids: str = "beside",
+) -> Scene:
+    """Return the scene of a pose (none: home), under a wrench (6,) on the tool where one is given.
+
+    `scale` enlarges the deflection (none: a round number that shows it). `ellipsoids` are drawn 'beside' the robot, at
+    the 'tool', or 'none'. Raises InputError, and what `robot.compliance` raises where a wrench is given.
+    """
+    pose = robot.home if pose is None else pose
+    load = None if wrench is None else as_wrench(wrench)
+    if scale is not None and not (np.isfinite(scale) and scale >= 0):
+        raise InputError(f"scale {scale!r}: expected a factor >= 0, or None for one that fits")
+    if compliance is None and robot.mechanism.modules:
+        compliance = robot.compliance(pose)
+    if compliance is None and load is not None:
+        raise InputError(
+            f"no module of '{robot.name}' is compliant, so a wrench deflects nothing: load(..., joint_stiffness=1e4)"
+        )
+    if compliance is not None and compliance.pose is not pose:
+        raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
+    painter = Painter(robot, pose, None if load is None else load[:3])
+    return painter.scene(pose, compliance, load, scale, ellipsoids=ellipsoids)
+
+
+def _round_up(value: float) -> float:
+    if value <= 0:
+        return 0.0
+    step = 10.0 ** np.floor(np.log10(value)) / 2
+    return float(np.ceil(value / step - 1e-9) * step)
+
+
+def pose_words(robot: Robot, pose: ClosedPose, digits: int = 4) -> str:
+    """Return 'z 400 mm, theta 25°, phi 15°'; joints where there are no coordinates, actuators where these are many."""
+    values = pose.coordinates or (pose.actuators if len(pose.joints) > 8 else pose.joints)
+    return ", ".join(text.replace(" deg", "°") for text in pose_text(robot, values, digits))
+
+
+def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, on_top: bool = False) -> list[Part]:
+    """Return an arrow along z of a frame, from its origin."""
+    head = min(6.5 * radius, 0.6 * length)
+    shaft = length - head
+    middle = frame @ placement(np.eye(3), np.array([0, 0, shaft / 2]))
+    neck = frame @ placement(np.eye(3), np.array([0, 0, shaft]))
+    return [
+        Part(f"{path}/shaft", Cylinder(radius, shaft), middle, colour, on_top=on_top),
+        Part(f"{path}/head", Cone(2.4 * radius, head), neck, colour, on_top=on_top),
+    ]
+
+
+def _spread(ends: Array, drawn: np.ndarray) -> tuple[int, ...]:
+    """Return a sign per semi-axis (columns of `ends`, on the page) whose tips lie apart, rather to the right."""
+    best, found = -np.inf, (1, 1, 1)
+    for signs in ((a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)):
+        tips = (ends * np.array(signs))[:, drawn].T
+        gaps = [float(np.linalg.norm(p - q)) for i, p in enumerate(tips) for q in tips[:i]] or [0.0]
+        score = min(gaps) + 0.3 * tips[:, 0].mean()
+        if score > best + 1e-12:
+            best, found = score, signs
+    return found

@@ -1,0 +1,230 @@
+"""Shapes as numbers: what a scene is made of. Nothing here knows a renderer; lengths in metres, axes along z."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from ...spatial import Array
+
+__all__ = ["Ball", "Box", "Cone", "Cylinder", "Ellipsoid", "Lines", "Mesh", "Ring", "Shape", "Tube"]
+
+
+def frozen(values, shape: tuple[int, ...], kind=float) -> np.ndarray:
+    """Return a read-only copy as an array of the given trailing shape."""
+    array = np.array(values, kind).reshape(shape)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box centred at its origin."""
+
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A sphere."""
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder centred at its origin, axis z."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Cone:
+    """The head of an arrow: base at the origin, tip at z = length."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A torus about z."""
+
+    radius: float
+    thickness: float
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """An ellipsoid with semi-axes along x, y, z."""
+
+    semi_axes: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Thin lines, (n, 2, 3): start and end of each."""
+
+    ends: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ends", frozen(self.ends, (-1, 2, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles: `vertices` (n, 3), `faces` (m, 3), and per vertex a `normal` or a `colour` (0 to 1) where given."""
+
+    vertices: Array
+    faces: np.ndarray
+    normals: Array | None = None
+    colours: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", frozen(self.vertices, (-1, 3)))
+        object.__setattr__(self, "faces", frozen(self.faces, (-1, 3), np.uint32))
+        for name in ("normals", "colours"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name), (-1, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """A round bar along a line: `points` (n, 3) of its centre line, `radius` (one, or one per point)."""
+
+    points: Array
+    radius: float | Array
+    sides: int = 16
+    capped: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen(self.points, (-1, 3)))
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """Surface of the tube; tubes with equally many points have the same faces."""
+        points, count, sides = self.points, len(self.points), self.sides
+        tangents = _directions(points)
+        across = _carried(tangents)
+        other = np.cross(tangents, across)
+        angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+        normals = np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * other[:, None]
+        radii = np.broadcast_to(self.radius, count)
+        rings = points[:, None] + radii[:, None, None] * normals
+        first = (np.arange(count - 1)[:, None] * sides + np.arange(sides)).ravel()
+        second = (np.arange(count - 1)[:, None] * sides + (np.arange(sides) + 1) % sides).ravel()
+        faces = [
+            np.column_stack((first, second, second + sides)),
+            np.column_stack((first, second + sides, first + sides)),
+        ]
+        vertices, directions = [rings.reshape(-1, 3)], [normals.reshape(-1, 3)]
+        if self.capped:
+            for end, sign in ((0, -1.0), (-1, 1.0)):
+                start = sum(len(block) for block in vertices)
+                vertices += [rings[end], points[end][None]]
+                directions += [np.broadcast_to(sign * tangents[end], (sides + 1, 3))]
+                around = start + np.arange(sides)
+                after = start + (np.arange(sides) + 1) % sides
+                middle = np.full(sides, start + sides)
+                faces.append(np.column_stack((middle, around, after) if sign > 0 else (middle, after, around)))
+        return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(directions))
+
+
+Shape = Box | Ball | Cylinder | Cone | Ring | Ellipsoid | Lines | Mesh | Tube
+
+
+def _directions(points: Array) -> Array:
+    """Return unit tangents of a polyline at its points."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    steps = steps / np.maximum(lengths, 1e-15)
+    tangents = np.vstack((steps[:1], steps[:-1] + steps[1:], steps[-1:]))
+    return tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-15)
+
+
+def _carried(tangents: Array) -> Array:
+    """Return unit vectors across the tangents that turn as little as possible from one to the next."""
+    first = np.eye(3)[int(np.argmin(np.abs(tangents[0])))]
+    across = np.empty_like(tangents)
+    for index, tangent in enumerate(tangents):
+        first = first - (first @ tangent) * tangent
+        first = first / np.linalg.norm(first)
+        across[index] = first
+    return across
+
+
+@lru_cache(maxsize=64)
+def ball_mesh(level: int = 1) -> Mesh:
+    """Return a sphere of radius 1 as a subdivided icosahedron."""
+    golden = (1 + 5**0.5) / 2
+    corners = [[0, s, t * golden] for s in (-1, 1) for t in (-1, 1)]
+    vertices = np.array([np.roll(corner, shift) for shift in range(3) for corner in corners])
+    vertices /= np.linalg.norm(vertices[0])
+    near = np.linalg.norm(vertices[:, None] - vertices[None], axis=-1)
+    edge = near[near > 1e-9].min() * 1.01
+    faces = np.array(
+        [
+            (i, j, k) if np.linalg.det(vertices[[i, j, k]]) > 0 else (i, k, j)
+            for i in range(12)
+            for j in range(i + 1, 12)
+            for k in range(j + 1, 12)
+            if max(near[i, j], near[j, k], near[i, k]) < edge
+        ]
+    )
+    for _ in range(level):
+        corner = vertices[faces]
+        middle = (corner + np.roll(corner, -1, axis=1)) / 2
+        a, b, c = np.moveaxis(corner, 1, 0)
+        ab, bc, ca = np.moveaxis(middle, 1, 0)
+        soup = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
+        soup /= np.linalg.norm(soup, axis=1, keepdims=True)
+        vertices, inverse = np.unique(np.round(soup, 9), axis=0, return_inverse=True)
+        faces = inverse.reshape(-1, 3)
+    return Mesh(vertices, faces, vertices)
+
+
+@lru_cache(maxsize=64)
+def thread_mesh(radius: float, length: float, turns: int = 30, sides: int = 12) -> Mesh:
+    """Return a screw about z from 0 to `length`: a bar whose radius follows a helix."""
+    count = 6 * turns + 1
+    z = np.linspace(0, length, count)[:, None]
+    angle = np.linspace(0, 2 * np.pi, sides + 1)[None, :]
+    r = radius * (0.91 + 0.09 * np.cos(angle - 2 * np.pi * turns * z / length))
+    x, y = r * np.cos(angle), r * np.sin(angle)
+    vertices = np.stack((x, y, np.broadcast_to(z, x.shape)), axis=-1).reshape(-1, 3)
+    first = (np.arange(count - 1)[:, None] * (sides + 1) + np.arange(sides)).ravel()
+    up = sides + 1
+    faces = np.vstack(
+        (np.column_stack((first, first + 1, first + up + 1)), np.column_stack((first, first + up + 1, first + up)))
+    )
+    return Mesh(vertices, faces)
+
+
+@lru_cache(maxsize=64)
+def belt_mesh(distance: float, first: float, second: float, width: float, thickness: float) -> Mesh:
+    """Return a belt about two pulleys: axes along z at x = 0 and x = distance, radii `first` and `second`."""
+    lean = np.arcsin(np.clip((first - second) / distance, -0.9, 0.9))
+    left = np.linspace(np.pi / 2 - lean, 3 * np.pi / 2 + lean, 17)
+    right = np.linspace(-np.pi / 2 + lean, np.pi / 2 - lean, 17)
+    normals = np.concatenate([np.column_stack((np.cos(a), np.sin(a))) for a in (left, right)])
+    centres = np.concatenate((np.zeros((17, 2)), np.tile([distance, 0.0], (17, 1))))
+    radii = np.repeat([first, second], 17)[:, None]
+    inner, outer = centres + radii * normals, centres + (radii + thickness) * normals
+    loops = [
+        np.column_stack((edge, np.full(len(edge), height)))
+        for edge, height in ((inner, -width / 2), (outer, -width / 2), (outer, width / 2), (inner, width / 2))
+    ]
+    count = len(inner)
+    vertices: list[Array] = []
+    faces: list[np.ndarray] = []
+    for one, other in ((0, 1), (1, 2), (2, 3), (3, 0)):
+        start = len(vertices) * 2 * count
+        vertices.append(np.concatenate((loops[one], loops[other])))
+        i = np.arange(count)
+        j = (i + 1) % count
+        faces.append(np.column_stack((start + i, start + j, start + count + j)))
+        faces.append(np.column_stack((start + i, start + count + j, start + count + i)))
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))

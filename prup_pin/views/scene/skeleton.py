@@ -1,0 +1,183 @@
+"""A mechanism as points and lines: what a picture draws, without any drawing.
+
+Every point belongs to a body (a joint's index, 0 is the base), so that it moves with that body's deflection.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...kinematics import ClosedPose
+from ...mechanism import Frame
+from ...spatial import Array
+from ...statics import Compliance
+from ..text.joints import joint_role, joint_type
+
+__all__ = ["BodyMotions", "Joint", "Segment", "Skeleton", "skeleton"]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A line from a point on one body to a point on another (or the same)."""
+
+    kind: str  # 'beam', 'link' or 'slide'
+    start: Array
+    end: Array
+    bodies: tuple[int, int]
+    name: str
+    leg: str | None = None
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A mark on a joint: where, which body, what it does."""
+
+    name: str
+    at: Array
+    body: int
+    type: str
+    role: str
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A body with three or more points: drawn as the area between them."""
+
+    corners: Array
+    body: int
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """All that a picture of a pose shows, in base axes [m]."""
+
+    segments: list[Segment]
+    joints: list[Joint]
+    plates: list[Plate]
+    closures: list[tuple[Array, Array, int, int]]
+    anchors: Array
+    tool: Array
+    tool_body: int
+    legs: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def points(self) -> Array:
+        """All points, (n, 3)."""
+        lines = [point for segment in self.segments for point in (segment.start, segment.end)]
+        corners = [corner for plate in self.plates for corner in plate.corners]
+        return np.array([*lines, *corners, *(joint.at for joint in self.joints), *self.anchors, self.tool[:3, 3]])
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box around all points [m]."""
+        extent = float(np.linalg.norm(np.ptp(self.points, axis=0)))
+        return extent if extent > 1e-9 else 1.0
+
+
+def skeleton(pose: ClosedPose) -> Skeleton:
+    """Return the skeleton of a pose: beams from root to tip, links between the joints of a body, loop closures."""
+    mechanism, model, placements = pose.mechanism, pose.mechanism.model, pose.placements
+
+    def position(frame: Frame) -> Array:
+        return (placements[frame.joint] @ frame.placement)[:3, 3]
+
+    beams = [module for module in mechanism.modules if module.root is not None]
+    spanned = {module.joint for module in beams}
+    segments: list[Segment] = []
+    joints: list[Joint] = []
+    plates: list[Plate] = []
+    points: dict[int, list[Array]] = {body: [] for body in range(model.njoints)}
+    legs: dict[str, Array] = {}
+    for module in beams:
+        assert module.root is not None
+        ends = (module.root, module.frame)
+        segments.append(
+            Segment(
+                "beam", position(ends[0]), position(ends[1]), (ends[0].joint, ends[1].joint), module.name, module.leg
+            )
+        )
+        for end in ends:
+            points[end.joint].append(position(end))
+    for index in range(1, model.njoints):
+        name, parent = model.names[index], int(model.parents[index])
+        own = placements[index][:3, 3]
+        seat = (placements[parent] @ model.jointPlacements[index].homogeneous)[:3, 3]
+        points[parent].append(seat)
+        kind, role = joint_type(mechanism, name), joint_role(mechanism, name)
+        if index not in spanned:
+            points[index].append(own)
+            if np.linalg.norm(own - seat) > 1e-9:
+                segments.append(Segment("slide", seat, own, (parent, index), name))
+        joints.append(Joint(name, seat, parent, kind, role))
+    for module in mechanism.modules:
+        if module.leg and module.leg not in legs:
+            legs[module.leg] = position(module.root) if module.root is not None else placements[module.joint][:3, 3]
+    closures = []
+    for loop in mechanism.loops:
+        for end in (loop.first, loop.second):
+            points[end.joint].append(position(end))
+        closures.append((position(loop.first), position(loop.second), loop.first.joint, loop.second.joint))
+    tool = mechanism.need_tool()
+    points[tool.joint].append(position(tool))
+    anchors = _unique(points[0])
+    if len(anchors) <= 1 and model.njoints > 1:
+        points[0].append(np.zeros(3))
+    covered = {tuple(sorted(map(_key, (segment.start, segment.end)))) for segment in segments}
+    for body, found in points.items():
+        corners = _unique(found)
+        if len(corners) >= 3:
+            plates.append(Plate(corners, body))
+        if not len(corners):
+            continue
+        hub = corners.mean(axis=0) if len(corners) >= 3 else corners[0]
+        for corner in corners[1:] if len(corners) == 2 else (corners if len(corners) >= 3 and body else ()):
+            if tuple(sorted((_key(hub), _key(corner)))) not in covered and np.linalg.norm(hub - corner) > 1e-9:
+                segments.append(Segment("link", hub, corner, (body, body), model.names[body]))
+    ground = anchors if len(anchors) > 1 else np.zeros((1, 3))
+    placed = pose.base_from_tool
+    return Skeleton(segments, joints, plates, closures, ground, placed, tool.joint, legs)
+
+
+def _key(point: Array) -> tuple[float, ...]:
+    return tuple((np.round(point, 7) + 0.0).tolist())
+
+
+def _unique(points: list[Array]) -> Array:
+    """Return the points without repetitions, (n, 3)."""
+    return np.array(list({_key(point): point for point in points}.values())).reshape(-1, 3)
+
+
+class BodyMotions:
+    """Small displacements of all bodies under a wrench on the tool."""
+
+    def __init__(self, compliance: Compliance, wrench: Array, scale: float = 1.0):
+        pose = compliance.pose
+        names: dict[int, str] = {}
+        for name in pose.mechanism.frame_names:
+            names.setdefault(pose.mechanism.frame(name).joint, name)
+        count = pose.mechanism.model.njoints
+        self._twists, self._points = np.zeros((count, 6)), np.zeros((count, 3))
+        for body in range(1, count):
+            if body in names:
+                self._twists[body] = scale * compliance.deflection(wrench, frame=names[body])
+                self._points[body] = pose.placement(names[body])[:3, 3]
+
+    def move(self, body: int, point: Array) -> Array:
+        """Return where a point fixed to a body goes."""
+        return point + self._twists[body, :3] + np.cross(self._twists[body, 3:], point - self._points[body])
+
+    def curve(self, segment: Segment, count: int = 13) -> Array:
+        """Return the deflected line of a segment, (count, 3): a beam bends between the slopes of its ends."""
+        s = np.linspace(0, 1, count)[:, None]
+        line = segment.end - segment.start
+        at = segment.start + s * line
+        first, last = (
+            self.move(body, end) - end for body, end in zip(segment.bodies, (segment.start, segment.end), strict=True)
+        )
+        if segment.kind != "beam":
+            return at + (1 - s) * first + s * last
+        slopes = [np.cross(self._twists[body, 3:], line) for body in segment.bodies]
+        moved = (1 - 3 * s**2 + 2 * s**3) * first + (3 * s**2 - 2 * s**3) * last
+        return at + moved + (s - 2 * s**2 + s**3) * slopes[0] + (s**3 - s**2) * slopes[1]

@@ -1,0 +1,178 @@
+"""Symbols of compliant modules that are not bodies: bearings, springs and the parts of a drive, at their places.
+
+A drive (screw, nut, support bearing, belt, motor) is drawn beside its joint's axis, on the side away from the robot's
+middle, as the machine would be built; the sizes are those of signs, not of the parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...kinematics import ClosedPose
+from ...mechanism import Mechanism, Module
+from ...spatial import Array, axis_as_z, placement
+from ..text.joints import joint_type
+from .shapes import Box, Cylinder, Ring, Shape, Tube, belt_mesh, thread_mesh
+
+__all__ = ["Symbol", "joint_axis", "symbols"]
+
+_SCREWS = ("ball_screw",)
+_NUTS = ("ball_nut", "preloaded_ball_nut")
+_DRIVES = (*_SCREWS, *_NUTS, "support_bearing", "timing_belt", "motor")
+_BEARINGS = ("bearing", "bearing_pair", "hertzian_bearing")
+_METAL = "#8a929b"
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """A shape on body `body` at `placement` (base axes); `module` is None for what only connects."""
+
+    name: str
+    module: str | None
+    shape: Shape
+    placement: Array
+    body: int
+    colour: str = _METAL
+
+
+def symbols(pose: ClosedPose, size: float, middle: Array, radii: Mapping[str, float]) -> list[Symbol]:
+    """Return the symbols of all modules that are not beams; `size` and `middle` are the robot's [m].
+
+    `radii` [m] by module's name: how large a ring must be to be seen around the robot's own geometry.
+    """
+    mechanism = pose.mechanism
+    found: list[Symbol] = []
+    by_joint: dict[int, list[Module]] = {}
+    for module in mechanism.modules:
+        if not module.kind.spans_frames:
+            by_joint.setdefault(module.joint, []).append(module)
+    for joint, modules in by_joint.items():
+        drive = [module for module in modules if module.kind.kind in _DRIVES]
+        sliding = joint_type(mechanism, mechanism.model.names[joint]) == "prismatic"
+        if sliding and drive:
+            found += _drive(pose, joint, drive, size, middle)
+        slot = 0
+        for module in modules:
+            if module in drive and sliding:
+                continue
+            found += _sign(pose, module, size, slot, sliding, radii.get(module.name, 0.062 * size))
+            slot += 1
+    return found
+
+
+def joint_axis(mechanism: Mechanism, joint: int) -> Array:
+    """Return the axis of a joint in its own frame."""
+    twist = np.asarray(mechanism.model.joints[joint].createData().S).reshape(6, -1)[:, 0]
+    axis = twist[:3] if np.abs(twist[:3]).max() > np.abs(twist[3:]).max() else twist[3:]
+    return axis / np.linalg.norm(axis)
+
+
+def _sign(pose: ClosedPose, module: Module, size: float, slot: int, sliding: bool, radius: float) -> list[Symbol]:
+    """Return the sign of one module at its frame; several on one joint stand in a row along its axis."""
+    kind = module.kind.kind
+    base = pose.placements[module.frame.joint] @ module.frame.placement
+    if kind not in _BEARINGS and pose.mechanism.model.joints[module.joint].nv == 1:
+        turn = axis_as_z(joint_axis(pose.mechanism, module.joint))
+        base = pose.placements[module.joint] @ placement(turn, np.zeros(3))
+    at = base @ placement(np.eye(3), np.array([0, 0, 0.022 * size * slot]))
+    shape: Shape
+    if kind in _BEARINGS:
+        shape = Ring(0.036 * size, 0.0085 * size)
+    elif kind == "joint_spring" and sliding:
+        shape = _coil(0.03 * size, 0.09 * size, 0.005 * size)
+    elif kind in ("joint_spring", *_NUTS, "support_bearing"):
+        shape = Ring(radius, 0.0085 * size)
+    elif kind == "motor":
+        shape = Cylinder(0.04 * size, 0.07 * size)
+    elif kind == "timing_belt":
+        shape = belt_mesh(0.12 * size, 0.035 * size, 0.025 * size, 0.018 * size, 0.004 * size)
+    else:
+        shape = Box((0.04 * size, 0.04 * size, 0.04 * size))
+    return [Symbol(module.name, module.name, shape, at, module.frame.joint)]
+
+
+def _coil(radius: float, length: float, thickness: float, turns: int = 5) -> Tube:
+    angle = np.linspace(0, 2 * np.pi * turns, 16 * turns + 1)
+    z = np.linspace(-length / 2, length / 2, len(angle))
+    return Tube(np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z)), thickness, 8)
+
+
+def _drive(pose: ClosedPose, joint: int, modules: list[Module], size: float, middle: Array) -> list[Symbol]:
+    """Return the drive of a slide: screw beside the axis, nut with its bracket, bearing, belt and motor at the seat."""
+    mechanism = pose.mechanism
+    model = mechanism.model
+    parent = int(model.parents[joint])
+    seat = pose.placements[parent] @ model.jointPlacements[joint].homogeneous
+    axis = pose.placements[joint][:3, :3] @ joint_axis(mechanism, joint)
+    origin, end = seat[:3, 3], pose.placements[joint][:3, 3]
+    beam = next((m for m in mechanism.modules if m.joint == joint and m.root is not None), None)
+    if beam is not None:
+        end = (pose.placements[beam.frame.joint] @ beam.frame.placement)[:3, 3]
+    travel = float((end - origin) @ axis)
+    if travel < 0:
+        axis, travel = -axis, -travel
+    outward = origin - middle
+    outward = outward - (outward @ axis) * axis
+    if np.linalg.norm(outward) < 1e-6 * size:
+        outward = axis_as_z(axis)[:, 0]
+    outward = outward / np.linalg.norm(outward)
+    # x outward, z along the slide; y completes
+    turn = np.column_stack((outward, np.cross(axis, outward), axis))
+    frame = placement(turn, origin + 0.068 * size * outward)
+
+    def at(x: float, y: float, z: float) -> Array:
+        return frame @ placement(np.eye(3), np.array([x, y, z]) * size)
+
+    kinds = {module.kind.kind: module for module in modules}
+    screw = next((kinds[kind] for kind in _SCREWS if kind in kinds), None)
+    length = float(screw.values.get("length", np.nan)) if screw is not None else np.nan
+    if not np.isfinite(length) or length > 20 * size:
+        length = travel + 0.1 * size
+    prefix = mechanism.model.names[joint]
+    leg = modules[0].leg or prefix
+    found: list[Symbol] = []
+    radius = 0.0145 * size
+
+    def add(module: Module | None, name: str, shape: Shape, where: Array, body: int) -> None:
+        found.append(
+            Symbol(name if module is None else module.name, None if module is None else module.name, shape, where, body)
+        )
+
+    for kind, module in kinds.items():
+        if kind in _SCREWS:
+            add(module, "", thread_mesh(radius, length), frame, parent)
+        elif kind in _NUTS:
+            add(module, "", Cylinder(0.03 * size, 0.05 * size), at(0, 0, travel / size), joint)
+            add(
+                None,
+                f"{leg}/bracket",
+                Box((0.068 * size, 0.03 * size, 0.02 * size)),
+                at(-0.034, 0, travel / size),
+                joint,
+            )
+        elif kind == "support_bearing":
+            add(module, "", Ring(0.026 * size, 0.0115 * size), at(0, 0, 0.016), parent)
+        elif kind == "timing_belt":
+            add(
+                module,
+                "",
+                belt_mesh(0.13 * size, 0.028 * size, 0.046 * size, 0.02 * size, 0.006 * size),
+                _belt(at),
+                parent,
+            )
+            add(None, f"{leg}/pulleys/screw", Cylinder(0.027 * size, 0.016 * size), at(0, 0, -0.065), parent)
+            add(None, f"{leg}/pulleys/motor", Cylinder(0.045 * size, 0.016 * size), at(0, 0.13, -0.065), parent)
+            add(None, f"{leg}/pulleys/shaft", Cylinder(0.008 * size, 0.07 * size), at(0, 0, -0.035), parent)
+        elif kind == "motor":
+            add(module, "", Box((0.085 * size, 0.085 * size, 0.11 * size)), at(0, 0.13, -0.135), parent)
+            add(None, f"{leg}/motor_shaft", Cylinder(0.01 * size, 0.03 * size), at(0, 0.13, -0.07), parent)
+    return found
+
+
+def _belt(at) -> Array:
+    """Return the placement of the belt: from the screw (x = 0) to the motor, in the plane of the pulleys."""
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    return at(0, 0, -0.065) @ placement(quarter, np.zeros(3))

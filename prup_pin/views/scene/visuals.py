@@ -1,0 +1,180 @@
+"""A robot's own geometry: the <visual> elements of its URDF, as shapes. Meshes are read from allowed folders only."""
+
+from __future__ import annotations
+
+import io
+import os.path
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from ...errors import MissingExtraError
+from ...mechanism import Mechanism
+from ...mechanism.mesh_paths import mesh_problem
+from ...robots import example_folder
+from ...spatial import Array, placement, rotation_rpy
+from .colours import hex_of
+from .shapes import Ball, Box, Cylinder, Mesh, Shape
+
+__all__ = ["Visual", "visuals"]
+
+_PLAIN = "#9aa3ad"
+#: Larger mesh files are not drawn.
+MAX_BYTES = 100_000_000
+
+
+@dataclass(frozen=True)
+class Visual:
+    """A shape fixed to a link: `placement` is link_from_shape, 4 x 4."""
+
+    link: str
+    shape: Shape
+    placement: Array
+    colour: str
+    opacity: float = 1.0
+
+
+def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, ...]]:
+    """Return the visuals of each link, and what could not be drawn, in words. Raises MissingExtraError."""
+    description = mechanism.description
+    if description.source != "URDF":
+        return {}, ()
+    folders = (*getattr(description, "package_folders", ()), *_example_folders(description.path))
+    root = etree.fromstring(
+        description.content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, huge_tree=False)
+    )
+    named = {m.get("name"): m for m in root.findall("material") if m.get("name")}
+    found: dict[str, list[Visual]] = {}
+    notes: list[str] = []
+    known = set(mechanism.frame_names)
+    for link in root.findall("link"):
+        name = link.get("name")
+        if name not in known:
+            continue
+        for element in link.findall("visual"):
+            try:
+                found.setdefault(name, []).extend(_read(name, element, named, description.path.parent, folders))
+            except (ValueError, OSError) as error:
+                notes.append(f"link '{name}': {error}")
+    return {name: shapes for name, shapes in found.items() if shapes}, tuple(notes)
+
+
+def _example_folders(path: Path) -> tuple[Path, ...]:
+    examples = example_folder()
+    if examples is not None and path.is_relative_to(examples):
+        return (examples.parents[1], examples.parent)
+    return ()
+
+
+def _numbers(text: str | None, default: Sequence[float]) -> np.ndarray:
+    values = np.array([float(word) for word in text.split()]) if text else np.array(default, float)
+    if values.shape != (len(default),) or not np.isfinite(values).all():
+        raise ValueError(f"expected {len(default)} numbers, found '{text}'")
+    return values
+
+
+def _read(link: str, element, named: Mapping, home: Path, folders: Sequence[Path]) -> list[Visual]:
+    """Return the shapes of one <visual>."""
+    origin = element.find("origin")
+    xyz = _numbers(None if origin is None else origin.get("xyz"), (0, 0, 0))
+    rpy = _numbers(None if origin is None else origin.get("rpy"), (0, 0, 0))
+    at = placement(rotation_rpy(*rpy), xyz)
+    colour, opacity = _colour(element.find("material"), named)
+    geometry = element.find("geometry")
+    shape = None if geometry is None else next((child for child in geometry if isinstance(child.tag, str)), None)
+    if shape is None:
+        return []
+    if shape.tag == "mesh":
+        scale = _numbers(shape.get("scale"), (1, 1, 1))
+        path = _mesh_path(shape.get("filename") or "", home, folders)
+        stamp = path.stat()
+        if stamp.st_size > MAX_BYTES:
+            raise ValueError(f"mesh '{path.name}' has {stamp.st_size / 1e6:.0f} MB and is not drawn")
+        parts = _load_mesh(str(path), stamp.st_mtime_ns)
+        return [
+            Visual(link, _scaled(mesh, scale), at, colour or own or _PLAIN, opacity if colour else 1.0)
+            for mesh, own in parts
+        ]
+    primitives: dict[str, Callable[[], Shape]] = {
+        "box": lambda: Box(tuple(_numbers(shape.get("size"), (1, 1, 1)).tolist())),
+        "sphere": lambda: Ball(float(shape.get("radius"))),
+        "cylinder": lambda: Cylinder(float(shape.get("radius")), float(shape.get("length"))),
+        "capsule": lambda: Cylinder(float(shape.get("radius")), float(shape.get("length"))),
+    }
+    if shape.tag not in primitives:
+        raise ValueError(f"a <{shape.tag}> is not drawn")
+    return [Visual(link, primitives[shape.tag](), at, colour or _PLAIN, opacity)]
+
+
+def _colour(material, named: Mapping) -> tuple[str | None, float]:
+    if material is None:
+        return None, 1.0
+    colour = material.find("color")
+    if colour is None and material.get("name") in named:
+        colour = named[material.get("name")].find("color")
+    if colour is None:
+        return None, 1.0
+    rgba = _numbers(colour.get("rgba"), (0.6, 0.6, 0.6, 1.0))
+    return hex_of(rgba), float(np.clip(rgba[3], 0, 1))
+
+
+def _mesh_path(name: str, home: Path, folders: Sequence[Path]) -> Path:
+    """Return the file of a mesh. Raises ValueError where it is missing or not allowed."""
+    problem = mesh_problem(name, home, folders)
+    if problem:
+        raise ValueError(problem)
+    scheme, _, rest = name.replace("\\", "/").rpartition("://")
+    places = [os.path.join(folder, rest) for folder in (home, *folders)]
+    if scheme in ("package", "model") and "/" in rest:
+        places += [os.path.join(folder, rest.split("/", 1)[1]) for folder in (home, *folders)]
+    for place in places:
+        if os.path.isfile(place):
+            return Path(os.path.realpath(place))
+    raise ValueError(f"mesh '{name[:120]}' is missing")
+
+
+@lru_cache(maxsize=256)
+def _load_mesh(path: str, _changed: int) -> tuple[tuple[Mesh, str | None], ...]:
+    """Return the triangles of a mesh file and their own colours. Other files that it names are not opened."""
+    try:
+        import trimesh
+    except ImportError as error:
+        raise MissingExtraError("trimesh", "view") from error
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what readers of mesh formats deprecate is not the user's concern
+            loaded = trimesh.load_scene(
+                io.BytesIO(Path(path).read_bytes()), file_type=Path(path).suffix.lstrip(".").lower(), process=False
+            )
+            pieces: list[Any] = loaded.dump()
+    except Exception as error:  # whatever a reader of foreign files raises
+        raise ValueError(f"mesh '{Path(path).name}' cannot be read: {error}") from error
+    shapes = []
+    for piece in pieces:
+        if not hasattr(piece, "faces") or not len(piece.faces):
+            continue
+        if piece.visual.kind is None and len(piece.faces) < 60_000:
+            piece.merge_vertices()
+            piece = piece.smooth_shaded  # sharp edges stay sharp
+        material = getattr(piece.visual, "material", None)
+        own = None
+        if material is not None and piece.visual.kind == "texture":
+            own = hex_of(np.asarray(material.main_color[:3]) / 255)
+        shapes.append((Mesh(piece.vertices, piece.faces, np.array(piece.vertex_normals)), own))
+    if not shapes:
+        raise ValueError(f"mesh '{Path(path).name}' has no triangles")
+    return tuple(shapes)
+
+
+def _scaled(mesh: Mesh, scale: np.ndarray) -> Mesh:
+    if (scale == 1).all():
+        return mesh
+    faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]
+    normals = None if mesh.normals is None else mesh.normals / scale
+    return Mesh(mesh.vertices * scale, faces, normals)

@@ -1,0 +1,138 @@
+"""A compliance and a load, ready to be shown: what text, JSON and pictures have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...errors import InputError, NoStiffnessError
+from ...spatial import WRENCH_NAMES, Array, as_wrench
+from ...statics import Compliance
+from .quantities import number
+
+__all__ = ["Answer", "Load", "softest_load", "wrench_text"]
+
+
+@dataclass(frozen=True)
+class Load:
+    """A wrench on the tool (6,) [N, N m], and whether the user gave it."""
+
+    wrench: Array
+    given: bool
+
+    @property
+    def turns(self) -> bool:
+        """True where the load is a pure moment, so that rotations are what to look at."""
+        return not self.wrench[:3].any()
+
+
+def softest_load(compliance: Compliance) -> Load:
+    """Return a unit force along the softest direction; a unit moment where no force moves the tool."""
+    wrench = np.zeros(6)
+    for block in (slice(0, 3), slice(3, 6)):
+        values, vectors = np.linalg.eigh(compliance.C[block, block])
+        if values[-1] > 0:
+            direction = vectors[:, -1]
+            # of equally soft directions the one nearest to a coordinate axis, so that the answer repeats
+            alike = vectors[:, values > values[-1] * (1 - 1e-6)]
+            if alike.shape[1] > 1:
+                along = alike @ alike.T
+                direction = along[:, int(np.argmax(np.round(np.diagonal(along), 6)))]
+                direction = direction / np.linalg.norm(direction)
+            direction = np.where(np.abs(direction) < 1e-9, 0.0, direction)
+            wrench[block] = direction * np.sign(direction[int(np.argmax(np.abs(direction)))])
+            return Load(wrench, given=False)
+    return Load(wrench, given=False)
+
+
+def wrench_text(wrench: Array) -> str:
+    """Return 'fx 300 N, mz 100 N m'."""
+    parts = [
+        f"{name} {number(value)} {'N' if index < 3 else 'N m'}"
+        for index, (name, value) in enumerate(zip(WRENCH_NAMES, wrench, strict=True))
+        if value
+    ]
+    return ", ".join(parts) or "no load"
+
+
+class Answer:
+    """All numbers of one question, computed once. SI throughout."""
+
+    def __init__(self, compliance: Compliance, wrench=None, frame: str | None = None):
+        self.compliance = compliance
+        self.mechanism = compliance.pose.mechanism
+        self.load = softest_load(compliance) if wrench is None else Load(as_wrench(wrench), given=True)
+        self.frame = frame
+        if frame is not None:
+            self.mechanism.frame(frame)
+
+    @property
+    def tool(self) -> str:
+        """Name of the tool frame."""
+        assert self.mechanism.tool is not None  # without a tool there is no compliance
+        return self.mechanism.tool.name
+
+    @cached_property
+    def stiffness(self) -> Array | None:
+        """K, or None where some directions are rigid."""
+        try:
+            return self.compliance.K
+        except NoStiffnessError:
+            return None
+
+    @cached_property
+    def deflection(self) -> Array:
+        """Deflection (6,) of the tool [m, rad]; what is only rounding is zero."""
+        c, w = self.compliance.C, self.load.wrench
+        bound = np.sqrt(np.abs(np.diagonal(c)) * abs(float(w @ c @ w)))  # Cauchy-Schwarz
+        found = self.compliance.deflection(w)
+        return np.where(np.abs(found) < 1e-10 * bound, 0.0, found)
+
+    @cached_property
+    def frame_deflection(self) -> Array | None:
+        """Deflection (6,) of the other frame asked for, or None."""
+        return None if self.frame is None else self.compliance.deflection(self.load.wrench, frame=self.frame)
+
+    @cached_property
+    def sag(self) -> Array:
+        """Deflection (6,) of the tool under the robot's weight [m, rad]."""
+        return self.compliance.sag()
+
+    @cached_property
+    def shares(self) -> dict[str, float] | None:
+        """Share of each module in the work of the load, or None where the load deflects nothing."""
+        try:
+            return self.compliance.shares(self.load.wrench)
+        except InputError:
+            return None
+
+    def share_of(self, part: Array) -> float | None:
+        """Return the share of a (6, 6) part of C in the work of the load."""
+        w = self.load.wrench
+        total = float(w @ self.compliance.C @ w)
+        return None if self.shares is None else float(w @ part @ w) / total
+
+    @property
+    def motion(self) -> tuple[slice, str]:
+        """The part of a displacement that is shown per module: translation, or rotation under a pure moment."""
+        return (slice(3, 6), "rotation") if self.load.turns else (slice(0, 3), "translation")
+
+    @cached_property
+    def amount(self) -> float:
+        """Length of the tool's translation [m], or rotation [rad] under a pure moment."""
+        return float(np.linalg.norm(self.deflection[self.motion[0]]))
+
+    @cached_property
+    def contributions(self) -> dict[str, float]:
+        """Each module's part of `amount`, along the direction in which the tool moves; they sum to it."""
+        block, _ = self.motion
+        along = self.deflection[block] / self.amount if self.amount else np.zeros(3)
+        w = self.load.wrench
+        return {name: float(along @ (self.compliance.parts[name] @ w)[block]) for name in self.compliance.names}
+
+    @cached_property
+    def nonlinear(self) -> tuple[str, ...]:
+        """Names of modules whose compliance depends on the load."""
+        return tuple(module.name for module in self.mechanism.modules if module.kind.nonlinear)

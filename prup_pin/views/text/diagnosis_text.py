@@ -1,0 +1,75 @@
+"""A diagnosis as text for a terminal."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.text import Text
+
+from ...diagnosis import Diagnosis, Finding
+from ...recordings import Recording
+from ...robot import Robot
+from .diagnosis_words import (
+    alternative_text,
+    channel_rows,
+    finding_text,
+    gain_text,
+    hidden_rows,
+    noise_text,
+    parameter_texts,
+    verdict_text,
+)
+from .quantities import number
+from .terminal import heading, listed, make_table, paragraph, print_table
+
+__all__ = ["print_diagnosis"]
+
+
+def print_diagnosis(out: Console, robot: Robot, recording: Recording, diagnosis: Diagnosis) -> None:
+    """Print the verdict, the findings with intervals, the residuals before and after, doubts and remarks."""
+    _verdict(out, verdict_text(diagnosis))
+    out.print()
+    listed(out, "robot", [robot.name])
+    used = len(diagnosis.samples)
+    blocks = len(set(recording.blocks().tolist()))
+    listed(out, "recording", [f"{len(recording)} samples, {used} used", f"{blocks} poses"], ", ")
+    listed(out, "noise", noise_text(diagnosis), ", ")
+    if diagnosis.findings:
+        heading(out, "Left out")
+        for index, finding in enumerate(diagnosis.findings, 1):
+            _print_finding(out, diagnosis, index, finding)
+    heading(out, "Measured less simulated", "(root mean square)")
+    table = make_table(("", "left"), ("before", "right"), ("after", "right"), ("", "left"))
+    for row in channel_rows(diagnosis):
+        table.add_row(*row)
+    print_table(out, table)
+    if diagnosis.not_detectable:
+        heading(out, "What these data could not show", "(and from which size they would)")
+        for physics, where, needed in hidden_rows(diagnosis.not_detectable):
+            paragraph(out, f"{physics}{f' ({where})' if where else ''}: {needed}", "- ")
+    why = diagnosis.next_experiment.get("why")
+    if why:
+        heading(out, "Next experiment")
+        paragraph(out, str(why))
+    if diagnosis.remarks:
+        heading(out, "Remarks")
+        for text in diagnosis.remarks:
+            paragraph(out, text, "- ")
+
+
+def _verdict(out: Console, text: str) -> None:
+    """Print a bold paragraph at the margin."""
+    for line in Text(text, style="bold").wrap(out, out.width):
+        out.print(line)
+
+
+def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
+    out.print(Text(f"  {index}  {finding_text(finding)}: {gain_text(finding)}"), soft_wrap=True)
+    paragraph(out, finding.statement, "   ")
+    for name, value, interval in parameter_texts(finding.parameters):
+        paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
+    if finding.curve is not None:
+        pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
+        points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
+        paragraph(out, f"curve, load [N, N m]: deformation [µm, µrad]  {points}", "   ")
+    for text in alternative_text(diagnosis, finding):
+        paragraph(out, text, "   ")

@@ -1,0 +1,202 @@
+"""A diagnosis in words: what the terminal and the report both say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.diagnosis import Detectable, FittedParameter
+from .quantities import number
+
+__all__ = [
+    "alternative_text",
+    "channel_rows",
+    "finding_text",
+    "gain_text",
+    "hidden_rows",
+    "noise_text",
+    "parameter_texts",
+    "places_text",
+    "scaled",
+    "verdict_text",
+]
+
+#: Smaller units of SI ones, the smallest first.
+_SMALLER = {
+    "m": ((1e6, "µm"), (1e3, "mm")),
+    "rad": ((1e6, "µrad"), (1e3, "mrad")),
+    "m/m": ((1e6, "µm/m"),),
+    "s": ((1e3, "ms"),),
+    "1/K": ((1e6, "µm/(m K)"),),
+    "1": (),
+}
+_LARGER = {"N/m": (1e-6, "N/µm"), "N m/rad": (1e-3, "N m/mrad")}
+
+
+def scaled(largest: float, unit: str) -> tuple[float, str]:
+    """Return factor and unit in which a value reads well: (1e6, 'µm') of 3e-5 and 'm'."""
+    size = abs(largest)
+    if unit in _LARGER and size >= 1 / _LARGER[unit][0]:
+        return _LARGER[unit]
+    for factor, name in _SMALLER.get(unit, ()):
+        if 0 < size * factor < 1000:
+            return factor, name
+    return 1.0, "" if unit == "1" else unit
+
+
+def verdict_text(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one sentence."""
+    before, after = diagnosis.before["heldout"], diagnosis.after["heldout"]
+    if math.isnan(before):
+        return "Nothing can be said: this recording holds no measured pose that the robot could have taken."
+    if diagnosis.verdict == "nothing_missing":
+        return (
+            f"Nothing is missing: what is left between simulation and recording is noise ({number(after, 3)} times it)."
+        )
+    named = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
+    told = _joined([finding_text(finding) for finding in named])
+    takes = f"the residual falls from {number(before, 3)} to {number(after, 3)} times the noise"
+    if diagnosis.verdict == "explained":
+        return f"Explained: with {told} {takes}."
+    unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
+    where = f"; it shows most in {unknown.location}" if unknown is not None else ""
+    besides = f" With {told} {takes}, and" if told else ""
+    if besides:
+        return f"Unexplained:{besides} something is left that no law of the library takes away{where}."
+    return (
+        f"Unexplained: the residual is {number(before, 3)} times the noise, and no law of the library takes it "
+        f"away{where}."
+    )
+
+
+def _joined(items: Sequence[str]) -> str:
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
+
+
+def finding_text(finding: Finding) -> str:
+    """Return 'backlash at leg2/ball_nut'."""
+    if finding.physics == "finite_deflection":
+        return "equilibrium in the deformed position"
+    aspect = f" ({finding.effect.place.aspect})" if finding.effect is not None and finding.effect.place.aspect else ""
+    words = finding.physics.replace("_", " ")
+    if finding.location == "robot":
+        return f"{words}{aspect}"
+    return f"{words} at {finding.location}{aspect}"
+
+
+def gain_text(finding: Finding) -> str:
+    """Return what a finding is worth."""
+    percent = 100 * finding.heldout_gain
+    shown = number(percent, 3) if percent < 99.5 else f"{percent:.2f}"
+    return f"removes {shown} % of the squared residual"
+
+
+def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
+    """Return (name, value with unit, 95 % interval) of fitted parameters."""
+    rows = []
+    for name, fitted in parameters.items():
+        factor, unit = scaled(fitted.value, fitted.unit)
+        low, high = sorted(fitted.interval)
+        value = f"{number(factor * fitted.value, 4)} {unit}".strip()
+        rows.append((name.replace("_", " "), value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
+    return rows
+
+
+def _end(value: float) -> str:
+    """Return an end of an interval; beyond a million it means that the data set no bound."""
+    return number(value, 4) if 1e-9 < abs(value) < 1e9 or value == 0 else f"{value:.1e}"
+
+
+def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
+    """Return what these data cannot tell from a finding, as sentences."""
+    texts = []
+    others = [place for place in finding.candidates if place != finding.location]
+    if others:
+        texts.append(f"these data cannot tell {finding.location} from {places_text(others)}")
+    if finding.alternatives:
+        laws = (name.partition(" at ") for name in finding.alternatives)
+        texts.append(f"as good a fit: {', '.join(law.replace('_', ' ') + at + place for law, at, place in laws)}")
+    return texts
+
+
+def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
+    """Return (what, before, after, unit) of the residuals: all in multiples of the noise, then by channel."""
+    before, after = diagnosis.before, diagnosis.after
+    rows = [
+        (f"all, {name}", number(before[key], 3), number(after[key], 3), "× noise")
+        for key, name in (("fit", "fitted"), ("heldout", "held out"))
+    ]
+    for name, values in diagnosis.by_channel.items():
+        rows.append((name, number(values["before"], 3), number(values["after"], 3), "× noise"))
+        for unit, shown in (("um", "µm"), ("urad", "µrad")):
+            if f"before_{unit}" in values:
+                rows.append(("", number(values[f"before_{unit}"], 3), number(values[f"after_{unit}"], 3), shown))
+    return rows
+
+
+def noise_text(diagnosis: Diagnosis) -> list[str]:
+    """Return the noise of each sensor; what is zero was not declared."""
+    noise = diagnosis.noise
+    items = (("position", "m"), ("rotation", "rad"), ("force", "N"), ("moment", "N m"))
+    texts = []
+    for name, unit in items:
+        value = getattr(noise, name)
+        if value:
+            factor, shown = scaled(value, unit)
+            texts.append(f"{name} {number(factor * value, 3)} {shown}")
+    return [*texts, noise.source]
+
+
+def places_text(names: Iterable[str]) -> str:
+    """Return places with their legs folded: 'leg1, leg2: ball_nut, motor; robot'."""
+    legs: dict[str, list[str]] = {}
+    for name in dict.fromkeys(names):
+        leg, slash, part = name.partition("/")
+        legs.setdefault(part if slash else name, [])
+        if slash:
+            legs[part].append(leg)
+    parts: dict[tuple[str, ...], list[str]] = {}
+    for part, found in legs.items():
+        parts.setdefault(tuple(sorted(found)), []).append(part)
+    texts = []
+    for found_in, listed in sorted(parts.items(), key=lambda item: (-len(item[0]), item[0])):
+        if len(found_in) == 1 and len(listed) == 1:
+            texts.append(f"{found_in[0]}/{listed[0]}")
+        else:
+            texts.append(f"{', '.join(found_in)}: {', '.join(listed)}" if found_in else ", ".join(listed))
+    return "; ".join(texts)
+
+
+#: Parameters that mean more the smaller they are.
+_LESS_IS_MORE = ("factor", "root_tilting_stiffness")
+#: Pure numbers beyond this are no sizes that anything has.
+_ABSURD = 1e4
+
+
+def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
+    """Return (physics, where, what it would have taken) of effects that stayed hidden, grouped by physics."""
+    groups: dict[tuple[str, str, str, str], list[Detectable]] = {}
+    for item in hidden:
+        # without a size, the reason tells why
+        reason = "" if item.smallest is not None else item.reason
+        groups.setdefault((item.physics, item.parameter, item.unit, reason), []).append(item)
+    rows = []
+    for (physics, parameter, unit, reason), items in groups.items():
+        where = places_text(sorted(item.location for item in items if item.location))
+        rows.append((physics.replace("_", " "), where, reason or _needed(parameter, unit, items)))
+    return sorted(rows, key=lambda row: row[0])
+
+
+def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
+    sizes = sorted(item.smallest for item in items if item.smallest is not None and math.isfinite(item.smallest))
+    less = parameter in _LESS_IS_MORE
+    if unit == "1":
+        sizes = [size for size in sizes if size < _ABSURD]
+    if not sizes:
+        return "at no size"
+    factor, shown = scaled(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
+    ends = [number(factor * size, 2) for size in (sizes[0], sizes[-1])]
+    amount = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
+    which = ", by place" if ends[0] != ends[1] else ""
+    return f"{parameter.replace('_', ' ')} {'below' if less else 'above'} {f'{amount} {shown}'.strip()}{which}"

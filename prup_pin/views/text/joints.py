@@ -1,0 +1,97 @@
+"""Joints in words: type, dimension, limits, role."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...mechanism import Mechanism
+from ...robot import Robot
+from .quantities import number
+
+__all__ = ["clean", "coordinate_dimensions", "dimension", "joint_role", "joint_type", "limits", "pose_text"]
+
+_ANGLES = ("rx", "ry", "rz")
+
+
+def joint_type(mechanism: Mechanism, name: str) -> str:
+    """Return 'revolute', 'continuous', 'prismatic', or Pinocchio's word for other joints."""
+    joint = mechanism.model.joints[mechanism.joint_id(name)]
+    word = joint.shortname().removeprefix("JointModel")
+    if joint.nv == 1:
+        turns = np.abs(_axis(mechanism, name)[3:]).max() > 0
+        if not turns:
+            return "prismatic"
+        return "continuous" if joint.nq == 2 else "revolute"
+    return {"FreeFlyer": "floating", "Planar": "planar", "SphericalZYX": "spherical"}.get(word, word.lower())
+
+
+def _axis(mechanism: Mechanism, name: str) -> np.ndarray:
+    """Return the unit twist of a joint with one degree of freedom, (6,)."""
+    joint = mechanism.model.joints[mechanism.joint_id(name)]
+    return np.asarray(joint.createData().S).reshape(6, -1)[:, 0]
+
+
+def dimension(mechanism: Mechanism, name: str) -> str:
+    """Return 'length' or 'angle' for a joint with one degree of freedom, else 'number'."""
+    return {"prismatic": "length", "revolute": "angle", "continuous": "angle"}.get(
+        joint_type(mechanism, name), "number"
+    )
+
+
+def limits(mechanism: Mechanism, name: str) -> tuple[float, float] | None:
+    """Return the limits [m or rad] of a joint, or None where it has none."""
+    model = mechanism.model
+    joint = model.joints[mechanism.joint_id(name)]
+    if joint.nq != 1 or joint.nv != 1:
+        return None
+    low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+    return (low, high) if low < high and np.isfinite([low, high]).all() and max(-low, high) < 1e6 else None
+
+
+def joint_role(mechanism: Mechanism, name: str) -> str:
+    """Return 'actuated', 'locked', 'sprung' or 'passive', or two of them."""
+    index = mechanism.joint_id(name)
+    sprung = any(module.joint == index and module.kind.holds_joint(module.values) for module in mechanism.modules)
+    roles = [
+        word
+        for word, holds in (
+            ("actuated", name in mechanism.actuated),
+            ("locked", name in mechanism.locked),
+            ("sprung", sprung),
+        )
+        if holds
+    ]
+    return ", ".join(roles) or "passive"
+
+
+def coordinate_dimensions(robot: Robot) -> Mapping[str, str]:
+    """Return the dimension of each task coordinate; for a plain tree of each joint."""
+    mechanism = robot.mechanism
+    if mechanism.tasks:
+        return {task.name: "angle" if task.component in _ANGLES else "length" for task in mechanism.tasks}
+    return {name: dimension(mechanism, name) for name in robot.task_coordinates}
+
+
+def _coordinate_text(value: float, kind: str, digits: int = 6) -> str:
+    """Return a joint or task coordinate in mm or deg."""
+    if kind == "length":
+        return f"{number(value * 1e3, digits)} mm"
+    if kind == "angle":
+        return f"{number(np.degrees(value), digits)} deg"
+    return number(value, digits)
+
+
+def pose_text(robot: Robot, coordinates: Mapping[str, float], digits: int = 6) -> list[str]:
+    """Return ['z 400 mm', 'theta 25 deg'] of joint or task coordinates."""
+    kinds = coordinate_dimensions(robot)
+    return [
+        f"{name} {_coordinate_text(clean(value), kinds.get(name) or dimension(robot.mechanism, name), digits)}"
+        for name, value in coordinates.items()
+    ]
+
+
+def clean(value: float) -> float:
+    """Return zero for what is only rounding."""
+    return 0.0 if abs(value) < 1e-9 else value

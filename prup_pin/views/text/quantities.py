@@ -1,0 +1,236 @@
+"""Numbers with units, as people type them and as they read them.
+
+Everything inside the package is SI; this is the door in both directions for the command line and the pictures.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, nearest_names
+from ...spatial import WRENCH_NAMES
+
+__all__ = [
+    "UNITS",
+    "WRENCH_DIMENSIONS",
+    "fixed",
+    "length_text",
+    "mark_position",
+    "number",
+    "parse_assignments",
+    "parse_list",
+    "parse_quantity",
+    "value_text",
+    "workshop_text",
+]
+
+_LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
+_ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3, "°": math.pi / 180}
+#: SI value of each unit that may be typed, by dimension; SI is meant where no unit is given. A "joint" is one whose
+#: type is not known yet.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "length": _LENGTH,
+    "angle": _ANGLE,
+    "force": {"N": 1.0, "kN": 1e3},
+    "moment": {"Nm": 1.0, "kNm": 1e3, "Nmm": 1e-3},
+    "number": {},
+    "joint": {**_LENGTH, **_ANGLE},
+}
+#: Dimension of each component of a wrench.
+WRENCH_DIMENSIONS: Mapping[str, str] = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
+
+#: SI units of parameters, the units in which a workshop speaks of them, and the factor between.
+_WORKSHOP: Mapping[str, tuple[str, float]] = {
+    "m": ("mm", 1e3),
+    "m^2": ("mm²", 1e6),
+    "m^4": ("mm⁴", 1e12),
+    "Pa": ("GPa", 1e-9),
+    "N/m": ("N/µm", 1e-6),
+    "N m/rad": ("N m/mrad", 1e-3),
+    "rad": ("°", 180 / math.pi),
+    "kg/m^3": ("kg/m³", 1.0),
+    "1": ("", 1.0),
+}
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_ARTICLE = {
+    "length": "a length",
+    "angle": "an angle",
+    "force": "a force",
+    "moment": "a moment",
+    "number": "a number",
+    "joint": "a joint value",
+}
+_WINDOW = 72
+
+
+def mark_position(text: str, position: int) -> str:
+    """Return the text and, under it, a caret at `position`; a long text is cut around it."""
+    start = max(0, min(position - _WINDOW // 2, len(text) - _WINDOW))
+    shown = text[start : start + _WINDOW]
+    return f"  {shown}\n  {' ' * (position - start)}^"
+
+
+def _refuse(option: str, text: str, position: int, message: str) -> InputError:
+    return InputError(f"{option}: {message}, at character {position + 1}:\n{mark_position(text, position)}")
+
+
+def _units_in_words(dimension: str) -> str:
+    units = [unit for unit in UNITS[dimension] if unit not in ("um", "μm")]
+    if not units:
+        return f"{_ARTICLE[dimension]} without unit"
+    return f"{_ARTICLE[dimension]} in {', '.join(units[:-1])} or {units[-1]}"
+
+
+def parse_quantity(text: str, dimension: str, option: str, whole: str | None = None, offset: int = 0) -> float:
+    """Return the SI value of '25deg'. `whole` and `offset` place the text in what the user typed.
+
+    Raises InputError with the position of the fault and the units that fit.
+    """
+    whole = text if whole is None else whole
+    stripped = text.strip()
+    offset += len(text) - len(text.lstrip())
+    match = _NUMBER.match(stripped)
+    if match is None:
+        given = f"'{stripped}' is not a number" if stripped else "a value is missing"
+        raise _refuse(option, whole, offset, f"{given}; expected {_units_in_words(dimension)}")
+    unit = re.sub(r"[\s*·]", "", stripped[match.end() :])
+    at = offset + match.end()
+    if unit.startswith(","):
+        raise _refuse(option, whole, at, "numbers take a decimal point, not a comma")
+    units = UNITS[dimension]
+    if not unit:
+        value = float(match.group())
+    elif unit in units:
+        value = float(match.group()) * units[unit]
+    else:
+        other = next((name for name, known in UNITS.items() if unit in known), None)
+        if other is not None:
+            raise _refuse(
+                option, whole, at, f"'{unit}' is a unit of {_ARTICLE[other]}; expected {_units_in_words(dimension)}"
+            )
+        near = nearest_names(unit, list(units)) if units else ""
+        hint = f" ({near.rstrip('.')})" if near.startswith("Did") else ""
+        raise _refuse(option, whole, at, f"unknown unit '{unit}'; expected {_units_in_words(dimension)}{hint}")
+    if not math.isfinite(value):
+        raise _refuse(option, whole, offset, f"'{stripped}' is too large; expected a finite number")
+    return value
+
+
+def _items(text: str) -> list[tuple[str, int]]:
+    """Return the parts between commas or semicolons and where each begins."""
+    items, start = [], 0
+    for part in re.split(r"[,;]", text):
+        items.append((part, start))
+        start += len(part) + 1
+    return items
+
+
+def parse_assignments(
+    text: str, dimensions: Mapping[str, str], option: str, what: str, default_dimension: str | None = None
+) -> dict[str, float]:
+    """Return {'z': 0.4, 'theta': 0.436} of 'z=0.4,theta=25deg'.
+
+    `dimensions` are the valid names; other names are accepted only where `default_dimension` is given. Raises
+    InputError with the position of the first fault.
+    """
+    values: dict[str, float] = {}
+    for index, (item, start) in enumerate(_items(text)):
+        at = start + len(item) - len(item.lstrip())
+        name, equals, value = item.partition("=")
+        name = name.strip()
+        if not equals:
+            if index and re.fullmatch(r"\s*\d+\s*[^\d\s.]*\s*", item):
+                raise _refuse(option, text, start - 1, "is this a decimal comma? Numbers take a decimal point: 0.4")
+            given = f"'{item.strip()}'" if item.strip() else "nothing"
+            raise _refuse(option, text, at, f"expected {what}=value, found {given}")
+        if name not in dimensions and default_dimension is None:
+            raise _refuse(
+                option, text, at, f"no {what} named '{name}' ({nearest_names(name, list(dimensions)).rstrip('.')})"
+            )
+        if name in values:
+            raise _refuse(option, text, at, f"{what} '{name}' is given twice")
+        dimension = dimensions.get(name, default_dimension or "number")
+        values[name] = parse_quantity(value, dimension, option, text, start + len(item) - len(value))
+    return values
+
+
+def parse_list(text: str, dimensions: Sequence[str], names: Sequence[str], option: str) -> list[float]:
+    """Return [0.35, 0.51, 0.36] of '0.35,0.51,360mm', one value per name. Raises InputError."""
+    items = _items(text)
+    if len(items) != len(names):
+        halves = len(items) == 2 * len(names) and all(
+            re.fullmatch(r"\s*[+-]?\d+\s*[^\d\s.]*\s*", item) for item, _ in items
+        )
+        hint = ". Are these decimal commas? Numbers take a decimal point: 0.35" if halves else ""
+        raise InputError(
+            f"{option}: expected {len(names)} value{'s' if len(names) != 1 else ''} ({', '.join(names)}), "
+            f"found {len(items)} in '{text}'{hint}"
+        )
+    return [
+        parse_quantity(item, dimension, option, text, start)
+        for (item, start), dimension in zip(items, dimensions, strict=True)
+    ]
+
+
+# -- the way out -----------------------------------------------------------------------------------------------------
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return a number with `digits` significant digits, without exponent where that stays short."""
+    value = float(value)
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "infinite" if value > 0 else "-infinite"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    if -4 <= exponent < digits + 2:
+        text = f"{value:.{max(0, digits - 1 - exponent)}f}"
+        return text.rstrip("0").rstrip(".") if "." in text else text
+    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    return f"{mantissa}e{int(power)}"
+
+
+def fixed(values: Iterable[float], digits: int = 4) -> list[str]:
+    """Return numbers with the same decimals, chosen for `digits` significant digits of the largest."""
+    array = np.asarray(list(values), float)
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest == 0:
+        return ["0"] * len(array)
+    exponent = math.floor(math.log10(largest))
+    if exponent < -4 or exponent > 7:
+        return [f"{value:.{digits - 1}e}" if value else "0" for value in array]
+    decimals = max(0, digits - 1 - exponent)
+    smallest = 0.5 * 10.0**-decimals
+    return [f"{value:.{decimals}f}" if abs(value) >= smallest else "0" for value in array]
+
+
+def length_text(metres: float) -> str:
+    """Return a small displacement in µm, a larger one in mm."""
+    return f"{number(metres * 1e3, 3)} mm" if abs(metres) >= 1e-3 else f"{number(metres * 1e6, 3)} µm"
+
+
+def value_text(value: Any) -> str:
+    """Return a number, or the shape or entries of an array."""
+    array = np.asarray(value, float)
+    if array.ndim == 0:
+        return number(float(array), 6)
+    if array.ndim == 1 and array.size <= 12:
+        return " ".join(number(entry, 4) for entry in array)
+    return f"{' x '.join(map(str, array.shape))} numbers"
+
+
+def workshop_text(value: Any, unit: str) -> str:
+    """Return '20 mm' of 0.02 and 'm': an SI value, or an array, in the unit in which a workshop speaks of it."""
+    name, factor = _WORKSHOP.get(unit, (unit, 1.0))
+    scaled = np.asarray(value, float) * factor
+    text = value_text(scaled) if scaled.ndim else number(float(scaled), 5)
+    return text if text == "infinite" or not name else f"{text}{'' if name == '°' else ' '}{name}"

@@ -1,0 +1,184 @@
+"""`prup-pin info`, `robots` and `kinds` as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from ... import robots
+from ...errors import PrupPinError
+from ...modules import KINDS, CompliantModule
+from ...parameters import Parameter, Quantity
+from ...robot import Robot
+from .joints import clean, joint_role, joint_type, limits, pose_text
+from .quantities import number, value_text
+from .tables import default_parameters, mobility_text, module_parameters, redundancy_text
+from .terminal import heading, in_options, listed, make_table, paragraph, print_table
+
+__all__ = ["print_info", "print_kinds", "print_robots"]
+
+
+def print_info(out: Console, robot: Robot) -> None:
+    """Print what a robot file says and what was made of it."""
+    mechanism = robot.mechanism
+    description = mechanism.description
+    out.print(Text(robot.name, style="bold"))
+    listed(out, "file", [str(description.path)])
+    listed(out, "tool", [f"'{mechanism.tool.name}'" if mechanism.tool else "none: --tool FRAME says where forces act"])
+    gravity = [number(clean(value), 6) for value in mechanism.gravity]
+    listed(out, "gravity", [f"({' '.join(gravity)}) m/s^2, base axes"])
+    if mechanism.tasks:
+        order = " ".join(f"R{axis}" for axis in description.rotation)
+        tasks = [f"{task.name} = {task.component} of the tool" for task in mechanism.tasks]
+        turns = any(task.component in ("rx", "ry", "rz") for task in mechanism.tasks)
+        listed(out, "task", tasks + ([f"rotation {order}"] if turns else []), "; ")
+    _print_joints(out, robot)
+    _print_loops(out, robot)
+    _print_mobility(out, robot)
+    _print_modules(out, robot)
+    _print_lengths(out, robot)
+    if description.variants:
+        heading(out, "Variants")
+        listed(out, "", description.variants, ", ")
+    heading(out, "Assumed")
+    for note in robot.assumptions or ("nothing besides small deflections",):
+        paragraph(out, note, "- ")
+
+
+def _print_joints(out: Console, robot: Robot) -> None:
+    mechanism = robot.mechanism
+    names = list(mechanism.model.names)[1:]
+    heading(out, f"Joints: {len(names)}")
+    table = make_table(
+        ("name", "left"), ("type", "left"), ("from", "right"), ("to", "right"), ("", "left"), ("role", "left")
+    )
+    for name in names:
+        kind, span = joint_type(mechanism, name), limits(mechanism, name)
+        factor, unit = (1e3, "mm") if kind == "prismatic" else (180 / np.pi, "deg")
+        low, high = ("-", "-") if span is None else (number(value * factor, 5) for value in span)
+        table.add_row(name, kind, low, high, unit if span else "", joint_role(mechanism, name))
+    print_table(out, table)
+
+
+def _print_loops(out: Console, robot: Robot) -> None:
+    loops = robot.mechanism.loops
+    heading(out, f"Loops: {len(loops) or 'none'}")
+    if not loops:
+        return
+    table = make_table(("name", "left"), ("frame 1", "left"), ("frame 2", "left"), ("free between them", "left"))
+    for loop in loops:
+        free = [axis for axis in ("x", "y", "z", "rx", "ry", "rz") if axis in loop.free]
+        table.add_row(loop.name, loop.first.name, loop.second.name, " ".join(free) or "nothing")
+    print_table(out, table)
+
+
+def _print_mobility(out: Console, robot: Robot) -> None:
+    heading(out, "Mobility at home")
+    try:
+        home = robot.home
+        found = robot.mobility(home)
+    except PrupPinError as error:
+        paragraph(out, f"unknown: {in_options(str(error))}")
+        return
+    listed(out, "actuators", pose_text(robot, home.actuators))
+    if home.coordinates:
+        listed(out, "task", pose_text(robot, home.coordinates))
+    listed(out, "freedom", [mobility_text(robot.mechanism, found)])
+    if found.closures:
+        listed(out, "redundant", [redundancy_text(found)])
+    listed(out, "idle joints", found.idle_joints or ["none"], ", ")
+
+
+def _print_modules(out: Console, robot: Robot) -> None:
+    modules = robot.mechanism.modules
+    heading(out, f"Compliant modules: {len(modules) or 'none'}", "(equal ones are listed once)" if modules else "")
+    alike: dict[tuple, list[str]] = {}
+    for module in modules:
+        own = module_parameters(robot, module)
+        key = (module.kind.kind, tuple((p.short, str(p.value), p.source) for p in own))
+        alike.setdefault(key, []).append(module.name)
+    for names in alike.values():
+        module = next(m for m in modules if m.name == names[0])
+        own = module_parameters(robot, module)
+        out.print()
+        listed(out, "", names, ", ")
+        paragraph(out, f"{module.kind.kind}: {module.kind.summary}", "  ")
+        given = [parameter for parameter in own if parameter.source != "default"]
+        if given:
+            _print_parameters(out, given)
+        defaults = [
+            f"{p.short} {value_text(p.value)}{'' if p.unit == '1' else f' {p.unit}'}" for p in default_parameters(own)
+        ]
+        if defaults:
+            listed(out, "defaults", defaults, ", ", indent=4)
+
+
+def _print_parameters(out: Console, parameters: Iterable[Parameter], full: bool = False) -> None:
+    table = make_table(("parameter", "left"), ("value", "right"), ("unit", "left"), ("source", "left"))
+    for parameter in parameters:
+        table.add_row(
+            parameter.name if full else parameter.short, value_text(parameter.value), parameter.unit, parameter.source
+        )
+    print_table(out, table, indent=4)
+
+
+def _print_lengths(out: Console, robot: Robot) -> None:
+    lengths = robot.mechanism.description.lengths
+    if lengths:
+        heading(out, "Lengths that place joints")
+        _print_parameters(out, (length.parameter for length in lengths), full=True)
+
+
+def print_robots(out: Console) -> None:
+    """Print the robots that can be loaded by name, and where they come from."""
+    from ...mechanism.readers import read
+
+    heading(out, "Packaged", "with compliant modules")
+    folder = robots.packaged_folder()
+    table = make_table(("name", "left"), ("file", "left"), ("variants", "left"))
+    for name in robots.packaged_names():
+        path = folder / f"{name}.urdf"
+        table.add_row(name, path.name, ", ".join(f"{name}_{variant}" for variant in read(path).variants) or "-")
+    print_table(out, table)
+    examples = robots.example_folder()
+    heading(out, "From example-robot-data", "which describes no compliance: add --joint-stiffness")
+    if examples is None:
+        paragraph(out, "not installed: pip install 'prup_pin[robots]'")
+    table = make_table(("name", "left"), ("file", "left"), ("here", "left"), ("tool", "left"))
+    for name, file in robots.EXAMPLE_ROBOTS.items():
+        present = examples is not None and (examples / file).is_file()
+        known = "known" if name in robots.EXAMPLE_TOOLS else "--tool"
+        table.add_row(name, file.rpartition("/")[2], "yes" if present else "no", known)
+    print_table(out, table)
+    out.print()
+    paragraph(out, "A path to a URDF or MJCF file works wherever a name does.")
+
+
+def print_kinds(out: Console, kinds: Sequence[CompliantModule] = KINDS) -> None:
+    """Print kinds of modules with their parameters."""
+    for index, kind in enumerate(kinds):
+        if index:
+            out.print()
+        out.print(Text(kind.kind, style="bold"))
+        traits = ["body" if kind.is_body else "joint", f"loads {' '.join(kind.loads)}"]
+        if kind.spans_frames:
+            traits.append("needs root and tip")
+        if kind.nonlinear:
+            traits.append("nonlinear")
+        paragraph(out, f"{kind.summary[0].upper()}{kind.summary[1:]}.")
+        listed(out, "", traits, "; ")
+        table = make_table(("parameter", "left"), ("unit", "left"), ("default", "left"), ("description", "left"))
+        for quantity in kind.quantities:
+            table.add_row(quantity.name, quantity.unit, _default(quantity), quantity.description)
+        print_table(out, table)
+
+
+def _default(quantity: Quantity) -> str:
+    if quantity.default is None:
+        return "required"
+    if callable(quantity.default):
+        return f"from {', '.join(quantity.derived_from)}" if quantity.derived_from else "derived"
+    return "not given" if np.isnan(quantity.default) else number(quantity.default)

@@ -1,0 +1,74 @@
+"""What a simulation came to, as text: rows, failures, agreement with what was measured, remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.text import Text
+
+from ...laws import Effect
+from ...recordings import Recording, suspicions
+from ...robot import Robot
+from ...simulation import Agreement, Prediction, compare
+from .quantities import number
+from .terminal import heading, listed, make_table, paragraph, print_table
+
+__all__ = ["effect_text", "print_simulation"]
+
+#: So many row numbers are listed.
+_SHOWN = 8
+_UNITS = {"position": ("µm", 1e6), "rotation": ("µrad", 1e6), "effort": ("N, N m", 1.0)}
+
+
+def print_simulation(
+    out: Console,
+    robot: Robot,
+    effects: Sequence[Effect],
+    recording: Recording,
+    prediction: Prediction,
+    notes: Sequence[str] = (),
+) -> None:
+    """Print the closing summary of a simulation; `recording` holds what was measured, if anything was."""
+    out.print(Text(f"{robot.name}, loaded, in its deformed position", style="bold"))
+    listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
+    _print_rows(out, prediction)
+    found = compare(recording, prediction)
+    if found:
+        _print_agreement(out, found)
+    odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
+    if odd:
+        heading(out, "Remarks")
+        for text in odd:
+            paragraph(out, text, "- ")
+
+
+def effect_text(effect: Effect) -> str:
+    """Return an effect as it is typed."""
+    aspect = f":{effect.place.aspect}" if effect.place.aspect else ""
+    values = " ".join(f"{name}={number(value, 6)}" for name, value in effect.values.items())
+    return f"{effect.law.physics}@{effect.place.name}{aspect} {values}".strip()
+
+
+def _print_rows(out: Console, prediction: Prediction) -> None:
+    failures = prediction.failures
+    failed = sum(len(rows) for rows in failures.values())
+    good = f"{len(prediction) - failed} predicted" if failed else "all predicted"
+    listed(out, "rows", [f"{len(prediction)}, {good}"])
+    for word, rows in failures.items():
+        first = ", ".join(str(row + 1) for row in rows[:_SHOWN].tolist())
+        more = ", …" if len(rows) > _SHOWN else ""
+        listed(out, word, [f"{len(rows)} row{'s' if len(rows) > 1 else ''}: {first}{more}"])
+        if word in prediction.reasons:
+            paragraph(out, f"row {rows[0] + 1}: {prediction.reasons[word]}", "  ")
+
+
+def _print_agreement(out: Console, found: Sequence[Agreement]) -> None:
+    heading(out, "Measured less predicted", "(root mean square)")
+    table = make_table(("", "left"), ("RMS", "right"), ("unit", "left"), ("noise", "right"), ("RMS / noise", "right"))
+    for item in found:
+        unit, factor = _UNITS.get(item.channel, _UNITS["position"])
+        noise = "not declared" if item.noise is None else number(factor * item.noise, 3)
+        multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
+        table.add_row(item.channel, number(factor * item.rms, 4), unit, noise, multiple)
+    print_table(out, table)
