@@ -79,14 +79,14 @@ def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, sti
     taken = {module.name for module in description.modules}
     modules = list(description.modules)
     for name, value in springs.items():
-        joint = mechanism.model.joints[mechanism.joint_id(name)]
+        joint = mechanism.joint(name)
         if name in taken:
             raise InputError(f"joint_stiffness: the robot file already has a module named '{name}'")
         try:
             checked = quantity.check(value, name)
         except ParameterError as error:
             raise ParameterError(f"joint_stiffness: {error}") from None
-        unit = "N/m" if joint.shortname().startswith("JointModelP") else "N m/rad"
+        unit = "N/m" if joint.slides else "N m/rad"
         parameter = Parameter(f"{name}.stiffness", checked, unit, "joint_stiffness", quantity.description, quantity)
         modules.append(ModuleDescription(name, "joint_spring", name, values={"stiffness": parameter}))
     return replace(description, modules=tuple(modules))

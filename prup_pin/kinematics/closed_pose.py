@@ -68,14 +68,7 @@ class ClosedPose:
     @property
     def joints(self) -> dict[str, float]:
         """Value of every joint with one degree of freedom [m or rad]."""
-        model = self.mechanism.model
-        values = {}
-        for index in range(1, model.njoints):
-            joint = model.joints[index]
-            if joint.nv == 1:
-                at = self.q[joint.idx_q : joint.idx_q + joint.nq]
-                values[model.names[index]] = float(at[0] if joint.nq == 1 else np.arctan2(at[1], at[0]))
-        return values
+        return {joint.name: float(joint.position(self.q)) for joint in self.mechanism.joints if joint.nv == 1}
 
     @property
     def actuators(self) -> dict[str, float]:

@@ -401,15 +401,11 @@ class LoopKinematics:
         """Return 'z = 0.4 m, theta = 0.436 rad (25 deg)'."""
         parts = []
         for name, value in values.items():
-            unit = self.task.units.get(name) or self._joint_unit(name)
+            unit = self.task.units.get(name) or self.mechanism.joint(name).unit
             value = 0.0 if abs(value) < 1e-12 else value
             degrees = f" ({np.degrees(value):.4g} deg)" if unit == "rad" else ""
             parts.append(f"{name} = {value:.5g} {unit}{degrees}")
         return ", ".join(parts)
-
-    def _joint_unit(self, name: str) -> str:
-        joint = self.model.joints[self.mechanism.joint_id(name)]
-        return "m" if joint.shortname().startswith("JointModelP") else "rad"
 
     # -- checks ----------------------------------------------------------------------------------------------------
 
@@ -418,18 +414,15 @@ class LoopKinematics:
         if not np.count_nonzero((q < self._least) | (q > self._most)):
             return None
         worst = int(np.argmax(np.maximum(self.lower - q, q - self.upper)))
-        for index in range(1, self.model.njoints):
-            joint = self.model.joints[index]
-            if joint.idx_q <= worst < joint.idx_q + joint.nq:
-                return self.model.names[index], float(q[worst]), float(self.lower[worst]), float(self.upper[worst])
-        return None
+        name = next(joint.name for joint in self.mechanism.joints if joint.first_q <= worst < joint.first_q + joint.nq)
+        return name, float(q[worst]), float(self.lower[worst]), float(self.upper[worst])
 
     def _check_limits(self, q: Array, requested: dict, only: set[str] | None = None) -> None:
         outside = self._outside(q)
         if outside is None or (only is not None and outside[0] not in only):
             return
         name, value, lower, upper = outside
-        unit = self._joint_unit(name)
+        unit = self.mechanism.joint(name).unit
         text = f"joint '{name}' would stand at {value:.6g} {unit}, outside its limits {lower:.6g} … {upper:.6g} {unit}"
         if not self.mechanism.description.described:
             warnings.warn(f"{text} (of a controller: C is defined there all the same)", JointLimitWarning, stacklevel=4)

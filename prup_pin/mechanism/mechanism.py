@@ -27,8 +27,9 @@ from .description import (
     TaskDescription,
     resolve_values,
 )
+from .joints import Joint, joints_of
 
-__all__ = ["Frame", "LoopClosure", "Mechanism", "Module"]
+__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class LoopClosure:
         return len(self.translation_axes) + len(self.rotation_rows)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Module:
     """A compliant module in its place.
 
@@ -131,9 +132,11 @@ class Mechanism:
         self.tool = self.frame(description.tool) if description.tool else None
         self.loops = tuple(self._loop(loop) for loop in description.loops)
         self.tasks: tuple[TaskDescription, ...] = description.tasks
-        movable = tuple(self.model.names)[1:]
-        self.actuated: tuple[str, ...] = description.actuated if description.actuated is not None else movable
+        self.joints = joints_of(self.model)
+        self._joints = {joint.name: joint for joint in self.joints}
+        self.actuated: tuple[str, ...] = description.actuated if description.actuated is not None else (*self._joints,)
         self.modules = tuple(self._module(module) for module in description.modules)
+        self._modules = {module.name: module for module in self.modules}
         self.parameters: dict[str, Parameter] = _all_parameters(description, self.modules)
         for name in locked:
             self.joint_id(name)
@@ -164,20 +167,36 @@ class Mechanism:
     def frame_names(self) -> tuple[str, ...]:
         return tuple(self._frames)
 
+    def module(self, name: str) -> Module:
+        """Return a compliant module by its name. Raises UnknownNameError."""
+        try:
+            return self._modules[name]
+        except KeyError:
+            raise UnknownNameError("module", name, list(self._modules)) from None
+
+    def joint(self, name: str | int) -> Joint:
+        """Return a movable joint by its name, or by its Pinocchio id. Raises UnknownNameError."""
+        if not isinstance(name, str):
+            name = str(self.model.names[int(name)])
+        try:
+            return self._joints[name]
+        except KeyError:
+            raise UnknownNameError("movable joint", name, list(self._joints)) from None
+
+    def joint_of_dof(self, dof: int) -> Joint:
+        """Return the joint that a velocity index belongs to."""
+        return self.joint(int(self.dof_joint[dof]))
+
     def joint_id(self, name: str) -> int:
         """Return the Pinocchio id of a movable joint. Raises UnknownNameError."""
-        index = int(self.model.getJointId(name))
-        if not 0 < index < self.model.njoints:
-            raise UnknownNameError("movable joint", name, list(self.model.names)[1:])
-        return index
+        return self.joint(name).id
 
     @cached_property
     def dof_names(self) -> tuple[str, ...]:
         """A name per velocity index: the joint's, with its component where it has several."""
         names = []
-        for index in range(1, self.model.njoints):
-            joint, name = self.model.joints[index], self.model.names[index]
-            names += [name] if joint.nv == 1 else [f"{name}[{i}]" for i in range(joint.nv)]
+        for joint in self.joints:
+            names += [joint.name] if joint.nv == 1 else [f"{joint.name}[{i}]" for i in range(joint.nv)]
         return tuple(names)
 
     # -- sets of indices -----------------------------------------------------------------------------------------
@@ -194,28 +213,22 @@ class Mechanism:
     @cached_property
     def dof_joint(self) -> np.ndarray:
         """Joint id of every velocity index, (nv,)."""
-        joints = np.zeros(self.model.nv, int)
-        for index in range(1, self.model.njoints):
-            joint = self.model.joints[index]
-            joints[joint.idx_v : joint.idx_v + joint.nv] = index
-        return joints
+        return np.repeat([joint.id for joint in self.joints], [joint.nv for joint in self.joints]).astype(int)
 
     @cached_property
     def actuated_dofs(self) -> np.ndarray:
         """Velocity indices of the actuated joints, in the order of `actuated`."""
-        return np.array([self.model.joints[self.joint_id(name)].idx_v for name in self.actuated], int)
+        return np.array([self.joint(name).first_v for name in self.actuated], int)
 
     @cached_property
     def free_dofs(self) -> np.ndarray:
         """Velocity indices that carry no load along themselves: neither driven, nor sprung, nor locked."""
         held = np.zeros(self.model.nv, bool)
         for name in (*self.actuated, *self.locked):
-            joint = self.model.joints[self.joint_id(name)]
-            held[joint.idx_v : joint.idx_v + joint.nv] = True
+            held[self.joint(name).dofs] = True
         for module in self.modules:
             if module.kind.holds_joint(module.values):
-                joint = self.model.joints[module.joint]
-                held[joint.idx_v : joint.idx_v + joint.nv] = True
+                held[self.joint(module.joint).dofs] = True
         return np.flatnonzero(~held)
 
     # -- building blocks -----------------------------------------------------------------------------------------
@@ -231,12 +244,12 @@ class Mechanism:
 
     def _module(self, module: ModuleDescription) -> Module:
         kind = KIND_BY_NAME[module.kind]
-        joint = self.joint_id(module.joint)
-        if not isinstance(kind, WrenchModule) and self.model.joints[joint].nv != 1:
+        joint = self.joint(module.joint)
+        if not isinstance(kind, WrenchModule) and joint.nv != 1:
             raise _file_error(
                 self.description,
-                f"module '{module.name}': a {kind.kind} works along one joint axis, but joint '{module.joint}' has "
-                f"{self.model.joints[joint].nv}",
+                f"module '{module.name}': a {kind.kind} works along one joint axis, "
+                f"but joint '{joint.name}' has {joint.nv}",
                 module.line,
             )
         root = self.frame(module.root) if module.root else None
@@ -248,13 +261,13 @@ class Mechanism:
         return Module(
             name=module.name,
             kind=kind,
-            joint=joint,
-            dof=int(self.model.joints[joint].idx_v),
+            joint=joint.id,
+            dof=joint.first_v,
             frame=replace(base, placement=base.placement @ turn),
             root=root,
             body=module.body,
             anchored_at_tip=module.anchor == "tip",
-            inboard_is_root=root is None or self._root_is_inboard(joint, root, base),
+            inboard_is_root=root is None or self._root_is_inboard(joint.id, root, base),
             values=resolve_values(module),
         )
 
@@ -327,20 +340,20 @@ class Mechanism:
     def limits(self) -> tuple[Array, Array]:
         """Lower and upper limits on q, (nq,); infinite where a joint has none or no plain coordinate."""
         lower, upper = np.full(self.model.nq, -np.inf), np.full(self.model.nq, np.inf)
-        for index in range(1, self.model.njoints):
-            joint = self.model.joints[index]
+        for joint in self.joints:
             if joint.nq == joint.nv == 1:
-                low, high = self.model.lowerPositionLimit[joint.idx_q], self.model.upperPositionLimit[joint.idx_q]
+                at = joint.first_q
+                low, high = self.model.lowerPositionLimit[at], self.model.upperPositionLimit[at]
                 if low < high:
-                    lower[joint.idx_q], upper[joint.idx_q] = low, high
+                    lower[at], upper[at] = low, high
         return lower, upper
 
     def set_joint(self, q: Array, name: str, value: float) -> None:
-        """Set a joint with one degree of freedom in q; an endless one is stored as cosine and sine."""
-        joint = self.model.joints[self.joint_id(name)]
+        """Set a joint with one degree of freedom in q. Raises InputError for one with several."""
+        joint = self.joint(name)
         if joint.nv != 1:
             raise InputError(f"joint '{name}' has {joint.nv} degrees of freedom; expected a joint with one")
-        q[joint.idx_q : joint.idx_q + joint.nq] = (value,) if joint.nq == 1 else (np.cos(value), np.sin(value))
+        joint.place(q, value)
 
     # -- changes -------------------------------------------------------------------------------------------------
 

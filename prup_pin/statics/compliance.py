@@ -119,9 +119,8 @@ class Compliance:
         module is no beam.
         """
         w = as_wrench(wrench)
-        module = next((module for module in self.pose.mechanism.modules if module.name == name), None)
-        root = module.root.name if module is not None and module.root is not None else None
-        start = self.deflection(w, frame=root) if root is not None else np.zeros(6)
+        root = self.pose.mechanism.module(name).root
+        start = self.deflection(w, frame=root.name) if root is not None else np.zeros(6)
         return elastic_line(self._statics, name, w, start, count)
 
     # -- the parts -----------------------------------------------------------------------------------------------

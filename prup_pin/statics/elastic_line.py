@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError
 from ..modules.flexibility import centre_line
 from ..spatial import Array
 from .castigliano import Statics
@@ -27,13 +27,11 @@ class ElasticLine:
 def elastic_line(statics: Statics, name: str, wrench: Array, root: Array, count: int) -> ElasticLine:
     """Return the elastic line of beam `name` under `wrench` (6,), given the deflection (6,) of its root frame."""
     layout = statics.layout
-    if name not in layout.names:
-        raise UnknownNameError("module", name, layout.names)
-    beams = [group for group in layout.wrench_groups if group.kind.spans_frames]
-    group = next((group for group in beams if any(module.name == name for module in group.modules)), None)
-    if group is None:
+    module = layout.mechanism.module(name)
+    if not module.kind.spans_frames:
         raise InputError(f"module '{name}' is not a beam; only beams have an elastic line")
-    index = [module.name for module in group.modules].index(name)
+    group = next(group for group in layout.wrench_groups if module in group.modules)
+    index = group.modules.index(module)
     at = statics.geometries[layout.groups.index(group)]
     load = (statics.jacobians[0][group.slots] @ wrench) * np.where(at.inboard_is_root, 1.0, -1.0)[:, None]
     # A module's load is what the outboard side exerts: on the tip where the root is inboard, else on the root.

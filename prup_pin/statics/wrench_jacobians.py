@@ -97,7 +97,6 @@ class StaticsLayout:
         self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
         self._nowhere = [_NOWHERE] * len(self.groups)
         self.index = {name: index for index, name in enumerate(self.names)}
-        model = mechanism.model
         self._ends = {
             group: (
                 np.array([module.inboard_is_root for module in group.modules]),
@@ -105,10 +104,11 @@ class StaticsLayout:
             )
             for group in self.groups
         }
-        self._joints = {group: [model.joints[module.joint] for module in group.modules] for group in self.groups}
+        self._joints = {group: [mechanism.joint(module.joint) for module in group.modules] for group in self.groups}
         self._plain = {
-            group: np.array([joint.idx_q for joint in joints], int) if all(joint.nq == 1 for joint in joints) else None
+            group: np.array([joint.first_q for joint in joints], int)
             for group, joints in self._joints.items()
+            if all(joint.nq == 1 for joint in joints)
         }
 
     @cached_property
@@ -162,18 +162,10 @@ class StaticsLayout:
 
     def _positions(self, group: ModuleGroup, q: Array) -> Array:
         """Return the positions of a group's joints [m or rad], (..., n)."""
-        plain = self._plain[group]
+        plain = self._plain.get(group)
         if plain is not None:
             return q[..., plain]
-        starts = [joint.idx_q for joint in self._joints[group]]
-        endless = [joint.nq == 2 for joint in self._joints[group]]
-        return np.stack(
-            [
-                np.arctan2(q[..., i + 1], q[..., i]) if turns else q[..., i]
-                for i, turns in zip(starts, endless, strict=True)
-            ],
-            axis=-1,
-        )
+        return np.stack([joint.position(q) for joint in self._joints[group]], axis=-1)
 
 
 def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Module]]:
