@@ -12,7 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import prup_pin
-from prup_pin.cli import _file_name, _write, app
+from prup_pin.cli import app
+from prup_pin.cli.files import file_name, write
 from prup_pin.errors import InputError
 
 POSE = "z=0.4,theta=25deg,phi=15deg"
@@ -170,10 +171,10 @@ def test_what_is_there_stays_until_the_new_file_is_complete(tmp_path):
     path = tmp_path / "page.html"
     path.write_text("old")
     with pytest.raises(UnicodeEncodeError):
-        _write(path, "new \ud800", "--out")
+        write(path, "new \ud800", "--out")
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["page.html"]
-    _write(path, "new µ", "--out")
+    write(path, "new µ", "--out")
     assert path.read_text(encoding="utf-8") == "new µ"
     mask = os.umask(0)
     os.umask(mask)
@@ -183,10 +184,10 @@ def test_what_is_there_stays_until_the_new_file_is_complete(tmp_path):
 def test_links_are_followed_and_devices_are_not_replaced(tmp_path):
     (tmp_path / "real.html").write_text("old")
     (tmp_path / "link.html").symlink_to("real.html")
-    _write(tmp_path / "link.html", "new", "--out")
+    write(tmp_path / "link.html", "new", "--out")
     assert (tmp_path / "link.html").is_symlink()
     assert (tmp_path / "real.html").read_text() == "new"
-    _write(Path(os.devnull), "new", "--out")
+    write(Path(os.devnull), "new", "--out")
     assert Path(os.devnull).is_char_device()
 
 
@@ -196,7 +197,7 @@ def test_a_folder_without_permission(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "open", refused)
     with pytest.raises(InputError, match=r"--out: cannot write .* Permission denied"):
-        _write(tmp_path / "page.html", "new", "--out")
+        write(tmp_path / "page.html", "new", "--out")
 
 
 @pytest.mark.parametrize(
@@ -211,7 +212,7 @@ def test_a_folder_without_permission(tmp_path, monkeypatch):
     ],
 )
 def test_a_robots_name_as_a_file(name, file):
-    assert _file_name(name) == file
+    assert file_name(name) == file
 
 
 def test_prup_pin_has_a_template_in_its_package():

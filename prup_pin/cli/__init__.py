@@ -1,0 +1,37 @@
+"""The command `prup-pin`: stiffness, view, report, info, robots, kinds, simulate, predict, diagnose, laws.
+
+Options are read here, answers are computed by `Robot` and shown by `views`. One file holds a group of commands, and
+`options` what several of them ask for. Every error of the package ends as one message on stderr and exit code 2; any
+other exception is a bug and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .answering import stiffness
+from .application import app, main
+from .catalogue import info, kinds, laws, robots
+from .diagnosing import diagnose
+from .options import taken_apart
+from .pages import report, view
+from .simulating import predict, simulate
+
+__all__ = ["app", "main"]
+
+#: In the order in which the help lists them.
+COMMANDS: tuple[Callable[..., None], ...] = (
+    stiffness,
+    view,
+    report,
+    info,
+    robots,
+    kinds,
+    simulate,
+    predict,
+    diagnose,
+    laws,
+)
+
+for _command in COMMANDS:
+    app.command(_command.__name__)(taken_apart(_command))

@@ -1,0 +1,65 @@
+"""`stiffness`: the answer about one pose, as text, JSON and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import __version__
+from ..errors import InputError
+from ..robot import Robot
+from ..views.report.as_json import answer_as_json, dump
+from ..views.text import terminal
+from ..views.text.answer import Answer
+from ..views.text.answer_text import print_answer
+from .files import list_written, write
+from .options import Frame
+from .question import Question
+
+__all__ = ["stiffness"]
+
+
+def stiffness(
+    question: Question,
+    frame: Frame = None,
+    as_json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE|-", help="Write all numbers in SI; - is stdout, without text.")
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (extra: figures).")
+    ] = None,
+) -> None:
+    """K, C, deflection and each module's share at one pose."""
+    case = question.understood(frame)
+    answer = Answer(case.compliance(), case.wrench, frame)
+    written = [] if pictures is None else _draw(pictures, case.robot, answer)
+    if as_json == "-":
+        typer.echo(dump(answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__)))
+        return
+    print_answer(terminal.console(), case.robot, answer, case.source, case.changes, case.notes)
+    if as_json is not None:
+        document = answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__)
+        write(Path(as_json), dump(document) + "\n", "--json")
+        written.append(Path(as_json))
+    if written:
+        list_written(written)
+
+
+def _draw(folder: Path, robot: Robot, answer: Answer) -> list[Path]:
+    """Write the pictures of an answer and return where they are."""
+    from ..views.drawing.figures import pose_figure, shares_figure
+
+    wrench = answer.load.wrench
+    figures = {"pose": pose_figure(robot, answer.compliance.pose, answer.compliance, wrench)}
+    if answer.shares is not None:
+        figures["shares"] = shares_figure(answer.compliance, wrench)
+    paths = [folder / f"{name}.png" for name in figures]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, figure in zip(paths, figures.values(), strict=True):
+            figure.savefig(path)
+    except OSError as error:
+        raise InputError(f"--pictures: cannot write to '{folder}': {error.strerror}") from error
+    return paths

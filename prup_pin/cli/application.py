@@ -1,0 +1,62 @@
+"""The application itself: its help, its errors in words, its version."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from .. import __version__
+from ..errors import PrupPinError
+from ..views.text import terminal
+
+__all__ = ["app", "main"]
+
+
+class _Group(TyperGroup):
+    """Turns the package's own errors into one message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except PrupPinError as error:
+            width = terminal.console(stderr=True).width
+            typer.echo(terminal.error_text(f"Error: {terminal.in_options(str(error))}", width), err=True)
+            raise typer.Exit(2) from None
+
+
+app = typer.Typer(
+    name="prup-pin",
+    cls=_Group,
+    help="Stiffness of robots with closed loops: how stiff, here, in this direction, and which part is soft; "
+    "what a bench test of them would measure.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"prup_pin {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal without µ prints a question mark
+    app()

@@ -1,0 +1,53 @@
+"""What there is: `info`, `robots`, `kinds`, `laws`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ..errors import UnknownNameError
+from ..laws import LAWS
+from ..modules import KINDS
+from ..views.text import robot_text, terminal
+from ..views.text.law_text import print_laws
+from .options import Reading, RobotName
+from .question import limits_as_notes
+
+__all__ = ["info", "kinds", "laws", "robots"]
+
+
+def info(robot: RobotName = "3prup", *, reading: Reading) -> None:
+    """Joints, loops, mobility, modules and parameters of a robot."""
+    with limits_as_notes([]):
+        robot_text.print_info(terminal.console(), reading.load(robot))
+
+
+def robots() -> None:
+    """Robots that can be loaded by name."""
+    robot_text.print_robots(terminal.console())
+
+
+def kinds(
+    kind: Annotated[str | None, typer.Argument(metavar="[KIND]", help="One kind only.", show_default=False)] = None,
+) -> None:
+    """Kinds of compliant modules and their parameters."""
+    chosen = [known for known in KINDS if kind in (None, known.kind)]
+    if not chosen:
+        raise UnknownNameError("kind of module", str(kind), [known.kind for known in KINDS])
+    robot_text.print_kinds(terminal.console(), chosen)
+
+
+def laws(
+    physics: Annotated[
+        str | None, typer.Argument(metavar="[PHYSICS]", help="One law only.", show_default=False)
+    ] = None,
+    robot: Annotated[str, typer.Option(metavar="ROBOT", help="The robot whose places are listed.")] = "3prup",
+    *,
+    reading: Reading,
+) -> None:
+    """Physics that a simulation can be given: places, parameters, sources."""
+    chosen = [law for law in LAWS if physics in (None, law.physics)]
+    if not chosen:
+        raise UnknownNameError("law", str(physics), sorted({law.physics for law in LAWS}))
+    print_laws(terminal.console(), chosen, reading.load(robot))

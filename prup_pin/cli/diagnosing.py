@@ -1,0 +1,39 @@
+"""`diagnose`: what a recording says that the simulation left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..recordings import read_recording
+from ..views.text import terminal
+from . import progress
+from .files import list_written
+from .options import Reading, RecordingFile, RobotOption, Variant, robot_beside
+
+__all__ = ["diagnose"]
+
+
+def diagnose(
+    recording: RecordingFile,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
+    robot: RobotOption = None,
+    variant: Variant = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html (extra: report).")] = True,
+) -> None:
+    """What a recording says that the simulation left out: where, which physics, how much of it."""
+    from ..diagnosis import diagnose as diagnosed
+    from ..views.report.diagnosis_files import check_before, write_diagnosis
+    from ..views.text.diagnosis_text import print_diagnosis
+
+    check_before(out, recording, report)
+    read = read_recording(recording)
+    name = robot or robot_beside(read.robot, recording)
+    loaded = Reading(variant=variant).load(name)
+    with progress.stages() as tell:
+        found = diagnosed(loaded, read, tell=tell)
+    written = write_diagnosis(found, loaded, read, out, robot_name=name, variant=variant, report=report)
+    print_diagnosis(terminal.console(), loaded, read, found)
+    list_written(written)

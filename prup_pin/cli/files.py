@@ -1,0 +1,61 @@
+"""Files that commands write: whole or not at all, and refused before anything is computed."""
+
+from __future__ import annotations
+
+import os
+import re
+import webbrowser
+from collections.abc import Iterable
+from pathlib import Path
+
+import typer
+
+from ..errors import InputError
+
+__all__ = ["check_folder", "file_name", "list_written", "say_written", "write"]
+
+
+def file_name(name: str) -> str:
+    """Return a robot's name as that of a file in the current folder."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._-")[:80] or "robot"
+
+
+def check_folder(path: Path | None, option: str) -> None:
+    """Raise InputError, before anything is computed, where a file cannot be written."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise InputError(f"{option}: '{path}' is a folder; give a file in it")
+    if not path.parent.is_dir():
+        raise InputError(f"{option}: cannot write '{path}': there is no folder '{path.parent}'")
+
+
+def write(path: Path, content: str, option: str) -> None:
+    """Write a file whole or not at all: another one that is there stays until the new one is complete."""
+    check_folder(path, option)
+    try:
+        target = path.resolve()
+        if target.exists() and not target.is_file():  # a pipe, a device
+            path.write_text(content, encoding="utf-8")
+            return
+        part = target.with_name(f".{target.name[:80]}.{os.getpid()}.part")
+        try:
+            with part.open("x", encoding="utf-8") as file:
+                file.write(content)
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{option}: cannot write '{path}': {error.strerror}") from error
+
+
+def list_written(paths: Iterable[Path]) -> None:
+    """Say which files there are now."""
+    typer.echo("\nWritten: " + "\n         ".join(map(str, paths)))
+
+
+def say_written(page: Path, open_browser: bool) -> None:
+    """Say where a page is, and open it where that is wanted."""
+    typer.echo(f"Written: {page} ({page.stat().st_size / 1e6:.1f} MB); open it in a browser")
+    if open_browser:
+        webbrowser.open(page.resolve().as_uri())

@@ -1,0 +1,150 @@
+"""Options that several commands take, each written once; and how a command takes a whole group of them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from .. import load
+from ..errors import InputError
+from ..robot import Robot
+from ..views.text.quantities import parse_assignments, parse_quantity
+
+__all__ = [
+    "Frame",
+    "Open",
+    "PredictionFile",
+    "Reading",
+    "RecordingFile",
+    "RobotName",
+    "RobotOption",
+    "Scale",
+    "Stop",
+    "Variant",
+    "Workers",
+    "robot_beside",
+    "taken_apart",
+]
+
+RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
+RobotOption = Annotated[
+    str | None,
+    typer.Option("--robot", metavar="ROBOT", help="Name or file. Default: what the recording, plan or model says."),
+]
+Variant = Annotated[str | None, typer.Option(metavar="NAME", help="A variant that the robot file describes.")]
+Frame = Annotated[str | None, typer.Option(metavar="FRAME", help="Also show the deflection of this frame.")]
+Scale = Annotated[
+    float | None,
+    typer.Option(metavar="50", help="Draw the deflection this many times larger. Default: so that it shows."),
+]
+Open = Annotated[bool, typer.Option("--open", help="Open it in the browser.")]
+RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING.csv", help="A recording; docs/recording_file.md.")]
+PredictionFile = Annotated[Path, typer.Option("--out", metavar="FILE.csv", help="Where to write.")]
+Workers = Annotated[
+    int, typer.Option(metavar="N", min=1, help="Compute in so many processes; the numbers are the same.")
+]
+Stop = Annotated[bool, typer.Option("--stop", help="Stop at the first row without an answer.")]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a robot's file is read: what it leaves open, or what is meant otherwise."""
+
+    variant: Variant = None
+    tool: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame of the tool.")] = None
+    joint_stiffness: Annotated[
+        str | None,
+        typer.Option(metavar="1e4|J=1e4,…", help="Springs on actuated joints, N m/rad or N/m."),
+    ] = None
+    actuated: Annotated[
+        str | None, typer.Option(metavar="J,J,…", help="Actuated joints, if the file does not say.")
+    ] = None
+    home: Annotated[str | None, typer.Option(metavar="J=0.1,…", help="Joint values near which the loops close.")] = None
+    package_folder: Annotated[
+        list[Path] | None,
+        typer.Option("--package-folder", metavar="DIR", help="Where package:// paths point. Repeatable."),
+    ] = None
+
+    def load(self, name: str) -> Robot:
+        """Return the robot of that name or file, read so."""
+        springs: Any = None
+        if self.joint_stiffness is not None:
+            if "=" in self.joint_stiffness:
+                springs = _joint_values(self.joint_stiffness, "--joint-stiffness", "number")
+            else:
+                springs = parse_quantity(self.joint_stiffness, "number", "--joint-stiffness")
+        actuated = None
+        if self.actuated is not None:
+            actuated = [joint.strip() for joint in self.actuated.split(",") if joint.strip()]
+        return load(
+            name,
+            tool=self.tool,
+            joint_stiffness=springs,
+            variant=self.variant,
+            actuated=actuated,
+            home=None if self.home is None else _joint_values(self.home, "--home", "joint"),
+            package_folders=self.package_folder,
+        )
+
+
+def _joint_values(text: str, option: str, dimension: str) -> dict[str, float]:
+    return parse_assignments(text, {}, option, "joint", default_dimension=dimension)
+
+
+def robot_beside(named: str | None, source: Path) -> str:
+    """Return the robot that a file names; a path may be meant from that file's folder."""
+    if named is None:
+        raise InputError(f"which robot? '{source}' does not say; give --robot, for example --robot 3prup")
+    beside = source.parent / Path(named).expanduser()
+    is_path = Path(named).suffix or len(Path(named).parts) > 1
+    return str(beside) if is_path and beside.is_file() else named
+
+
+def taken_apart(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command whose parameters that are groups of options (dataclasses) stand as those options, in place."""
+    # Not get_type_hints for the command: with a default of None, Python 3.10 would hide what stands in Annotated.
+    own = list(inspect.signature(command, eval_str=True).parameters.values())
+    parameters = [single for parameter in own for single in _singles(parameter)]
+
+    def run(**given: Any) -> None:
+        command(**{parameter.name: _taken(parameter, given) for parameter in own})
+
+    run.__name__, run.__doc__ = command.__name__, command.__doc__
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return run
+
+
+def _members(group: type) -> list[inspect.Parameter]:
+    """Return the options of a group; some of them may be groups in turn."""
+    hints = get_type_hints(group, include_extras=True)
+    found = inspect.signature(group).parameters.values()
+    return [parameter.replace(annotation=hints[parameter.name]) for parameter in found]
+
+
+def _group(parameter: inspect.Parameter) -> type | None:
+    """Return the dataclass that a parameter stands for, if it is a group of options."""
+    kind = parameter.annotation
+    return kind if isinstance(kind, type) and is_dataclass(kind) else None
+
+
+def _singles(parameter: inspect.Parameter) -> Iterator[inspect.Parameter]:
+    group = _group(parameter)
+    if group is None:
+        yield parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+    else:
+        for member in _members(group):
+            yield from _singles(member)
+
+
+def _taken(parameter: inspect.Parameter, given: dict[str, Any]) -> Any:
+    """Return the value of a parameter from those of all single options."""
+    group = _group(parameter)
+    if group is None:
+        return given[parameter.name]
+    return group(**{member.name: _taken(member, given) for member in _members(group)})

@@ -1,0 +1,48 @@
+"""How far a long computation is, on a terminal's stderr."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from ..views.text import terminal
+
+__all__ = ["rows", "stages"]
+
+#: Seconds without a bar.
+_PATIENCE = 2.0
+
+
+@contextmanager
+def rows() -> Iterator[Callable[[int, int], None]]:
+    """Yield what draws a bar on a terminal once it has taken some seconds."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    out = terminal.console(stderr=True)
+    began = time.monotonic()
+    columns = (TextColumn("rows"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    bar = Progress(*columns, console=out, transient=True, disable=not out.is_terminal)
+    task = bar.add_task("")
+
+    def show(done: int, total: int) -> None:
+        bar.update(task, completed=done, total=total)
+        if not bar.live.is_started and time.monotonic() - began > _PATIENCE:
+            bar.start()
+
+    try:
+        yield show
+    finally:
+        bar.stop()
+
+
+@contextmanager
+def stages() -> Iterator[Callable[[str, float], None]]:
+    """Yield what shows on a terminal how far a diagnosis is: the stage, and its share."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    out = terminal.console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=out, transient=True, disable=not out.is_terminal) as bar:
+        task = bar.add_task("reading", total=1.0)
+        yield lambda stage, share: bar.update(task, description=stage, completed=share)

@@ -1,0 +1,181 @@
+"""The question that every command about one pose asks: which robot, where, under what; typed, then understood."""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import InputError, JointLimitWarning, UnknownNameError
+from ..kinematics import ClosedPose
+from ..robot import Robot
+from ..spatial import Array, as_wrench
+from ..statics import Compliance
+from ..views.text.joints import coordinate_dimensions, dimension
+from ..views.text.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+from .options import Reading, RobotName
+
+__all__ = ["Case", "Question", "limits_as_notes"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A question understood: the robot as changed, the pose and its source, the load, remarks."""
+
+    robot: Robot
+    pose: ClosedPose
+    source: str
+    wrench: Array | None
+    linearised_at: Array | None
+    changes: dict[str, Any]
+    notes: list[str]
+
+    def compliance(self) -> Compliance:
+        """Return C at the pose, linearised where the question asks for it."""
+        return self.robot.compliance(self.pose, load=self.linearised_at)
+
+
+@dataclass(frozen=True)
+class Question:
+    """The options that every command about one pose takes: which robot, where, under what."""
+
+    robot: RobotName = "3prup"
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="z=0.4,theta=25deg,…", help="Task coordinates; a tree's joints. Default: home."),
+    ] = None
+    actuators: Annotated[
+        str | None, typer.Option(metavar="0.35,0.51,…", help="Actuator positions, instead of --at.")
+    ] = None
+    wrench: Annotated[
+        str | None,
+        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Default: softest direction."),
+    ] = None
+    at_load: Annotated[
+        bool, typer.Option("--at-load", help="Take modules that stiffen with load at --wrench, not at rest.")
+    ] = False
+    set_parameters: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter; * matches several. Repeatable."),
+    ] = None
+    lock: Annotated[
+        list[str] | None, typer.Option("--lock", metavar="JOINT", help="Put a brake on a joint. Repeatable.")
+    ] = None
+    reading: Reading = field(default_factory=Reading)
+
+    def understood(self, frame: str | None = None) -> Case:
+        """Return what the question is about; the frame is checked too."""
+        if self.at is not None and self.actuators is not None:
+            raise InputError("--at and --actuators both set the pose; give one of them")
+        wrench = None
+        if self.wrench is not None:
+            wrench = as_wrench(parse_assignments(self.wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
+        if self.at_load and wrench is None:
+            raise InputError("--at-load needs the load: --wrench fx=300")
+        notes: list[str] = []
+        with limits_as_notes(notes):
+            robot = self.reading.load(self.robot)
+            changes = _changes(robot, self.set_parameters or [])
+            if changes:
+                robot = robot.with_parameters(changes)
+            if self.lock:
+                robot = robot.with_locked_joints(self.lock)
+            if frame is not None:
+                robot.mechanism.frame(frame)
+            pose, source = _pose(robot, self.at, self.actuators)
+        return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
+
+
+@contextmanager
+def limits_as_notes(notes: list[str]) -> Iterator[None]:
+    """Collect warnings about joint limits; others go their way."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+        warnings.simplefilter("always", JointLimitWarning)
+
+        def show(message, category, *place, **more) -> None:
+            if issubclass(category, JointLimitWarning):
+                notes.append(str(message))
+            else:
+                usual(message, category, *place, **more)
+
+        warnings.showwarning = show
+        yield
+
+
+def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str]:
+    """Return the pose asked for and where it comes from."""
+    if actuators is not None:
+        names = robot.mechanism.actuated
+        dimensions = {name: dimension(robot.mechanism, name) for name in names}
+        if "=" in actuators:
+            given = parse_assignments(actuators, dimensions, "--actuators", "actuated joint")
+            missing = [name for name in names if name not in given]
+            if missing:
+                raise InputError(f"--actuators: missing {', '.join(missing)}; give all of {', '.join(names)}")
+            values = [given[name] for name in names]
+        else:
+            values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
+        return robot.pose_from_actuators(values), "actuators"
+    if at is None:
+        return robot.home, "home"
+    dimensions = dict(coordinate_dimensions(robot))
+    if not dimensions:
+        order = ", ".join(robot.mechanism.actuated)
+        raise InputError(
+            f"--at: the file of '{robot.name}' defines no task coordinates; use --actuators, in the order {order}"
+        )
+    wanted = parse_assignments(at, dimensions, "--at", "coordinate")
+    for name, value in wanted.items():
+        hint = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}.get(dimensions[name])
+        if hint and abs(value) > hint[0] and not _has_unit(at, name):
+            raise InputError(
+                f"--at: {name}={value:g} would be {value:g} {hint[1]}; write {name}={value:g}{hint[2]}, "
+                f"or {name}={value:g}{hint[1]} if it is meant"
+            )
+    return robot.pose(**wanted), "task coordinates"
+
+
+def _has_unit(at: str, name: str) -> bool:
+    """Return True where the value of a coordinate was typed with a unit."""
+    for item in at.replace(";", ",").split(","):
+        key, _, value = item.partition("=")
+        if key.strip() == name:
+            return not value.strip()[-1:].isdigit() and not value.strip().endswith(".")
+    return False
+
+
+def _changes(robot: Robot, settings: list[str]) -> dict[str, Any]:
+    """Return parameter values by full name of `--set name=value`; * in a name matches several."""
+    changes: dict[str, Any] = {}
+    for setting in settings:
+        pattern, equals, value = setting.partition("=")
+        pattern = pattern.strip()
+        if not equals:
+            raise InputError(f"--set {setting}: expected NAME=VALUE, for example leg1/linear_rod.diameter=0.022")
+        names = [pattern]
+        if any(sign in pattern for sign in "*?["):
+            names = fnmatch.filter(robot.parameters, pattern)
+            if not names:
+                raise UnknownNameError("parameter", pattern, list(robot.parameters))
+        for name in names:
+            changes[name] = _parameter_value(robot, name, value, setting)
+    return changes
+
+
+def _parameter_value(robot: Robot, name: str, value: str, setting: str) -> Any:
+    """Return a number, or an array typed as JSON; lengths and angles may carry a unit."""
+    if value.strip().startswith("["):
+        try:
+            return json.loads(value)
+        except json.JSONDecodeError as error:
+            raise InputError(f"--set {setting}: not a list of numbers ({error})") from None
+    unit = robot.parameters[name].unit if name in robot.parameters else ""
+    kind = next((known for known, units in UNITS.items() if unit in units), "number")
+    return parse_quantity(value, kind, "--set", setting, len(setting) - len(value))

@@ -1,0 +1,159 @@
+"""`simulate` and `predict`: what a bench would measure, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from .. import simulation
+from ..errors import InputError, PrupPinError, SimulationStoppedError
+from ..laws import Effect
+from ..recordings import Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
+from ..robot import Robot
+from ..simulation import Prediction, read_model
+from ..views.text import terminal
+from ..views.text.effect_options import parse_effect
+from ..views.text.simulation_text import print_simulation
+from . import progress
+from .files import check_folder, list_written
+from .options import PredictionFile, Reading, RecordingFile, RobotOption, Stop, Workers, robot_beside
+
+__all__ = ["predict", "simulate"]
+
+
+def simulate(
+    out: PredictionFile,
+    recording: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[RECORDING.csv]", help="Its actuator positions and loads are simulated.", show_default=False
+        ),
+    ] = None,
+    plan: Annotated[
+        Path | None, typer.Option("--plan", metavar="PLAN.json", help="Simulate a test plan; writes a whole recording.")
+    ] = None,
+    robot: RobotOption = None,
+    model: Annotated[
+        Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."),
+    ] = None,
+    workers: Workers = 1,
+    stop: Stop = False,
+    *,
+    reading: Reading,
+) -> None:
+    """What a bench would measure: the loaded robot in its deformed position, row by row."""
+    if (recording is None) == (plan is None):
+        raise InputError("give either a recording, RECORDING.csv, or a test plan, --plan PLAN.json")
+    _check_csv(out, recording)
+    source = plan if recording is None else recording
+    assert source is not None
+    read = read_recording(recording) if recording is not None else None
+    programme = read_plan(source) if read is None else None
+    corrected = read_model(model) if model is not None else None
+    named = read.robot if read is not None else programme.robot if programme is not None else None
+    if robot is None and corrected is not None:
+        robot, reading = corrected.robot, replace(reading, variant=reading.variant or corrected.variant)
+    name = robot or robot_beside(named, source)
+    loaded = reading.load(name)
+    effects = [
+        *(corrected.effects if corrected else ()),
+        *(parse_effect(text, loaded.mechanism) for text in effect or ()),
+    ]
+    if read is not None:
+        _predict(loaded, read, effects, out, workers, stop, [])
+        return
+    assert programme is not None
+    inputs = programme.inputs(lambda at: loaded.pose(**at).actuators)
+    if programme.noise.effort is not None:
+        none = np.full(len(inputs), np.nan)
+        inputs = inputs.with_measurements(efforts=dict.fromkeys(loaded.mechanism.actuated, none))
+    prediction = _simulated(loaded, inputs, effects, workers, stop)
+    measured = inputs.with_measurements(
+        position=prediction.position, rotation=prediction.rotation, efforts=prediction.efforts
+    )
+    written = replace(add_noise(measured, programme.noise, programme.seed), robot=name)
+    write_recording(written, out)
+    print_simulation(terminal.console(), loaded, effects, written, prediction, [])
+    list_written((out, out.with_suffix(".json")))
+
+
+def predict(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
+    recording: RecordingFile,
+    out: PredictionFile,
+    workers: Workers = 1,
+    stop: Stop = False,
+) -> None:
+    """What a corrected model says that a recording should have measured."""
+    _check_csv(out, recording)
+    corrected = read_model(model)
+    read = read_recording(recording)
+    notes = []
+    loaded = corrected.load()
+    if read.robot is not None and Path(read.robot).name not in (Path(corrected.robot).name, loaded.name):
+        notes.append(f"The recording is of '{read.robot}', the model of '{corrected.robot}'.")
+    _predict(loaded, read, corrected.effects, out, workers, stop, notes)
+
+
+def _predict(
+    robot: Robot,
+    recording: Recording,
+    effects: Sequence[Effect],
+    out: Path,
+    workers: int,
+    stop: bool,
+    notes: Sequence[str],
+) -> None:
+    """Write what the robot would have measured, and print how it compares."""
+    try:
+        prediction = _simulated(robot, recording, effects, workers, stop)
+    except SimulationStoppedError as error:
+        if len(error.prediction):
+            _write_prediction(out, recording.select(slice(0, error.row)), error.prediction)
+            raise PrupPinError(f"{error}\n  {error.row} rows before it are in {out}") from error
+        raise
+    _write_prediction(out, recording, prediction)
+    print_simulation(terminal.console(), robot, effects, recording, prediction, notes)
+    list_written((out,))
+
+
+def _simulated(robot: Robot, recording: Recording, effects: Sequence[Effect], workers: int, stop: bool) -> Prediction:
+    """Return the simulation, with a bar on stderr where it takes longer. Raises where no row has an answer."""
+    with progress.rows() as show:
+        prediction = simulation.simulate(robot, recording, effects, workers=workers, stop=stop, progress=show)
+    if len(prediction) and "ok" not in prediction.status:
+        reasons = "\n".join(f"  {word}: {text}" for word, text in prediction.reasons.items())
+        raise PrupPinError(f"none of {len(prediction)} rows has an answer\n{reasons}")
+    return prediction
+
+
+def _write_prediction(out: Path, recording: Recording, prediction: Prediction) -> None:
+    run = None if recording.run_names == ("",) else [recording.run_names[code] for code in recording.run.tolist()]
+    write_prediction(
+        out,
+        prediction.time,
+        position=prediction.position,
+        rotation=prediction.rotation,
+        efforts=prediction.efforts,
+        status=prediction.status,
+        run=run,
+        markers=prediction.markers,
+    )
+
+
+def _check_csv(out: Path, recording: Path | None) -> None:
+    """Raise InputError, before anything is computed, where the table cannot be written or would replace its source."""
+    check_folder(out, "--out")
+    if out.suffix.lower() == ".json":
+        raise InputError(f"--out: '{out}' would be a table in a .json file; give a .csv file")
+    if recording is not None and recording.exists() and out.exists() and out.samefile(recording):
+        raise InputError(f"--out: '{out}' is the recording itself; give another file")
