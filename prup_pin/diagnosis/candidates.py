@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..laws import LAWS, Effect, Inputs, Law, Place
+from ..laws import LAWS, Effect, Inputs, Law, Place, Setup
+from ..laws.deeds import Deed
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
@@ -36,6 +37,27 @@ class Candidate:
     @cached_property
     def logarithmic(self) -> np.ndarray:
         return np.array([quantity.positive and quantity.lower >= 0 for quantity in self.quantities])
+
+    @cached_property
+    def deeds(self) -> tuple[Deed, ...]:
+        """What the law does where a fit starts, on a recording of no samples: kinds and places, no numbers."""
+        none = np.zeros(0)
+        inputs = Inputs(none, np.zeros((0, len(self.mechanism.actuated))), np.zeros((0, 6)), np.zeros(0, int), none)
+        inputs = replace(inputs, speeds=inputs.actuators)
+        return Effect(self.law, self.place, self.law.starts(self.place, self.mechanism)[0]).deeds(
+            Setup.nominal(self.mechanism, inputs)
+        )
+
+    @cached_property
+    def only_module(self) -> str | None:
+        """The module through whose deformation alone it acts; None where it acts otherwise too."""
+        modules = {deed.only_module for deed in self.deeds}
+        return modules.pop() if len(modules) == 1 else None
+
+    @cached_property
+    def remembers(self) -> bool:
+        """True where what happened before matters."""
+        return any(deed.memory for deed in self.deeds)
 
     @property
     def size(self) -> int:
@@ -86,7 +108,7 @@ class Candidate:
         found = self.starts()
         if self.logarithmic[0]:
             low, high = self.bounds
-            for decades in (-2, 2) if self.law.has_memory else (-4, -2, -1, 1, 2, 4):  # histories are slow to follow
+            for decades in (-2, 2) if self.remembers else (-4, -2, -1, 1, 2, 4):  # histories are slow to follow
                 moved = found[0].copy()
                 moved[0] += decades * np.log(10.0)
                 if low[0] < moved[0] < high[0]:

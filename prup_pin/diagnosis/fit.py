@@ -52,7 +52,6 @@ class Problem:
         self.simulator, self.measured, self.noise = simulator, measured, noise
         self._whitening: tuple[np.ndarray, Array] | None = None
         self._solved: np.ndarray | None = None
-        self._modules: dict[str, str | None] = {}
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
@@ -69,12 +68,13 @@ class Problem:
 
         Orthonormal columns at every sample, zero where a deformation does not reach the tool.
         """
-        key = ("reach", module)
-        if key not in influence.cache:
+
+        def compute() -> Array:
             directions = self.whiteners(influence) @ influence.signature(module)
             basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
-            influence.cache[key] = basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
-        return influence.cache[key]
+            return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
+
+        return influence.first.once(("reach", module), compute)
 
     def freed(self, influence: Influence, module: str) -> Problem:
         """Return the same problem with a module deforming at every sample as it likes.
@@ -112,22 +112,7 @@ class Problem:
 
     def module_of(self, candidate: Candidate) -> str | None:
         """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""
-        if candidate.name not in self._modules:
-            plain, setup = (
-                self.simulator.setup(effects) for effects in ((), [candidate.effect(candidate.starts()[0])])
-            )
-            named = {name.rpartition(".")[0] for name in setup.values} | set(setup.strains)
-            named |= {creep.module for creep in setup.creeps}
-            otherwise = (
-                setup.resistances
-                or setup.parameters
-                or setup.sensors
-                or setup.masses
-                or np.any(setup.wrench != plain.wrench)
-                or np.any(setup.travel != plain.travel)
-            )
-            self._modules[candidate.name] = None if otherwise or len(named) != 1 else named.pop()
-        return self._modules[candidate.name]
+        return candidate.only_module
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 

@@ -12,13 +12,15 @@ from .creep import CreepLaw
 from .encoder import EncoderDelay, EncoderOffset
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
-from .law import Creep, Effect, Inputs, Law, Place, Resistance, Setup, Strain
+from .inputs import Inputs
+from .law import Effect, Law, Place
 from .lead_error import LeadError, PeriodicLeadError
 from .model_equation_error import ModelEquationError
 from .payload import OffCentrePayload, Payload
 from .pose_sensor import PoseSensorMisalignment
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
+from .setup import Setup
 from .shear import Shear, Torsion
 from .stiffness_changed import StiffnessChanged
 from .thermal_growth import ThermalGrowth
@@ -54,7 +56,7 @@ LAWS: tuple[Law, ...] = (
     ModelEquationError(),
 )
 
-__all__ = ["LAWS", "Creep", "Effect", "Inputs", "Law", "Place", "Resistance", "Setup", "Strain", "law_at"]
+__all__ = ["LAWS", "Effect", "Inputs", "Law", "Place", "Setup", "law_at"]
 
 
 def law_at(physics: str, place: Place, mechanism: Mechanism | None = None) -> Law:

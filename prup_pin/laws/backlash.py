@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +11,10 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .law import ASPECTS, Law, Place, Setup, Strain, along
+from .deeds import Along, Deed, ExtraStrain, Strain
+from .law import ASPECTS, Law, Place
 from .modules_at import turns, yielding
+from .setup import Setup
 
 
 class Backlash(Law):
@@ -51,16 +54,17 @@ class Backlash(Law):
             ),
         )
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        gap, load = values["half_gap"], values["closing_load"]
-
-        def play(force: Array) -> tuple[Array, Array]:
-            closed = np.tanh(force / load)
-            return gap * closed, gap / load * (1 - closed**2)
-
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
-        setup.add_strain(place.name, Strain(along(direction, play, 6)))
+        play = partial(_play, gap=values["half_gap"], load=values["closing_load"])
+        yield ExtraStrain(place.name, Strain(Along(direction, play)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "µrad" if turns(mechanism, place) else "µm"
         return f"{place} has a play of ±{1e6 * values['half_gap']:.3g} {unit}, which its load takes up"
+
+
+def _play(force: Array, gap: float, load: float) -> tuple[Array, Array]:
+    """Return how far a gap is taken up by a force >= 0 (N,), and the slope."""
+    closed = np.tanh(force / load)
+    return gap * closed, gap / load * (1 - closed**2)

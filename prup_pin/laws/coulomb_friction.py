@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Resistance, Setup
-from .modules_at import bush_of, is_slide, joint_places, let_beams_twist
+from .deeds import Deed, JointResistance
+from .law import Law, Place
+from .modules_at import bush_of, is_slide, joint_places, twisting_beams
+from .setup import Setup
 
 
 class CoulombFriction(Law):
@@ -22,7 +24,6 @@ class CoulombFriction(Law):
     physics = "coulomb_friction"
     summary = "dry friction"
     source = "Prandtl (1928); Jenkins (1962)"
-    has_memory = True
     quantities = (
         Quantity("limit", "N m", "torque (force, in a slide) at which it slides", 0.3, upper=1e3),
         Quantity("presliding_stiffness", "N m/rad", "of the joint while it sticks", 2000.0, lower=1.0, upper=1e7),
@@ -49,10 +50,10 @@ class CoulombFriction(Law):
         joint = joint_places(mechanism)[place.name]
         return bush_of(joint, mechanism) if is_slide(mechanism, joint) else ()
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = joint_places(setup.mechanism)[place.name]
-        let_beams_twist(setup)
-        setup.resistances.append(Resistance(joint, values["limit"], values["presliding_stiffness"]))
+        yield from twisting_beams(setup)
+        yield JointResistance(joint, values["limit"], values["presliding_stiffness"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "N" if is_slide(mechanism, joint_places(mechanism)[place.name]) else "N m"

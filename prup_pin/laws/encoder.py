@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Setup
+from .deeds import Deed, Travel
+from .law import Law, Place
 from .modules_at import actuator_places, drive_of, is_slide
+from .setup import Setup
 
 
 class EncoderOffset(Law):
@@ -29,8 +31,8 @@ class EncoderOffset(Law):
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        setup.travel[:, actuator_places(setup.mechanism)[place.name]] += values["offset"]
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield Travel(actuator_places(setup.mechanism)[place.name], values["offset"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "mm" if _slides(place, mechanism) else "mrad"
@@ -56,10 +58,10 @@ class EncoderDelay(Law):
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column = actuator_places(setup.mechanism)[place.name]
         if setup.inputs.speeds is not None:
-            setup.travel[:, column] += values["delay"] * setup.inputs.speeds[:, column]
+            yield Travel(column, values["delay"] * setup.inputs.speeds[:, column])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the encoder at {place} reports {1e3 * values['delay']:.3g} ms late"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +10,10 @@ import pinocchio as pin
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Setup
+from .deeds import ChangedLength, Deed, Travel
+from .law import Law, Place
 from .modules_at import is_slide
+from .setup import Setup
 
 
 class GeometricOffset(Law):
@@ -40,15 +42,14 @@ class GeometricOffset(Law):
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for name, moves in _lengths(setup.mechanism, place.name).items():
             error = values[name.rpartition(".")[2]]
-            given = setup.parameters.get(name, setup.mechanism.parameters[name].value)
-            setup.parameters[name] = given + error
+            yield ChangedLength(name, error)
             held = _held_by(setup.mechanism, moves)
             if held is not None:
                 column, rate = held
-                setup.travel[:, column] += rate * error
+                yield Travel(column, rate * error)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         listed = ", ".join(f"{name} {1e3 * value:+.3g} mm" for name, value in values.items())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +11,10 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .law import ASPECTS, Law, Place, Setup, Strain, along, module_named
+from .deeds import Along, Deed, ExtraStrain, Strain
+from .law import ASPECTS, Law, Place
 from .modules_at import stiffness_of, turns, yielding
+from .setup import Setup
 
 
 class HertzianContact(Law):
@@ -42,21 +45,21 @@ class HertzianContact(Law):
             Quantity("preload", "N m", "torque that is there at rest", 0.02, lower=1e-5, upper=1e3),
         )
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        module = module_named(setup.mechanism, place.name)
-        name = stiffness_of(module, place.aspect)
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        name = stiffness_of(setup.mechanism.module(place.name), place.aspect)
         assert name is not None
         stiffness = setup.module_value(place.name, name)
-        at, preload = values["reference_load"], values["preload"]
-
-        def contact(force: Array) -> tuple[Array, Array]:
-            grown = np.expm1(2 / 3 * np.log1p(force / preload))  # (1 + F/F_0)^(2/3) - 1, exact for small loads too
-            extent = 1.5 * (at * preload**2) ** (1 / 3) / stiffness * grown
-            slope = (at / (force + preload)) ** (1 / 3) / stiffness
-            return extent - force / stiffness, slope - 1 / stiffness
-
+        contact = partial(_contact, stiffness=stiffness, at=values["reference_load"], preload=values["preload"])
         direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
-        setup.add_strain(place.name, Strain(along(direction, contact, 6)))
+        yield ExtraStrain(place.name, Strain(Along(direction, contact)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place} stiffens with its load, as contacts do (preload {values['preload']:.3g})"
+
+
+def _contact(force: Array, stiffness: float, at: float, preload: float) -> tuple[Array, Array]:
+    """Return what a contact yields beyond its constant stiffness under a force >= 0 (N,), and the slope."""
+    grown = np.expm1(2 / 3 * np.log1p(force / preload))  # (1 + F/F_0)^(2/3) - 1, exact for small loads too
+    extent = 1.5 * (at * preload**2) ** (1 / 3) / stiffness * grown
+    slope = (at / (force + preload)) ** (1 / 3) / stiffness
+    return extent - force / stiffness, slope - 1 / stiffness

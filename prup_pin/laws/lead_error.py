@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Setup
+from .deeds import Deed, Travel
+from .law import Law, Place
 from .modules_at import screws
+from .setup import Setup
 
 
 class LeadError(Law):
@@ -25,9 +27,9 @@ class LeadError(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.variant) for name in screws(mechanism)]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column, _ = screws(setup.mechanism)[place.name]
-        setup.travel[:, column] += values["relative"] * setup.inputs.actuators[:, column]
+        yield Travel(column, values["relative"] * setup.inputs.actuators[:, column])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} has another lead: the nut travels {1e3 * values['relative']:+.3g} µm more per millimetre"
@@ -48,10 +50,10 @@ class PeriodicLeadError(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.variant) for name, (_, lead) in screws(mechanism).items() if np.isfinite(lead)]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column, lead = screws(setup.mechanism)[place.name]
         angle = 2 * np.pi * setup.inputs.actuators[:, column] / lead
-        setup.travel[:, column] += values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle)
+        yield Travel(column, values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -13,8 +13,10 @@ from ..modules.as_published import BeamAsPublished
 from ..modules.beam import Beam
 from ..parameters import Quantity
 from ..spatial import Array
-from .law import Law, Place, Setup, Strain
+from .deeds import Deed, ExtraStrain, Strain
+from .law import Law, Place
 from .modules_at import lengths_of
+from .setup import Setup
 
 
 class ModelEquationError(Law):
@@ -32,23 +34,19 @@ class ModelEquationError(Law):
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         printed = [module for module in mechanism.modules if isinstance(module.kind, BeamAsPublished)]
-        return [Place("robot", "linear_rod")] if printed else []
+        return [Place("robot", printed[0].name.rpartition("/")[2])] if printed else []
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return [module.name for module in mechanism.modules if isinstance(module.kind, BeamAsPublished)]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for module in setup.mechanism.modules:
             if not isinstance(module.kind, BeamAsPublished):
                 continue
             given = {name: np.array([value]) for name, value in module.values.items()}
             lengths = lengths_of(setup, module)
             wrong, right = (_compliances(kind, given, lengths) for kind in (module.kind, Beam()))
-
-            def missing(load: Array, difference: Array) -> tuple[Array, Array]:
-                return (difference @ load[..., None])[..., 0], difference
-
-            setup.add_strain(module.name, Strain(missing, (values["share"] * (right - wrong),)))
+            yield ExtraStrain(module.name, Strain(_missing, (values["share"] * (right - wrong),)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return "the rods' bending about x is modelled with the sign that Eq. (90) of the source paper prints"
@@ -58,3 +56,7 @@ def _compliances(kind, values, lengths: Array) -> Array:
     ends = np.array([True])
     at = ModuleGeometry(lengths[:, None], np.zeros((len(lengths), 1)), ends, ends)
     return kind.compliance(values, at, None)[:, 0]
+
+
+def _missing(load: Array, difference: Array) -> tuple[Array, Array]:
+    return (difference @ load[..., None])[..., 0], difference

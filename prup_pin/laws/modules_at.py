@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pinocchio as pin
 
 from ..mechanism import Mechanism, Module
 from ..modules import DriveModule
 from ..spatial import Array
-from .law import Place, Setup
+from .deeds import ChangedValue, Deed
+from .law import Place
+from .setup import Setup
 
 #: Poisson's ratio of steel: its shear modulus is E / 2 (1 + nu).
 _POISSON = 0.3
@@ -69,8 +73,8 @@ def steel_shear_modulus(setup: Setup, module: Module) -> float:
     return setup.module_value(module.name, "youngs_modulus") / (2 * (1 + _POISSON))
 
 
-def let_beams_twist(setup: Setup) -> None:
-    """Give the beams that the robot file has stiff in torsion the torsion of solid round steel.
+def twisting_beams(setup: Setup) -> Iterable[Deed]:
+    """Return the deeds that give beams which the robot file has stiff in torsion the torsion of solid round steel.
 
     Without friction no torque reaches them and it makes no difference; what resists a joint twists them.
     """
@@ -79,9 +83,9 @@ def let_beams_twist(setup: Setup) -> None:
             continue
         given = setup.module_value(module.name, "shear_modulus"), setup.module_value(module.name, "torsion_constant")
         if np.isinf(given[0]):
-            setup.values[f"{module.name}.shear_modulus"] = steel_shear_modulus(setup, module)
+            yield ChangedValue(module.name, "shear_modulus", steel_shear_modulus(setup, module))
         if np.isinf(given[1]):
-            setup.values[f"{module.name}.torsion_constant"] = module.values["torsion_constant"]
+            yield ChangedValue(module.name, "torsion_constant", module.values["torsion_constant"])
 
 
 def lengths_of(setup: Setup, module: Module) -> Array:

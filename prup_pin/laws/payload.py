@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Setup
+from .deeds import Deed, ToolLoad
+from .law import Law, Place
+from .setup import Setup
 
 
 class Payload(Law):
@@ -27,11 +29,11 @@ class Payload(Law):
         names = {module.name.rpartition("/")[2] for module in mechanism.modules}
         return [Place("moving_star" if "moving_star_branch" in names else mechanism.tool.name, self.variant)]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         weight = values["mass"] * setup.mechanism.gravity
         arm = setup.turns @ self._centre(values)
         force = np.broadcast_to(weight, arm.shape)
-        setup.unsensed = setup.unsensed + np.concatenate((force, np.cross(arm, weight)), axis=1)
+        yield ToolLoad(np.concatenate((force, np.cross(arm, weight)), axis=1))
 
     def _centre(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the centre of mass in the tool's axes [m], (3,)."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,9 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array, rotation_exp
-from .law import Law, Place, Setup
+from .deeds import Deed, PoseReport
+from .law import Law, Place
+from .setup import Setup
 
 
 class PoseSensorMisalignment(Law):
@@ -27,16 +30,17 @@ class PoseSensorMisalignment(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("pose_sensor")]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         turn = rotation_exp(np.array([values["rx"], values["ry"], values["rz"]]))
         shift = np.array([values["tx"], values["ty"], values["tz"]])
-
-        def reported(position: Array, rotation: Array) -> tuple[Array, Array]:
-            return position @ turn.T + shift, turn @ rotation
-
-        setup.sensors.append(reported)
+        yield PoseReport(partial(_from_frame, turn=turn, shift=shift))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = 1e3 * np.linalg.norm([values["rx"], values["ry"], values["rz"]])
         shift = 1e3 * np.linalg.norm([values["tx"], values["ty"], values["tz"]])
         return f"the pose sensor's frame is turned by {turn:.3g} mrad and shifted by {shift:.3g} mm"
+
+
+def _from_frame(position: Array, rotation: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
+    """Return poses as a frame reports them that is turned and shifted."""
+    return position @ turn.T + shift, turn @ rotation

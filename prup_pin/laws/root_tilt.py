@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Setup
+from .deeds import ChangedValue, Deed
+from .law import Law, Place
 from .modules_at import beams
+from .setup import Setup
 
 
 class RootTiltCompliance(Law):
@@ -29,10 +31,10 @@ class RootTiltCompliance(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(module.name) for module in beams(mechanism) if module.inboard_is_root == self._inboard]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         given = setup.module_value(place.name, "root_tilting_stiffness")
         compliance = 1 / given + 1 / values["root_tilting_stiffness"]
-        setup.values[f"{place.name}.root_tilting_stiffness"] = 1 / compliance if compliance else np.inf
+        yield ChangedValue(place.name, "root_tilting_stiffness", 1 / compliance if compliance else np.inf)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the clamp at the root of {place.name} tilts, with {values['root_tilting_stiffness']:.3g} N m/rad"

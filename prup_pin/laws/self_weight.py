@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Setup
+from .deeds import Deed, Weight
+from .law import Law, Place
+from .setup import Setup
 
 
 class SelfWeight(Law):
@@ -18,13 +20,14 @@ class SelfWeight(Law):
     spread = 0.15  # the masses of a robot file are known better than most things
     quantities = (Quantity("scale", "1", "true masses over the robot file's", 1.0, lower=0.0, upper=5.0),)
     neutral: ClassVar = {"scale": 0.0}
+    _spread = False
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         masses = [mechanism.model.inertias[index].mass for index in range(1, mechanism.model.njoints)]
         return [Place("robot")] if any(mass > 1e-6 for mass in masses) and any(mechanism.gravity) else []
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        setup.masses += values["scale"]
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield Weight(values["scale"], self._spread)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the robot sags under its own weight ({100 * values['scale']:.3g} % of the robot file's masses)"
@@ -35,11 +38,8 @@ class SpreadSelfWeight(SelfWeight):
 
     summary = "the robot's own weight, spread along its beams"
     variant = "spread"
+    _spread = True
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         weighty = [module for module in mechanism.modules if module.kind.bends_exactly and module.body]
         return [Place("robot", self.variant)] if weighty and super().places(mechanism) else []
-
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        super().act(place, values, setup)
-        setup.spread_weight = True

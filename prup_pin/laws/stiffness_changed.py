@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Setup, module_named
+from .deeds import ChangedValue, Deed
+from .law import Law, Place
 from .modules_at import beams, stiffness_of, yielding
+from .setup import Setup
 
 
 class StiffnessChanged(Law):
@@ -28,14 +30,14 @@ class StiffnessChanged(Law):
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return [{"factor": 0.5}, {"factor": 1.6}]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        module = module_named(setup.mechanism, place.name)
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        module = setup.mechanism.module(place.name)
         name = stiffness_of(module, place.aspect)
         assert name is not None
         for changed in (
             (name, "shear_modulus") if name == "youngs_modulus" and "shear_modulus" in module.values else (name,)
         ):
-            setup.values[f"{place.name}.{changed}"] = setup.module_value(place.name, changed) * values["factor"]
+            yield ChangedValue(place.name, changed, setup.module_value(place.name, changed) * values["factor"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         share = 100 * values["factor"]

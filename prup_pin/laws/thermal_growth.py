@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +10,10 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .law import Law, Place, Setup, Strain, module_named
+from .deeds import Deed, ExtraStrain, Strain, Travel
+from .law import Law, Place
 from .modules_at import beams, lengths_of, screws
+from .setup import Setup
 
 
 class ThermalGrowth(Law):
@@ -30,22 +32,22 @@ class ThermalGrowth(Law):
         rods = [Place(module.name) for module in beams(mechanism) if module.inboard_is_root]
         return [*(Place(name) for name in screws(mechanism)), *rods]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         growth = values["expansion"] * setup.inputs.warming
         found = screws(setup.mechanism)
         if place.name in found:
             column, _ = found[place.name]
-            setup.travel[:, column] += growth * setup.inputs.actuators[:, column]
+            yield Travel(column, growth * setup.inputs.actuators[:, column])
             return
-        module = module_named(setup.mechanism, place.name)
-        lengths = lengths_of(setup, module)
-
-        def grow(load: Array, extent: Array) -> tuple[Array, Array]:
-            strain = np.zeros_like(load)
-            strain[:, 2] = extent
-            return strain, np.zeros((*load.shape, load.shape[1]))
-
-        setup.add_strain(place.name, Strain(grow, (growth * lengths,)))
+        lengths = lengths_of(setup, setup.mechanism.module(place.name))
+        yield ExtraStrain(place.name, Strain(_grow, (growth * lengths,)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place} grows as it warms up, by {1e6 * values['expansion']:.3g} µm per metre and kelvin"
+
+
+def _grow(load: Array, extent: Array) -> tuple[Array, Array]:
+    """Return the strain of beams that are longer by `extent` (N,), whatever their load."""
+    strain = np.zeros_like(load)
+    strain[:, 2] = extent
+    return strain, np.zeros((*load.shape, load.shape[1]))

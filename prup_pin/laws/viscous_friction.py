@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .law import Law, Place, Resistance, Setup
-from .modules_at import bush_of, is_slide, joint_places, let_beams_twist
+from .deeds import Deed, JointResistance
+from .law import Law, Place
+from .modules_at import bush_of, is_slide, joint_places, twisting_beams
+from .setup import Setup
 
 
 class ViscousFriction(Law):
@@ -16,7 +18,6 @@ class ViscousFriction(Law):
 
     physics = "viscous_friction"
     summary = "friction that grows with speed"
-    has_memory = True
     quantities = (Quantity("damping", "N m s/rad", "torque per speed", 100.0, upper=1e7),)
     neutral: ClassVar = {"damping": 0.0}
 
@@ -32,10 +33,10 @@ class ViscousFriction(Law):
         joint = joint_places(mechanism)[place.name]
         return bush_of(joint, mechanism) if is_slide(mechanism, joint) else ()
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = joint_places(setup.mechanism)[place.name]
-        let_beams_twist(setup)
-        setup.resistances.append(Resistance(joint, damping=values["damping"]))
+        yield from twisting_beams(setup)
+        yield JointResistance(joint, damping=values["damping"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         slides = is_slide(mechanism, joint_places(mechanism)[place.name])

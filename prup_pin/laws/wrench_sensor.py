@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from ..spatial import WRENCH_NAMES, rotation_exp
-from .law import Law, Place, Setup
+from ..spatial import WRENCH_NAMES, Array, rotation_exp
+from .deeds import Deed, WrenchReading
+from .law import Law, Place
+from .setup import Setup
 
 
 def _small(name: str, unit: str, description: str, start: float, bound: float) -> Quantity:
@@ -28,9 +31,9 @@ class WrenchSensorMisalignment(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("wrench_sensor")]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         turn = rotation_exp(np.array([values[f"r{axis}"] for axis in "xyz"]))
-        setup.sensed = np.concatenate((setup.sensed[:, :3] @ turn.T, setup.sensed[:, 3:] @ turn.T), axis=1)
+        yield WrenchReading(partial(_turned, turn=turn))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = np.degrees(np.linalg.norm([values[f"r{axis}"] for axis in "xyz"]))
@@ -50,8 +53,8 @@ class WrenchSensorGain(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("wrench_sensor")]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        setup.sensed = setup.sensed * np.array([values[name] for name in WRENCH_NAMES])
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield WrenchReading(partial(np.multiply, np.array([values[name] for name in WRENCH_NAMES])))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         off = ", ".join(f"{name} {100 * (values[name] - 1):+.3g} %" for name in WRENCH_NAMES)
@@ -70,8 +73,8 @@ class WrenchSensorCommonGain(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("wrench_sensor", self.variant)]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        setup.sensed = setup.sensed * values["gain"]
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield WrenchReading(partial(np.multiply, values["gain"]))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the true wrench is {100 * values['gain']:.4g} % of what the sensor reports"
@@ -90,10 +93,15 @@ class WrenchSensorBias(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("wrench_sensor")]
 
-    def act(self, place: Place, values: Mapping[str, float], setup: Setup) -> None:
-        setup.sensed = setup.sensed - np.array([values[name] for name in WRENCH_NAMES])
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield WrenchReading(partial(np.add, -np.array([values[name] for name in WRENCH_NAMES])))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         force = np.linalg.norm([values[name] for name in WRENCH_NAMES[:3]])
         moment = np.linalg.norm([values[name] for name in WRENCH_NAMES[3:]])
         return f"the wrench sensor reports {force:.3g} N and {moment:.3g} N m at rest"
+
+
+def _turned(reported: Array, turn: Array) -> Array:
+    """Return wrenches (N, 6) turned, force and moment alike."""
+    return np.concatenate((reported[:, :3] @ turn.T, reported[:, 3:] @ turn.T), axis=1)

@@ -29,6 +29,7 @@ import pinocchio as pin
 
 from ..errors import InputError
 from ..kinematics import ClosedPose, LoopKinematics
+from ..mechanism import Frame
 from ..modules import ModuleGeometry
 from ..spatial import Array, base_wrench_from_point, rotation_exp, rotation_log, rotation_tangent, skew
 from ..statics import StaticsLayout
@@ -782,11 +783,16 @@ class Chain:
 
     def tool_columns(self, at: Evaluation) -> Array:
         """Return d(tool's translation and turn)/d(unknowns), (N, 6, m)."""
+        return self.frame_columns(at, self.tool)
+
+    def frame_columns(self, at: Evaluation, frame: Frame) -> Array:
+        """Return d(translation and turn of a frame fixed to a body)/d(unknowns), (N, 6, m), base axes."""
         n, columns = len(at.screws), at.screws.shape[1]
-        twists = (self.carries[:, self.tool.joint, None] * at.screws).mT
+        point = (at.placements[:, frame.joint] @ frame.placement)[:, :3, 3]
+        twists = (self.carries[:, frame.joint, None] * at.screws).mT
         out = np.zeros((n, 6, sum(self.sizes)))
         out[:, :, :columns] = twists
-        out[:, :3, :columns] -= skew(at.tool[:, :3, 3]) @ twists[:, 3:]
+        out[:, :3, :columns] -= skew(point) @ twists[:, 3:]
         return out
 
     def balanced(self, at: Evaluation) -> np.ndarray:

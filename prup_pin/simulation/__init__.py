@@ -1,9 +1,8 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
-from .memory import Memory
 from .model_file import CorrectedModel, effect_named, read_model, write_model
 from .prediction import Agreement, Prediction, compare, inputs_of, simulate
-from .simulator import Run, Simulator
+from .simulator import Memory, Run, Simulator
 
 __all__ = [
     "Agreement",

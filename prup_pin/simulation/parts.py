@@ -10,7 +10,7 @@ import contextlib
 import multiprocessing
 import pickle
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
@@ -21,13 +21,13 @@ from threadpoolctl import threadpool_limits
 
 from ..errors import JointLimitWarning
 from ..laws import Effect, Inputs
+from ..laws.deeds import BLOCK, RUN
 from ..mechanism import Frame, Mechanism
 from ..mechanism.description import KIND_BY_NAME, RobotDescription
 from ..robot import Robot
 from ..spatial import Array, rotation_log
 from .efforts import static_efforts
-from .memory import Memory
-from .simulator import Run, Simulator
+from .simulator import Memory, Run, Simulator
 
 __all__ = ["STATUSES", "Part", "Wanted", "plan_parts", "solve_all", "take_inputs"]
 
@@ -99,20 +99,20 @@ def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
     )
 
 
-def plan_parts(inputs: Inputs, resists: bool, creeps: bool) -> list[list[np.ndarray]]:
+def plan_parts(inputs: Inputs, memories: Set[str]) -> list[list[np.ndarray]]:
     """Return chains of parts, each an array of rows: chains are independent, the parts of one follow each other.
 
-    `resists`, `creeps`: whether any law remembers within a block, within a run.
+    `memories`: how long laws remember, any of deeds.BLOCK and deeds.RUN.
     """
     n = len(inputs)
     moved = np.ones(n, bool)
     moved[1:] = (inputs.actuators[1:] != inputs.actuators[:-1]).any(axis=1)
-    if creeps:
+    if RUN in memories:
         run = inputs.run_labels()
         chains = [np.flatnonzero(run == code) for code in np.unique(run)]
         return [_cut(rows, moved[rows], np.ones(len(rows), bool)) for rows in chains]
     fresh = np.ones(n, bool)
-    if resists:
+    if BLOCK in memories:
         fresh[1:] = np.diff(inputs.blocks) != 0
     parts = _cut(np.arange(n), moved, fresh)
     chains_of_parts: list[list[np.ndarray]] = []
@@ -143,7 +143,7 @@ def _cut(rows: np.ndarray, moved: np.ndarray, fresh: np.ndarray) -> list[np.ndar
 
 def solve_chain(wanted: Wanted, parts: Sequence[np.ndarray], inputs: Sequence[Inputs]) -> Iterator[Part]:
     """Yield the simulation of parts that follow each other."""
-    memory = Memory()
+    memory: Memory = {}
     for rows, given in zip(parts, inputs, strict=True):
         solver = _PartSolver(wanted, Part.empty(rows, wanted), given)
         # What diverges on the way overflows; it is told by its status. With several threads the last digits of a
@@ -176,7 +176,7 @@ class _PartSolver:
         able = np.flatnonzero(simulator.complete & geometry.reachable)
         if not len(able):
             return memory
-        remembers = bool(setup.resistances or setup.creeps)
+        remembers = bool(setup.memories)
         try:
             run: Run | None = simulator.run_setup(setup, memory=memory)
         except np.linalg.LinAlgError:
@@ -211,7 +211,7 @@ class _PartSolver:
         """Return those samples that have an equilibrium without memory; the others are lost anyway."""
         self.sifted = True
         with contextlib.suppress(np.linalg.LinAlgError):
-            plain = simulator.run_setup(replace(setup, resistances=[], creeps=[]))
+            plain = simulator.run_setup(setup.without_memory())
             self._lost(places[able[~plain.solved[able]]])
             return able[plain.solved[able]]
         return able
@@ -231,9 +231,7 @@ class _PartSolver:
         for column, frame in enumerate(self.frames):
             placement = found.evaluation.placements[good][:, frame.joint] @ frame.placement
             position, rotation = placement[:, :3, 3], placement[:, :3, :3]
-            for sensor in run.setup.sensors:
-                position, rotation = sensor(position, rotation)
-            part.markers[rows, column] = position
+            part.markers[rows, column], _ = run.setup.reported(position, rotation)
 
 
 @contextlib.contextmanager

@@ -138,8 +138,8 @@ def simulate(
     n = len(recording)
     setup = Setup.nominal(mechanism, take_inputs(inputs, np.arange(min(n, 1))))
     for effect in effects:
-        effect.act(setup)
-    chains = plan_parts(inputs, bool(setup.resistances), bool(setup.creeps))
+        setup.take(effect.deeds(setup))
+    chains = plan_parts(inputs, setup.memories)
     position, rotation = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     efforts, marked = np.full((n, len(joints)), np.nan), np.full((n, len(markers), 3), np.nan)
     status = np.full(n, NOT_COMPUTED, np.int8)

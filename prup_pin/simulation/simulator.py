@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,17 +11,21 @@ import numpy as np
 
 from ..errors import PrupPinError
 from ..kinematics import ClosedPose
-from ..laws import Effect, Inputs, Setup, Strain
+from ..laws import Effect, Inputs, Setup
+from ..laws.deeds import DEEDS, Deed, History
 from ..loaded import Chain, Conditions, Equilibria, find_equilibria, with_values
 from ..loaded.chain import RigidSamples
 from ..robot import Robot
 from ..spatial import Array
-from .memory import Crept, Memory, Resisted, creep_strains, resisted
 
-__all__ = ["Run", "Simulator"]
+__all__ = ["Memory", "Run", "Simulator"]
 
 _MEMORY_ROUNDS = 25
-_AGREED = 1e-9
+#: Histories agree with the equilibria where they move by less than this, in their own units.
+_AGREED = 1e-7
+
+#: What deeds that remember hold after a sample, by kind.
+Memory = Mapping[type[Deed], Any]
 
 
 @dataclass(frozen=True)
@@ -41,8 +45,7 @@ class Run:
     """A simulated recording. position (N, 3) and rotation (N, 3, 3) as the pose sensor reports them.
 
     `solved` (N,) tells which samples have an answer; the others hold NaN. `equilibria` are those of the samples
-    `samples`, in order; torques (N, r) resist the joints of `setup.resistances`. `memory` is what laws that remember
-    hold after the last sample.
+    `samples`, in order; `histories` by kind what deeds that remember went through.
     """
 
     setup: Setup
@@ -52,8 +55,12 @@ class Run:
     solved: np.ndarray
     samples: np.ndarray
     equilibria: Equilibria
-    torques: Array
-    memory: Memory
+    histories: Mapping[type[Deed], History]
+
+    @property
+    def memory(self) -> Memory:
+        """What deeds that remember hold after the last sample."""
+        return {kind: history.after for kind, history in self.histories.items()}
 
 
 class Simulator:
@@ -69,6 +76,12 @@ class Simulator:
             & np.isfinite(inputs.time)
         )
 
+    @property
+    def lengths(self) -> Mapping[str, float]:
+        """The robot file's lengths [m] by their full names."""
+        named = (length.parameter for length in self.robot.mechanism.description.lengths)
+        return {parameter.name: float(parameter.value) for parameter in named}
+
     @cached_property
     def _turns(self) -> Array:
         """The tool's orientation at every sample before anything deforms, (N, 3, 3)."""
@@ -83,7 +96,7 @@ class Simulator:
         """Return what a simulation with these effects is run with."""
         setup = Setup.nominal(self.robot.mechanism, self.inputs, self._turns)
         for effect in effects:
-            effect.act(setup)
+            setup.take(effect.deeds(setup))
         return setup
 
     def run(self, effects: Sequence[Effect] = (), start: Run | None = None, memory: Memory | None = None) -> Run:
@@ -98,12 +111,13 @@ class Simulator:
         geometry = self.geometry(setup.parameters)
         chain = with_values(geometry.chain, setup.values)
         samples = np.flatnonzero(self.complete & geometry.reachable)
-        conditions = self.conditions(setup, geometry.robot, samples)
         rows = geometry.rows[samples]
         begin = self._begin(start, setup, geometry, rows, samples)
-        found, torques, after = self._with_memory(
-            setup, geometry, chain, rows, samples, conditions, begin, memory or Memory()
-        )
+        held = memory or {}
+        histories = {
+            kind: history for kind in DEEDS if (history := kind.history(setup, samples, chain, held.get(kind)))
+        }
+        found = self._followed(geometry, chain, rows, setup.conditions(samples), begin, histories.values())
         n = len(self.inputs)
         position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         solved = np.zeros(n, bool)
@@ -111,9 +125,8 @@ class Simulator:
         solved[good] = True
         position[good] = found.tool[found.converged, :3, 3]
         rotation[good] = found.tool[found.converged, :3, :3]
-        for sensor in setup.sensors:
-            position, rotation = sensor(position, rotation)
-        return Run(setup, geometry, position, rotation, solved, samples, found, torques, after)
+        position, rotation = setup.reported(position, rotation)
+        return Run(setup, geometry, position, rotation, solved, samples, found, histories)
 
     # -- what is solved ----------------------------------------------------------------------------------------------
 
@@ -157,21 +170,6 @@ class Simulator:
         placed = index[rows.ravel()]
         return Geometry(robot, Chain(robot._statics), poses, placed, placed >= 0, reasons)
 
-    def conditions(self, setup: Setup, robot: Robot, samples: np.ndarray) -> Conditions:
-        """Return the conditions of a setup's samples, without memory."""
-        strains: dict[str, Any] = {
-            name: _Sum(tuple(item.take(samples) for item in items)) for name, items in setup.strains.items()
-        }
-        gravity = robot.mechanism.gravity * setup.masses if setup.masses else None
-        travel = setup.travel[samples]
-        return Conditions(
-            wrench=setup.wrench[samples],
-            gravity=gravity,
-            spread_weight=setup.spread_weight,
-            strains=strains,
-            actuators=travel if np.any(travel) else None,
-        )
-
     def _begin(
         self, start: Run | None, setup: Setup, geometry: Geometry, rows: np.ndarray, samples: np.ndarray
     ) -> Equilibria | None:
@@ -190,106 +188,23 @@ class Simulator:
         moved = replace(old.conditions, actuators=np.zeros((len(samples), geometry.chain.mechanism.actuated_dofs.size)))
         return replace(old, rigid=rigid, conditions=moved)
 
-    def _with_memory(self, setup, geometry, chain, rows, samples, conditions, begin, memory: Memory):
-        if not setup.resistances and not setup.creeps:
-            none = np.zeros((len(samples), 0))
-            return find_equilibria(chain, geometry.poses, rows, conditions, begin), none, memory
-        free = {int(dof): place for place, dof in enumerate(chain.free)}
-        model = geometry.robot.mechanism.model
-        dofs = [int(model.joints[geometry.robot.mechanism.joint_id(item.joint)].idx_v) for item in setup.resistances]
-        places = [free[dof] for dof in dofs]
-        torques = np.zeros((len(samples), len(places)))
-        blocks, time = self.inputs.blocks[samples], self.inputs.time[samples]
-        runs = self.inputs.run_labels()[samples]
-        crept: list[Array] = []  # of every creep, in order
-        slid: Resisted | None = memory.resisted
-        after: dict[str, Crept] = dict(memory.crept)
+    @staticmethod
+    def _followed(
+        geometry: Geometry,
+        chain: Chain,
+        rows: np.ndarray,
+        conditions: Conditions,
+        begin: Equilibria | None,
+        histories: Iterable[History],
+    ) -> Equilibria:
+        """Return the equilibria with which all histories agree."""
         found = begin
         for _ in range(_MEMORY_ROUNDS):
-            resisting = np.zeros((len(samples), len(chain.free)))
-            for column, free_joint in enumerate(places):
-                resisting[:, free_joint] += torques[:, column]
-            strains = dict(conditions.strains)
-            for creep, history in zip(setup.creeps, crept, strict=False):
-                name = creep.module
-                strains[name] = _Sum((*_items(strains.get(name)), Strain(_given, (history,))))
-            now = replace(conditions, torques=resisting if places else None, strains=strains)
+            now = conditions
+            for history in histories:
+                now = history.act(now)
             found = find_equilibria(chain, geometry.poses, rows, now, found)
-            change = 0.0
-            old, crept = crept, []
-            for index, creep in enumerate(setup.creeps):
-                key = f"{index} {creep.module}"
-                elastic = self._elastic(chain, found, creep.module)
-                history = creep_strains(creep, elastic, time, runs, memory.crept.get(key))
-                moved = history - old[index] if old else history
-                change = max(change, float(np.abs(moved).max(initial=0.0)) / 1e-3)
-                crept.append(history)
-                if len(time):
-                    after[key] = Crept(float(time[-1]), elastic[-1], history[-1])
-            if places:
-                inverses, which = found.inverses  # type: ignore[misc]
-                influence = inverses[:, places][:, :, places][which]
-                new, slid = resisted(
-                    setup.resistances,
-                    found.state.travel[:, dofs],
-                    torques,
-                    influence,
-                    blocks,
-                    time,
-                    memory.resisted,
-                )
-                scale = max(np.abs(new).max(initial=0.0), 1e-3)  # N m; smaller torques move nothing
-                change = max(change, float(np.abs(new - torques).max(initial=0.0)) / scale)
-                torques = new
-            if change < 1e-7:
-                break
-        else:
-            found = replace(found, converged=np.zeros_like(found.converged))
-        return found, torques, Memory(slid, after)
-
-    @staticmethod
-    def _elastic(chain: Chain, found: Equilibria, name: str) -> Array:
-        """Return a module's elastic deformation under its present load, (N, k)."""
-        layout = chain.layout
-        if name in layout.wrench_names:
-            slot = layout.wrench_names.index(name)
-            for index, group in enumerate(layout.wrench_groups):
-                if group.slots.start <= slot < group.slots.stop:
-                    at = found.rigid.geometries[index]
-                    load = found.evaluation.loads[:, group.slots]
-                    lam = group.kind.compliance(group.values, at, None)
-                    whole = (np.broadcast_to(lam, (*load.shape, load.shape[-1])) @ load[..., None])[..., 0]
-                    return whole[:, slot - group.slots.start]
-        slot = layout.drive_names.index(name)
-        for index, group in enumerate(layout.drive_groups):
-            if group.slots.start <= slot < group.slots.stop:
-                at = found.rigid.geometries[len(layout.wrench_groups) + index]
-                ratio = layout.drive_ratios[group.slots, 0, 0]
-                load = found.evaluation.drive_loads[:, layout.drive_rows[group.slots]] * ratio
-                return group.kind.deformation(group.values, at, load[..., None])[:, slot - group.slots.start]
-        raise KeyError(name)
-
-
-class _Sum(tuple):
-    """Several strains of one module, added up."""
-
-    def __new__(cls, items):
-        return super().__new__(cls, items)
-
-    def __call__(self, load: Array) -> tuple[Array, Array]:
-        total, slope = np.zeros_like(load), np.zeros((*load.shape, load.shape[-1]))
-        for item in self:
-            more, more_slope = item(load)
-            total, slope = total + more, slope + more_slope
-        return total, slope
-
-    def take(self, rows) -> _Sum:
-        return _Sum(item.take(rows) for item in self)
-
-
-def _items(strain) -> tuple:
-    return () if strain is None else tuple(strain)
-
-
-def _given(load: Array, history: Array) -> tuple[Array, Array]:
-    return history, np.zeros((*load.shape, load.shape[-1]))
+            if max((history.follow(found) for history in histories), default=0.0) < _AGREED:
+                return found
+        assert found is not None
+        return replace(found, converged=np.zeros_like(found.converged))

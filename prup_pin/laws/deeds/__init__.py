@@ -1,0 +1,50 @@
+"""Deeds: what laws do to a simulation. Each kind is one file that says all there is to know of it.
+
+A deed of a new kind: a final class in a file of its own, and one line in `DEEDS`. The contract is in `deed.py`.
+"""
+
+from .deed import BLOCK, RUN, Deed, History, Moment, Solved
+from .load import ToolLoad, Weight, WrenchReading
+from .remembered import RememberedStrain
+from .report import PoseReport
+from .resistance import JointResistance
+from .strain import Along, ExtraStrain, Strain, Strains
+from .travel import ChangedLength, Travel
+from .value import ChangedValue
+
+#: Every kind, in the order in which their first-order effects are added up.
+DEEDS: tuple[type[Deed], ...] = (
+    WrenchReading,
+    ToolLoad,
+    Travel,
+    ExtraStrain,
+    ChangedValue,
+    JointResistance,
+    RememberedStrain,
+    Weight,
+    ChangedLength,
+    PoseReport,
+)
+
+__all__ = [
+    "BLOCK",
+    "DEEDS",
+    "RUN",
+    "Along",
+    "ChangedLength",
+    "ChangedValue",
+    "Deed",
+    "ExtraStrain",
+    "History",
+    "JointResistance",
+    "Moment",
+    "PoseReport",
+    "RememberedStrain",
+    "Solved",
+    "Strain",
+    "Strains",
+    "ToolLoad",
+    "Travel",
+    "Weight",
+    "WrenchReading",
+]

@@ -1,0 +1,102 @@
+"""The contract of a deed: one thing that a law does to a simulation, and all that anybody has to know of it.
+
+A deed says how it enters the equilibrium, what it does to first order about a solved one, through which module alone
+it acts if there is one, and how long it remembers. Deeds of one kind act together: two dry joints balance each other,
+two changed values of one module are one other module.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ...loaded import Chain, Conditions, Equilibria, FirstOrder
+from ...spatial import Array
+
+if TYPE_CHECKING:
+    from ..setup import Setup
+
+__all__ = ["BLOCK", "RUN", "Deed", "History", "Moment", "Solved"]
+
+#: How long a deed remembers: while the actuators stand still, or for a whole run.
+BLOCK, RUN = "block", "run"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When samples were taken: time (n,) [s], labels of their blocks (n,) and of their runs (n,)."""
+
+    time: Array
+    blocks: np.ndarray
+    runs: np.ndarray
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A solved simulation of n samples, about which deeds tell their first-order effect.
+
+    samples (n,) are the inputs' rows that were solved; `plain` is the robot without changed values, at the same
+    lengths; `lengths` are the robot file's; `histories` by kind what followed the deeds that remember.
+    """
+
+    setup: Setup
+    first: FirstOrder
+    samples: np.ndarray
+    moment: Moment
+    plain: Chain
+    lengths: Mapping[str, float]
+    histories: Mapping[type[Deed], History]
+
+
+class History(ABC):
+    """What deeds of one kind remember while the samples are followed in time, round by round.
+
+    All samples are solved at once with what is held so far; then the histories are followed with the equilibria, and
+    both are repeated until nothing moves any more.
+    """
+
+    @abstractmethod
+    def act(self, now: Conditions) -> Conditions:
+        """Return the conditions with what is held so far."""
+
+    @abstractmethod
+    def follow(self, found: Equilibria) -> float:
+        """Follow the history with new equilibria; return by how much it moved, in units that 1e-7 of is nothing."""
+
+    @property
+    @abstractmethod
+    def after(self) -> Any:
+        """What is remembered after the last sample."""
+
+
+class Deed(ABC):
+    """One thing that a law does. Final subclasses are listed in `deeds.DEEDS`."""
+
+    #: BLOCK, RUN, or nothing.
+    memory: ClassVar[str] = ""
+
+    @property
+    def only_module(self) -> str | None:
+        """The module through whose deformation alone it acts; None where it acts otherwise too."""
+        return None
+
+    @abstractmethod
+    def enter(self, setup: Setup) -> None:
+        """Write what it does into the setup of the simulation."""
+
+    @classmethod
+    @abstractmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        """Return what is watched (n, R) from the solved setup to another one, by deeds of this kind; None: nothing."""
+
+    @classmethod
+    def history(cls, setup: Setup, samples: np.ndarray, chain: Chain, before: Any) -> History | None:
+        """Return what follows deeds of this kind through samples (n,) of the setup; None where nothing remembers.
+
+        `before` is what a history remembered `after` the samples before these, or None.
+        """
+        return None

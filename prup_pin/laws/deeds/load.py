@@ -1,0 +1,89 @@
+"""What acts on the robot: the wrench behind the sensor's report, what passes by the sensor, and weight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...loaded import Conditions
+from ...spatial import Array
+from .deed import Deed, Solved
+
+if TYPE_CHECKING:
+    from ..setup import Setup
+
+__all__ = ["ToolLoad", "Weight", "WrenchReading"]
+
+#: Share of the weight by which its effect is differentiated.
+_LIGHT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchReading(Deed):
+    """The wrench sensor reports something else than what acts: `true` gives the true wrench (N, 6) of a reported one.
+
+    Several act in their order.
+    """
+
+    true: Callable[[Array], Array]
+
+    def enter(self, setup: Setup) -> None:
+        setup.sensed = self.true(setup.sensed)
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        return _by_wrench(setup.sensed, at.setup.sensed, at)
+
+
+@dataclass(frozen=True, eq=False)
+class ToolLoad(Deed):
+    """A wrench (N, 6) acts on the tool that passes by the sensor; base axes, dead."""
+
+    wrench: Array
+
+    def enter(self, setup: Setup) -> None:
+        setup.unsensed = setup.unsensed + self.wrench
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        return _by_wrench(setup.unsensed, at.setup.unsensed, at)
+
+
+def _by_wrench(new: Array, old: Array, at: Solved) -> Array | None:
+    more = new[at.samples] - old[at.samples]
+    return (at.first.by_wrench @ more[..., None])[..., 0] if np.any(more) else None
+
+
+@dataclass(frozen=True)
+class Weight(Deed):
+    """The links weigh `share` of what the robot file says; `spread`: beams along their length."""
+
+    share: float
+    spread: bool = False
+
+    def enter(self, setup: Setup) -> None:
+        setup.weight += self.share
+        setup.spread_weight = setup.spread_weight or self.spread
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        new, old = (setup.weight, setup.spread_weight), (at.setup.weight, at.setup.spread_weight)
+        if new == old:
+            return None
+        total: Array | None = None
+        for sign, (share, spread) in ((1.0, new), (-1.0, old)):
+            if share:
+                whole = at.first.once(("weight", spread), lambda spread=spread: _by_weight(at, spread))
+                change = sign * share * whole
+                total = change if total is None else total + change
+        return total
+
+
+def _by_weight(at: Solved, spread: bool) -> Array:
+    """Return what is watched by the whole weight, (n, R)."""
+    wrench = at.setup.inputs.wrench[at.samples]
+    light = _LIGHT * at.setup.mechanism.gravity
+    return at.first.by_conditions(Conditions(wrench), Conditions(wrench, light, spread)) / _LIGHT

@@ -1,0 +1,210 @@
+"""Free joints that resist their motion: dry friction and dampers.
+
+The equilibrium is solved for all samples at once with given torques; the joints' histories are then followed in time
+with the equilibria's own derivatives, and both are repeated until they agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...loaded import Chain, Conditions, Equilibria
+from ...spatial import Array
+from .deed import BLOCK, Deed, History, Solved
+
+if TYPE_CHECKING:
+    from ..setup import Setup
+
+__all__ = ["JointResistance"]
+
+_SWEEPS = 60
+
+
+@dataclass(frozen=True)
+class JointResistance(Deed):
+    """What resists a free joint along itself: an elastoplastic spring (Prandtl-Ishlinskii) and a damper.
+
+    `limit` [N m or N], `stiffness` before sliding [N m/rad or N/m], `damping` [N m s/rad or N s/m]. A joint is relaxed
+    at the first sample after a move of the actuators.
+    """
+
+    memory = BLOCK
+
+    joint: str
+    limit: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+    def enter(self, setup: Setup) -> None:
+        setup.resistances.append(self)
+
+    @classmethod
+    def history(cls, setup: Setup, samples: np.ndarray, chain: Chain, before: Slid | None) -> _Resisting | None:
+        return _Resisting(setup, samples, chain, before) if setup.resistances else None
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        if setup.resistances == at.setup.resistances:
+            return None
+        first, chain = at.first, at.first.chain
+        before = np.zeros((len(at.samples), len(chain.free)))
+        solved = at.histories.get(cls)
+        if isinstance(solved, _Resisting):
+            before = solved.on_joints(solved.torques)
+        after = np.zeros_like(before)
+        if setup.resistances:
+            new = _Resisting(setup, at.samples, chain, None)
+            places = tuple(new.places)
+            torques, _ = resisted(
+                setup.resistances,
+                first.found.state.travel[:, new.dofs],
+                before[:, new.places],
+                first.joints_by_resistance(places),
+                at.moment.blocks,
+                at.moment.time,
+            )
+            after = new.on_joints(torques)
+        return (first.by_row[:, :, : before.shape[1]] @ (after - before)[..., None])[..., 0]
+
+
+class Slid(NamedTuple):
+    """What joints remember after a sample of a block: where each slid to, where it stood, its torque (r,), the time."""
+
+    block: int
+    slid: Array
+    last: Array
+    time: float
+    torque: Array
+
+
+class _Resisting(History):
+    """The torques (n, r) that agree with the joints' histories."""
+
+    def __init__(self, setup: Setup, samples: np.ndarray, chain: Chain, before: Slid | None):
+        self.resistances = setup.resistances
+        mechanism = chain.mechanism
+        self.dofs = [int(mechanism.model.joints[mechanism.joint_id(item.joint)].idx_v) for item in self.resistances]
+        free = {int(dof): place for place, dof in enumerate(chain.free)}
+        self.places = [free[dof] for dof in self.dofs]
+        self.free_count = len(chain.free)
+        self.moment = setup.moment(samples)
+        self.torques = np.zeros((len(samples), len(self.places)))
+        self._before = before
+        self._after = before
+
+    def on_joints(self, torques: Array) -> Array:
+        """Return torques (n, r) of the resistances as those of all free joints, (n, free joints)."""
+        out = np.zeros((len(torques), self.free_count))
+        for column, place in enumerate(self.places):
+            out[:, place] += torques[:, column]
+        return out
+
+    def act(self, now: Conditions) -> Conditions:
+        return replace(now, torques=self.on_joints(self.torques))
+
+    def follow(self, found: Equilibria) -> float:
+        inverses, which = found.inverses  # type: ignore[misc]
+        influence = inverses[:, self.places][:, :, self.places][which]
+        new, self._after = resisted(
+            self.resistances,
+            found.state.travel[:, self.dofs],
+            self.torques,
+            influence,
+            self.moment.blocks,
+            self.moment.time,
+            self._before,
+        )
+        scale = max(np.abs(new).max(initial=0.0), 1e-3)  # N m; smaller torques move nothing
+        moved = float(np.abs(new - self.torques).max(initial=0.0)) / scale
+        self.torques = new
+        return moved
+
+    @property
+    def after(self) -> Slid | None:
+        return self._after
+
+
+def resisted(
+    resistances: Sequence[JointResistance],
+    displacement: Array,
+    torque: Array,
+    influence: Array,
+    blocks: np.ndarray,
+    time: Array,
+    memory: Slid | None = None,
+) -> tuple[Array, Slid | None]:
+    """Return the resisting torques (N, r) that agree with the joints' history, and what is remembered after it.
+
+    displacement (N, r) of the joints at the present `torque` (N, r); influence (N, r, r) is d(displacement)/d(torque);
+    `memory`: what is remembered before the first sample. A joint starts each block of samples relaxed, where it stands
+    under the load of the first one. Blocks know nothing of each other: they are followed side by side.
+    """
+    out = np.zeros_like(torque)
+    if not len(time):
+        return out, memory
+    limit = np.array([item.limit for item in resistances])
+    stiffness = np.array([item.stiffness for item in resistances])
+    damping = np.array([item.damping for item in resistances])
+    reach = limit / np.where(stiffness > 0, stiffness, 1.0)
+    free = displacement - (influence @ torque[..., None])[..., 0]  # where the joints would be without resistance
+    starts = np.flatnonzero(np.concatenate(([True], blocks[1:] != blocks[:-1])))
+    lengths = np.diff(np.append(starts, len(time)))
+    shape = (len(starts), len(resistances))
+    slid, last, now, before = free[starts], free[starts], np.zeros(shape), np.full(len(starts), np.nan)
+    if memory is not None and memory.block == blocks[0]:
+        slid[0], last[0], now[0], before[0] = memory.slid, memory.last, memory.torque, memory.time
+    for sample in range(int(lengths.max())):
+        here = np.flatnonzero(lengths > sample)
+        rows = starts[here] + sample
+        elapsed = time[rows] - before[here]
+        rate = np.where(np.isnan(elapsed), 0.0, 1.0 / np.maximum(elapsed, 1e-9))
+        value, x = _balanced(
+            free[rows], influence[rows], now[here], slid[here], last[here], stiffness, limit, damping * rate[:, None]
+        )
+        held = np.clip(slid[here], x - reach, x + reach)
+        slid[here] = np.where(stiffness > 0, held, slid[here])
+        last[here], now[here], before[here] = x, value, time[rows]
+        out[rows] = value
+    return out, Slid(int(blocks[-1]), slid[-1], last[-1], float(before[-1]), now[-1])
+
+
+def _balanced(free, influence, torque, slid, last, stiffness, limit, viscous) -> tuple[Array, Array]:
+    """Return torques (b, r) and displacements (b, r) of joints that agree with each other, by Gauss-Seidel sweeps.
+
+    torque = viscous (x - last) + clip(stiffness (x - slid), +-limit), x = free + influence torque.
+    """
+    count = len(stiffness)
+    if count == 1:
+        return _balanced_alone(free, influence[:, 0], slid, last, stiffness[0], limit[0], viscous)
+    torque = torque.copy()
+    for _ in range(_SWEEPS):
+        old = torque.copy()
+        for j in range(count):
+            own = influence[:, j, j]
+            apart = free[:, j] + (influence[:, j] * torque).sum(1) - own * torque[:, j]  # without its own resistance
+            damped = viscous[:, j] * (apart - last[:, j])
+            value = (damped + stiffness[j] * (apart - slid[:, j])) / (1 - own * (viscous[:, j] + stiffness[j]))
+            stretched = stiffness[j] * (apart + own * value - slid[:, j])
+            sliding = (np.abs(stretched) > limit[j]) & (stiffness[j] > 0)
+            limited = (damped + np.sign(stretched) * limit[j]) / (1 - own * viscous[:, j])
+            torque[:, j] = np.where(sliding, limited, value)
+        if np.abs(torque - old).max(initial=0.0) <= 1e-12 * (np.abs(torque).max(initial=0.0) + 1e-12):
+            break
+    return torque, free + (influence @ torque[..., None])[..., 0]
+
+
+def _balanced_alone(free, own, slid, last, stiffness, limit, viscous) -> tuple[Array, Array]:
+    """Return the same of a single joint, whose torque nothing else moves; all (b, 1)."""
+    damped = viscous * (free - last)
+    torque = (damped + stiffness * (free - slid)) / (1 - own * (viscous + stiffness))
+    if stiffness > 0:
+        stretched = stiffness * (free + own * torque - slid)
+        sliding = np.abs(stretched) > limit
+        if sliding.any():
+            limited = (damped + np.copysign(limit, stretched)) / (1 - own * viscous)
+            torque = np.where(sliding, limited, torque)
+    return torque, free + own * torque

@@ -1,0 +1,116 @@
+"""A module that deforms beyond its own law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...spatial import Array
+from .deed import Deed, Solved
+
+if TYPE_CHECKING:
+    from ..setup import Setup
+
+__all__ = ["Along", "ExtraStrain", "Strain", "Strains"]
+
+
+class Strain(NamedTuple):
+    """A module's deformation beyond its own law: `function(load, *samples)` of its load (N, k).
+
+    `samples` are arrays (N, …), one value a sample (a temperature, a history). Returns deformation (N, k) and its
+    derivative (N, k, k).
+    """
+
+    function: Callable[..., tuple[Array, Array]]
+    samples: tuple[Array, ...] = ()
+
+    def __call__(self, load: Array) -> tuple[Array, Array]:
+        return self.function(load, *self.samples)
+
+    def take(self, rows: Any) -> Strain:
+        return Strain(self.function, tuple(array[rows] for array in self.samples))
+
+
+class Strains(tuple):
+    """Several strains of one module, added up."""
+
+    def __call__(self, load: Array) -> tuple[Array, Array]:
+        total, slope = np.zeros_like(load), np.zeros((*load.shape, load.shape[-1]))
+        for item in self:
+            more, more_slope = item(load)
+            total, slope = total + more, slope + more_slope
+        return total, slope
+
+    def take(self, rows: Any) -> Strains:
+        return Strains(item.take(rows) for item in self)
+
+
+@dataclass(frozen=True, eq=False)
+class ExtraStrain(Deed):
+    """A module deforms by `strain` beyond its own law."""
+
+    module: str
+    strain: Strain
+
+    @property
+    def only_module(self) -> str | None:
+        return self.module
+
+    def enter(self, setup: Setup) -> None:
+        setup.strains.setdefault(self.module, []).append(self.strain)
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        old = at.setup.strains
+        if not setup.strains and not old:
+            return None
+        total: Array | None = None
+        for name in {**setup.strains, **old}:
+            if name not in at.first.rows:
+                continue
+            load = at.first.loads(name)
+            extra = _extent(setup, name, load, at.samples)
+            extra = extra - at.first.once(
+                ("strain", name), lambda name=name, load=load: _extent(at.setup, name, load, at.samples)
+            )
+            if np.any(extra):
+                change = (at.first.by_strain(name) @ extra[..., None])[..., 0]
+                total = change if total is None else total + change
+        return total
+
+
+def _extent(setup: Setup, module: str, load: Array, samples: np.ndarray) -> Array:
+    """Return what a module deforms beyond its own law under a load (n, k)."""
+    items = setup.strains.get(module, [])
+    return sum((item.take(samples)(load)[0] for item in items), np.zeros_like(load))
+
+
+@dataclass(frozen=True)
+class Along:
+    """A strain along the resultant of some load components.
+
+    `law(force, *samples)` gives extent and slope of force >= 0 (N,), with extent 0 at force 0. The deformation points
+    along the resultant; across it the secant acts.
+    """
+
+    direction: slice
+    law: Callable[..., tuple[Array, Array]]
+
+    def __call__(self, load: Array, *samples: Array) -> tuple[Array, Array]:
+        part = load[:, self.direction].reshape(len(load), -1)
+        force = np.linalg.norm(part, axis=1)
+        moving = force > 1e-9  # N or N m
+        extent, slope = self.law(force, *samples)
+        _, at_rest = self.law(np.zeros_like(force), *samples)
+        secant = np.where(moving, extent / np.where(moving, force, 1.0), at_rest)
+        unit = part / np.where(moving, force, 1.0)[:, None]
+        strain, derivative = np.zeros_like(load), np.zeros((*load.shape, load.shape[1]))
+        strain[:, self.direction] = (secant[:, None] * part).reshape(load[:, self.direction].shape)
+        block = secant[:, None, None] * np.eye(part.shape[1])
+        block += np.where(moving, slope - secant, 0.0)[:, None, None] * unit[:, :, None] * unit[:, None, :]
+        index = np.arange(load.shape[1])[self.direction]
+        derivative[np.ix_(np.arange(len(load)), index, index)] = block
+        return strain, derivative

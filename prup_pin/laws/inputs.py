@@ -1,0 +1,46 @@
+"""What a recording tells the laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array
+
+__all__ = ["Inputs"]
+
+#: Temperature [deg C] at which lengths are nominal.
+REFERENCE_TEMPERATURE = 20.0
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a recording says about every sample, as far as laws need it.
+
+    time (N,) [s]; actuators (N, a) and their speeds (N, a) or None; wrench (N, 6); temperature (N,) [deg C] or None;
+    blocks (N,) labels of samples between two moves of the actuators; runs (N,) labels of samples recorded one after
+    another, one run where they are None.
+    """
+
+    time: Array
+    actuators: Array
+    wrench: Array
+    blocks: np.ndarray
+    temperature: Array | None = None
+    speeds: Array | None = None
+    runs: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def run_labels(self) -> np.ndarray:
+        """Return the runs (N,)."""
+        return np.zeros(len(self), int) if self.runs is None else self.runs
+
+    @property
+    def warming(self) -> Array:
+        """Temperature above the reference [K], (N,); zero where it was not measured."""
+        if self.temperature is None:
+            return np.zeros(len(self))
+        return np.nan_to_num(self.temperature - REFERENCE_TEMPERATURE)

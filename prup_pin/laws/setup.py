@@ -1,0 +1,99 @@
+"""What the loaded simulation is run with: a robot, a recording's inputs, and the deeds of all laws in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..loaded import Conditions
+from ..mechanism import Mechanism
+from ..spatial import Array
+from .deeds import Deed, JointResistance, Moment, PoseReport, RememberedStrain, Strain, Strains
+from .inputs import Inputs
+
+__all__ = ["Setup"]
+
+
+@dataclass
+class Setup:
+    """The simulation as laws leave it; `take` lets a law's deeds enter."""
+
+    mechanism: Mechanism
+    inputs: Inputs
+    sensed: Array  # (N, 6), the true wrench where the sensor reports that of the inputs
+    unsensed: Array  # (N, 6), what acts on the tool beside it
+    travel: Array  # (N, a), added to the actuators' reported positions
+    turns: Array  # (N, 3, 3), the tool's orientation before anything deforms
+    deeds: list[Deed] = field(default_factory=list)
+    parameters: dict[str, float] = field(default_factory=dict)  # geometry: by the robot's parameter names
+    values: dict[str, float] = field(default_factory=dict)  # the modules' values
+    strains: dict[str, list[Strain]] = field(default_factory=dict)
+    resistances: list[JointResistance] = field(default_factory=list)
+    remembered: list[RememberedStrain] = field(default_factory=list)
+    weight: float = 0.0  # share of the links' weight that acts
+    spread_weight: bool = False
+    reports: list[PoseReport] = field(default_factory=list)
+
+    @classmethod
+    def nominal(cls, mechanism: Mechanism, inputs: Inputs, turns: Array | None = None) -> Setup:
+        """Return the simulation as the robot file has it; `turns` is the tool's orientation (N, 3, 3), if known."""
+        if turns is None:
+            turns = np.broadcast_to(np.eye(3), (len(inputs), 3, 3))
+        wrench = np.array(inputs.wrench, float)
+        return cls(mechanism, inputs, wrench, np.zeros_like(wrench), np.zeros_like(inputs.actuators, float), turns)
+
+    def take(self, deeds: Iterable[Deed]) -> None:
+        """Let deeds enter, in their order."""
+        for deed in deeds:
+            deed.enter(self)
+            self.deeds.append(deed)
+
+    # -- what laws may ask of those before them ------------------------------------------------------------------------
+
+    def module_value(self, module: str, quantity: str) -> Any:
+        """Return a module's value as changed so far."""
+        name = f"{module}.{quantity}"
+        return self.values[name] if name in self.values else self.mechanism.module(module).values[quantity]
+
+    # -- what the simulation is run with -------------------------------------------------------------------------------
+
+    @property
+    def wrench(self) -> Array:
+        """What acts on the tool, (N, 6)."""
+        return self.sensed + self.unsensed
+
+    @property
+    def memories(self) -> set[str]:
+        """How long its deeds remember: any of deeds.BLOCK and deeds.RUN."""
+        return {deed.memory for deed in self.deeds if deed.memory}
+
+    def without_memory(self) -> Setup:
+        """Return the simulation without the deeds that remember."""
+        plain = Setup.nominal(self.mechanism, self.inputs, self.turns)
+        plain.take(deed for deed in self.deeds if not deed.memory)
+        return plain
+
+    def moment(self, samples: np.ndarray) -> Moment:
+        """Return when samples (n,) were taken."""
+        inputs = self.inputs
+        return Moment(inputs.time[samples], inputs.blocks[samples], inputs.run_labels()[samples])
+
+    def conditions(self, samples: np.ndarray) -> Conditions:
+        """Return the conditions of samples (n,), without what remembers."""
+        travel = self.travel[samples]
+        return Conditions(
+            wrench=self.wrench[samples],
+            gravity=self.mechanism.gravity * self.weight if self.weight else None,
+            spread_weight=self.spread_weight,
+            strains={name: Strains(item.take(samples) for item in items) for name, items in self.strains.items()},
+            actuators=travel if np.any(travel) else None,
+        )
+
+    def reported(self, position: Array, rotation: Array) -> tuple[Array, Array]:
+        """Return what the pose sensor makes of true poses, (N, 3) [m] and (N, 3, 3)."""
+        for report in self.reports:
+            position, rotation = report.reported(position, rotation)
+        return position, rotation

@@ -1,0 +1,179 @@
+"""What a small change of a loaded robot does to the frames that are watched, to first order about its equilibria.
+
+With the equations r(x) = 0 of the deformed mechanism and the watched frames y(x), a change dr of the equations moves
+the frames by dy = -Y R^-1 dr, with R = dr/dx and Y = dy/dx at the loaded equilibrium, geometric stiffness included. By
+duality a module's deformation beyond its law appears through the wrench Jacobian that carries the load to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import UnknownNameError
+from ..mechanism import Frame
+from ..spatial import Array, rotation_log
+from .chain import Conditions, State
+from .equilibrium import Equilibria
+
+__all__ = ["FirstOrder", "elastic_deformation"]
+
+
+class FirstOrder:
+    """First-order changes about equilibria of n samples.
+
+    What is watched has 6 rows a frame: translation and small turn in base axes [m, rad]; `R` is their number.
+    """
+
+    def __init__(self, found: Equilibria, frames: Sequence[Frame] | None = None):
+        """`frames` are watched, by default the tool alone."""
+        self.found = found
+        self.chain = found.chain
+        self.frames = (self.chain.tool,) if frames is None else tuple(frames)
+        nq, nd, _, _ = self.chain.sizes
+        #: Rows of the equations that state each module's deformation.
+        self.rows: dict[str, slice] = {}
+        for slot, name in enumerate(self.chain.names):
+            self.rows[name] = slice(nq + nd + 6 * slot, nq + nd + 6 * slot + 6)
+        layout = self.chain.layout
+        for index, name in enumerate(layout.drive_names):
+            row = nq + int(layout.drive_rows[index])
+            self.rows[name] = slice(row, row + 1)
+        #: Load of a drive module per force along its joint.
+        self.ratio = {name: float(layout.drive_ratios[index, 0, 0]) for index, name in enumerate(layout.drive_names)}
+        self._kept: dict[Hashable, Any] = {}
+
+    def __len__(self) -> int:
+        return len(self.found.converged)
+
+    def once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return what `compute` gives, which depends on the equilibria and the key alone; computed once."""
+        if key not in self._kept:
+            self._kept[key] = compute()
+        return self._kept[key]
+
+    @cached_property
+    def matrix(self) -> Array:
+        """d(equations)/d(unknowns), (n, m, m)."""
+        return self.chain.matrix(self.found.state, self.found.evaluation, self.found.conditions)
+
+    @cached_property
+    def by_row(self) -> Array:
+        """Minus what is watched per residual of the equations, (n, R, m)."""
+        columns = [self.chain.frame_columns(self.found.evaluation, frame) for frame in self.frames]
+        return left_solve(self.matrix, np.concatenate(columns, axis=1))
+
+    @cached_property
+    def by_wrench(self) -> Array:
+        """What is watched per wrench on the tool, (n, R, 6): at the tool the compliance under load."""
+        return -self.by_row @ self.chain.load_columns(self.found.evaluation)
+
+    def loads(self, module: str) -> Array:
+        """Return a module's loads (n, k) in the axes of its law."""
+        layout = self.chain.layout
+        if module in self.ratio:
+            row = int(layout.drive_rows[layout.drive_names.index(module)])
+            return (self.found.evaluation.drive_loads[:, row] * self.ratio[module])[:, None]
+        return self.found.evaluation.loads[:, layout.wrench_names.index(module)]
+
+    def by_strain(self, module: str) -> Array:
+        """Return what is watched per deformation of a module, (n, R, k): its wrench Jacobian, transposed."""
+        return self.by_row[:, :, self.rows[module]] * self.ratio.get(module, 1.0)
+
+    def by_resistance(self, places: Sequence[int]) -> Array:
+        """Return what is watched per resisting torque in free joints, by their places among these, (n, R, r)."""
+        return self.by_row[:, :, list(places)]
+
+    def joints_by_resistance(self, places: tuple[int, ...]) -> Array:
+        """Return d(displacement)/d(resisting torque) of free joints, (n, r, r)."""
+
+        def compute() -> Array:
+            rows = np.zeros((len(self), len(places), self.matrix.shape[-1]))
+            rows[:, np.arange(len(places)), list(places)] = 1.0
+            return left_solve(self.matrix, rows)[:, :, list(places)]
+
+        return self.once(("joints", places), compute)
+
+    def by_residual(self, change: Array) -> Array:
+        """Return what is watched, (n, R), per change (n, m) of the equations' residual."""
+        return -(self.by_row @ change[..., None])[..., 0]
+
+    def by_equations(self, state: State, conditions: Conditions) -> Array:
+        """Return what is watched, (n, R), where state or conditions are a little other than at the equilibria."""
+        at = self.chain.evaluate(self.found.rigid, state, conditions)
+        before = self.found.evaluation
+        return self._moved(before.placements, at.placements) + self.by_residual(at.residual - before.residual)
+
+    def by_conditions(self, before: Conditions, after: Conditions) -> Array:
+        """Return what is watched, (n, R), between two conditions at the present state."""
+        one, other = (
+            self.chain.evaluate(self.found.rigid, self.found.state, conditions) for conditions in (before, after)
+        )
+        return self.by_residual(other.residual - one.residual)
+
+    def by_travel(self, column: int) -> Array:
+        """Return what is watched per travel of an actuated joint, (n, R)."""
+        return self.once(("travel", column), lambda: self._by_travel(column))
+
+    def _by_travel(self, column: int) -> Array:
+        dof = int(self.chain.mechanism.actuated_dofs[column])
+        for index, (_, driven) in enumerate(self.chain.drives):
+            if driven == dof:
+                return self.by_row[:, :, self.chain.sizes[0] + index]
+        step = np.zeros((len(self), len(self.chain.mechanism.actuated_dofs)))
+        step[:, column] = _STEP
+        state = self.chain.with_actuators(self.found.state, step)
+        return self.by_equations(state, self.found.conditions) / _STEP
+
+    def _moved(self, before: Array, after: Array) -> Array:
+        """Return the motion of the watched frames between two placements of all joints, (n, R)."""
+        parts = []
+        for frame in self.frames:
+            old, new = (placements[:, frame.joint] @ frame.placement for placements in (before, after))
+            parts.append(new[:, :3, 3] - old[:, :3, 3])
+            parts.append(rotation_log(new[:, :3, :3] @ old[:, :3, :3].mT))
+        return np.concatenate(parts, axis=1)
+
+
+#: Step of differences at the present state [m, rad].
+_STEP = 1e-6
+
+
+def left_solve(matrix: Array, rows: Array) -> Array:
+    """Return rows @ matrix^-1, (n, r, m); the least solution where the matrix is singular."""
+    scale = np.abs(matrix).max(axis=2, keepdims=True)
+    scale = np.where(scale > 0, scale, 1.0)
+    scaled = matrix / scale
+    try:
+        found = np.linalg.solve(scaled.mT, rows.mT).mT
+        regular = bool(np.isfinite(found).all()) and float(np.abs(found @ scaled - rows).max(initial=0.0)) < 1e-6
+    except np.linalg.LinAlgError:
+        regular = False
+    if not regular:
+        found = rows @ np.linalg.pinv(scaled, rcond=1e-11)
+    return found / scale.mT
+
+
+def elastic_deformation(found: Equilibria, module: str) -> Array:
+    """Return a module's elastic deformation under its present load, (n, k); of a nonlinear one as at rest."""
+    layout = found.chain.layout
+    if module in layout.wrench_names:
+        slot = layout.wrench_names.index(module)
+        for index, group in enumerate(layout.wrench_groups):
+            if group.slots.start <= slot < group.slots.stop:
+                at = found.rigid.geometries[index]
+                load = found.evaluation.loads[:, group.slots]
+                lam = group.kind.compliance(group.values, at, None)
+                whole = (np.broadcast_to(lam, (*load.shape, load.shape[-1])) @ load[..., None])[..., 0]
+                return whole[:, slot - group.slots.start]
+    slot = layout.drive_names.index(module)
+    for index, group in enumerate(layout.drive_groups):
+        if group.slots.start <= slot < group.slots.stop:
+            at = found.rigid.geometries[len(layout.wrench_groups) + index]
+            ratio = layout.drive_ratios[group.slots, 0, 0]
+            load = found.evaluation.drive_loads[:, layout.drive_rows[group.slots]] * ratio
+            return group.kind.deformation(group.values, at, load[..., None])[:, slot - group.slots.start]
+    raise UnknownNameError("module", module, layout.names)
