@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..laws import LAWS, Effect, Inputs, Law, Place, Setup
+from ..laws import LAWS, Effect, Inputs, Law, Place
 from ..laws.deeds import Deed
 from ..mechanism import Mechanism
 from ..parameters import Quantity
@@ -40,13 +40,8 @@ class Candidate:
 
     @cached_property
     def deeds(self) -> tuple[Deed, ...]:
-        """What the law does where a fit starts, on a recording of no samples: kinds and places, no numbers."""
-        none = np.zeros(0)
-        inputs = Inputs(none, np.zeros((0, len(self.mechanism.actuated))), np.zeros((0, 6)), np.zeros(0, int), none)
-        inputs = replace(inputs, speeds=inputs.actuators)
-        return Effect(self.law, self.place, self.law.starts(self.place, self.mechanism)[0]).deeds(
-            Setup.nominal(self.mechanism, inputs)
-        )
+        """What the law does: kinds and places, no numbers."""
+        return self.law.outline(self.place, self.mechanism)
 
     @cached_property
     def only_module(self) -> str | None:

@@ -9,7 +9,7 @@ from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
-from .modules_at import bush_of, is_slide, joint_places, twisting_beams
+from .modules_at import bush_of, joint_places, twisting_beams
 from .setup import Setup
 
 
@@ -35,7 +35,7 @@ class CoulombFriction(Law):
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         joint = joint_places(mechanism)[place.name]
-        if not is_slide(mechanism, joint):
+        if not mechanism.joint(joint).slides:
             return self.quantities
         return (
             Quantity("limit", "N", "force at which it slides", 5.0, upper=1e4),
@@ -48,7 +48,7 @@ class CoulombFriction(Law):
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         joint = joint_places(mechanism)[place.name]
-        return bush_of(joint, mechanism) if is_slide(mechanism, joint) else ()
+        return bush_of(joint, mechanism) if mechanism.joint(joint).slides else ()
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = joint_places(setup.mechanism)[place.name]
@@ -56,5 +56,5 @@ class CoulombFriction(Law):
         yield JointResistance(joint, values["limit"], values["presliding_stiffness"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "N" if is_slide(mechanism, joint_places(mechanism)[place.name]) else "N m"
+        unit = "N" if mechanism.joint(joint_places(mechanism)[place.name]).slides else "N m"
         return f"the joint at {place.name} sticks and slips: it slides at {values['limit']:.3g} {unit}"

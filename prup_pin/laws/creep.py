@@ -67,7 +67,7 @@ class KelvinVoigt:
 
     share: float
     time_constant: float
-    components: slice = slice(None)
+    components: slice
 
     def __call__(
         self, elastic: Array, time: Array, runs: np.ndarray, before: Crept | None

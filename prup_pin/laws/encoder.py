@@ -10,7 +10,7 @@ from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import Deed, Travel
 from .law import Law, Place
-from .modules_at import actuator_places, drive_of, is_slide
+from .modules_at import actuator_places, drive_of
 from .setup import Setup
 
 
@@ -40,7 +40,7 @@ class EncoderOffset(Law):
 
 
 def _slides(place: Place, mechanism: Mechanism) -> bool:
-    return is_slide(mechanism, mechanism.actuated[actuator_places(mechanism)[place.name]])
+    return mechanism.joint(mechanism.actuated[actuator_places(mechanism)[place.name]]).slides
 
 
 class EncoderDelay(Law):

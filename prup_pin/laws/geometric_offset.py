@@ -12,7 +12,6 @@ from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import ChangedLength, Deed, Travel
 from .law import Law, Place
-from .modules_at import is_slide
 from .setup import Setup
 
 
@@ -81,20 +80,7 @@ def _held_by(mechanism: Mechanism, moves: tuple) -> tuple[int, float] | None:
     for column, name in enumerate(mechanism.actuated):
         slide = mechanism.joint_id(name)
         below = all(mechanism.support[slide, joint] and joint != slide for joint, _ in inside)
-        if below and is_slide(mechanism, name):
-            axis = data.oMi[slide].rotation @ _axis(mechanism, slide)
+        if below and mechanism.joint(name).slides:
+            axis = data.oMi[slide].rotation @ mechanism.joint(name).axis
             return column, float(-shifts[0] @ axis)
     return None
-
-
-def _axis(mechanism: Mechanism, joint: int) -> np.ndarray:
-    """Return a slide's direction in its own frame, (3,)."""
-    model = mechanism.model
-    start = pin.neutral(model)
-    step = np.zeros(model.nv)
-    step[model.joints[joint].idx_v] = 1.0
-    first, second = model.createData(), model.createData()
-    pin.forwardKinematics(model, first, start)
-    pin.forwardKinematics(model, second, pin.integrate(model, start, step))
-    moved = second.oMi[joint].translation - first.oMi[joint].translation
-    return first.oMi[joint].rotation.T @ moved

@@ -31,6 +31,12 @@ class Inputs:
     speeds: Array | None = None
     runs: np.ndarray | None = None
 
+    @classmethod
+    def empty(cls, actuators: int) -> Inputs:
+        """Return a recording without samples that has every column."""
+        none, positions = np.zeros(0), np.zeros((0, actuators))
+        return cls(none, positions, np.zeros((0, 6)), np.zeros(0, int), temperature=none, speeds=positions)
+
     def __len__(self) -> int:
         return len(self.time)
 

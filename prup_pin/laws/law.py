@@ -18,9 +18,11 @@ from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import Deed
+from .inputs import Inputs
 from .setup import Setup
 
 __all__ = ["ASPECTS", "Effect", "Law", "Place"]
+
 
 class Place(NamedTuple):
     """Where a law acts: a module or sensor by name, and which of its motions ('radial', 'axial', …; '' for all)."""
@@ -62,6 +64,11 @@ class Law(ABC):
     @abstractmethod
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         """Return what the law does. `setup` is the simulation as the laws before it left it; it is only read."""
+
+    def outline(self, place: Place, mechanism: Mechanism) -> tuple[Deed, ...]:
+        """Return its deeds where a fit starts, on a recording without samples: their kinds and places."""
+        nothing = Setup.nominal(mechanism, Inputs.empty(len(mechanism.actuated)))
+        return tuple(self.deeds(place, self.starts(place, mechanism)[0], nothing))
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         """Return the parameters at a place, with units and starts that fit it."""

@@ -52,15 +52,10 @@ def beams(mechanism: Mechanism) -> list[Module]:
 
 def turns(mechanism: Mechanism, place: Place) -> bool:
     """Return True where a module's motion is a rotation, so that its load is a moment."""
-    module = next(module for module in mechanism.modules if module.name == place.name)
+    module = mechanism.module(place.name)
     if not isinstance(module.kind, DriveModule):
         return place.aspect == "tilting"
-    return module.kind.kind == "motor" or not is_slide(mechanism, str(mechanism.model.names[module.joint]))
-
-
-def is_slide(mechanism: Mechanism, joint: str) -> bool:
-    """Return True for a prismatic joint."""
-    return mechanism.model.joints[mechanism.joint_id(joint)].shortname().startswith("JointModelP")
+    return module.kind.kind == "motor" or not mechanism.joint(module.joint).slides
 
 
 def without_shear(module: Module) -> bool:
@@ -101,23 +96,22 @@ def lengths_of(setup: Setup, module: Module) -> Array:
     ids = [mechanism.joint_id(name) for name in mechanism.actuated]
     if module.joint not in ids or module.root.joint == module.frame.joint:
         return np.full(len(setup.inputs), length)
-    start = home[mechanism.model.joints[module.joint].idx_q]
+    start = home[mechanism.joint(module.joint).first_q]
     return length + setup.inputs.actuators[:, ids.index(module.joint)] - start
 
 
 def joint_places(mechanism: Mechanism) -> dict[str, str]:
-    """Return the free joints with one freedom that carry a module, by the place's name: the module's."""
+    """Return the free joints with one freedom by the place's name: the module that they carry, else their own."""
     free = set(mechanism.free_dofs.tolist())
     found: dict[str, str] = {}
     for module in mechanism.modules:
-        joint = mechanism.model.joints[module.joint]
-        if joint.nv == 1 and joint.idx_v in free:
-            found[module.name] = str(mechanism.model.names[module.joint])
-    bare = {mechanism.model.names[index] for index in range(1, mechanism.model.njoints)} - set(found.values())
-    for index in range(1, mechanism.model.njoints):
-        joint, name = mechanism.model.joints[index], str(mechanism.model.names[index])
-        if name in bare and joint.nv == 1 and joint.idx_v in free:
-            found[name] = name
+        joint = mechanism.joint(module.joint)
+        if joint.nv == 1 and joint.first_v in free:
+            found[module.name] = joint.name
+    carrying = set(found.values())
+    for joint in mechanism.joints:
+        if joint.name not in carrying and joint.nv == 1 and joint.first_v in free:
+            found[joint.name] = joint.name
     return found
 
 
@@ -149,7 +143,7 @@ def screws(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
 def drive_of(place: str, mechanism: Mechanism) -> list[str]:
     """Return the modules of the drive that a module or joint belongs to: they share its travel."""
     joints = {module.joint for module in mechanism.modules if module.name == place}
-    joints |= {mechanism.joint_id(place)} if place in list(mechanism.model.names) else set()
+    joints |= {joint.id for joint in mechanism.joints if joint.name == place}
     return [
         module.name for module in mechanism.modules if module.joint in joints and isinstance(module.kind, DriveModule)
     ]
@@ -158,26 +152,11 @@ def drive_of(place: str, mechanism: Mechanism) -> list[str]:
 def bush_of(joint: str, mechanism: Mechanism) -> list[str]:
     """Return the modules of the joint that shares a slide's bush: it turns about the line that the slide follows."""
     model = mechanism.model
-    index = mechanism.joint_id(joint)
-    parent = int(model.parents[index])
-    fixed = model.jointPlacements[index]
-    if (
-        not parent
-        or model.joints[index].nv != 1
-        or model.joints[parent].nv != 1
-        or np.linalg.norm(fixed.translation) > 1e-9
-    ):
+    own = mechanism.joint(joint)
+    parent = int(model.parents[own.id])
+    fixed = model.jointPlacements[own.id]
+    if not parent or own.nv != 1 or mechanism.joint(parent).nv != 1 or np.linalg.norm(fixed.translation) > 1e-9:
         return []
-    along = _axis(model, index), _axis(model, parent)
-    if along[0] is None or along[1] is None or abs(abs(float(fixed.rotation @ along[0] @ along[1])) - 1) > 1e-9:
+    if abs(abs(float(fixed.rotation @ own.axis @ mechanism.joint(parent).axis)) - 1) > 1e-9:
         return []
     return [module.name for module in mechanism.modules if module.joint == parent]
-
-
-def _axis(model, joint: int):
-    """Return a joint's axis in its own frame, whether it turns or slides about it."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    column = np.array(pin.getJointJacobian(model, data, joint, pin.LOCAL))[:, model.joints[joint].idx_v]
-    part = column[:3] if np.linalg.norm(column[:3]) > 0 else column[3:]
-    return part / np.linalg.norm(part)

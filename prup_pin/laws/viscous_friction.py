@@ -9,7 +9,7 @@ from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
-from .modules_at import bush_of, is_slide, joint_places, twisting_beams
+from .modules_at import bush_of, joint_places, twisting_beams
 from .setup import Setup
 
 
@@ -25,13 +25,13 @@ class ViscousFriction(Law):
         return [Place(name) for name in joint_places(mechanism)]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        if not is_slide(mechanism, joint_places(mechanism)[place.name]):
+        if not mechanism.joint(joint_places(mechanism)[place.name]).slides:
             return self.quantities
         return (Quantity("damping", "N s/m", "force per speed", 1e4, upper=1e9),)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         joint = joint_places(mechanism)[place.name]
-        return bush_of(joint, mechanism) if is_slide(mechanism, joint) else ()
+        return bush_of(joint, mechanism) if mechanism.joint(joint).slides else ()
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = joint_places(setup.mechanism)[place.name]
@@ -39,6 +39,6 @@ class ViscousFriction(Law):
         yield JointResistance(joint, damping=values["damping"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        slides = is_slide(mechanism, joint_places(mechanism)[place.name])
+        slides = mechanism.joint(joint_places(mechanism)[place.name]).slides
         unit = "N s/m" if slides else "N m s/rad"
         return f"the joint at {place.name} resists its speed, by {values['damping']:.3g} {unit}"

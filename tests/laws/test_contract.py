@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from prup_pin.errors import InputError, ParameterError, UnknownNameError
-from prup_pin.laws import LAWS, Effect, Place, Strain, Torsion, law_at
+from prup_pin.laws import LAWS, Effect, Place, Torsion, law_at
+from prup_pin.laws.deeds import Strain
 
 from .bench import ACTUATORS, NAMES, change, nominal, robot, simulator
 
@@ -122,7 +123,8 @@ def test_acting_leaves_the_callers_inputs_alone(name, law, place):
     before = [array.copy() for array in arrays]
     known = {key: np.copy(parameter.value) for key, parameter in base.robot.parameters.items()}
     values = dict(law.starts(place, base.robot.mechanism)[0])
-    Effect(law, place, values).act(base.setup())
+    setup = base.setup()
+    setup.take(Effect(law, place, values).deeds(setup))
     for array, copy in zip(arrays, before, strict=True):
         np.testing.assert_array_equal(array, copy)
     assert values == law.starts(place, base.robot.mechanism)[0]
@@ -171,8 +173,7 @@ def outcome(effects):
         name: sum(strain(load[:, : wide[name]])[0] for strain in strains) for name, strains in setup.strains.items()
     }
     seen = np.zeros((len(load), 3)), np.broadcast_to(np.eye(3), (len(load), 3, 3))
-    for sensor in setup.sensors:
-        seen = sensor(*seen)
+    seen = setup.reported(*seen)
     modules = {module.name: module for module in setup.mechanism.modules}
     values = {  # without those that are what the robot file says
         name: value
@@ -180,9 +181,9 @@ def outcome(effects):
         if value != modules[name.rpartition(".")[0]].values[name.rpartition(".")[2]]
     }
     names = sorted(values), sorted(setup.parameters), sorted(strained)
-    numbers = [setup.wrench, setup.travel, *(strained[name] for name in names[2]), *seen, [setup.masses]]
+    numbers = [setup.wrench, setup.travel, *(strained[name] for name in names[2]), *seen, [setup.weight]]
     numbers += [[values[name] for name in names[0]], [setup.parameters[name] for name in names[1]]]
-    return (*names, sorted(setup.resistances), setup.spread_weight), numbers
+    return (*names, sorted(map(repr, setup.resistances)), setup.spread_weight), numbers
 
 
 #: What a wrench sensor does to a wrench has an order: amplifier and frame do not commute.

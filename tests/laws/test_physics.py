@@ -427,7 +427,7 @@ def sensed(*effects):
     inputs = Inputs(np.zeros(1), np.array([[0.4, 0.4, 0.4]]), REPORTED[None], np.zeros(1, int))
     setup = Setup.nominal(mechanism, inputs)
     for item in effects:
-        item.act(setup)
+        setup.take(item.deeds(setup))
     return setup.wrench[0]
 
 

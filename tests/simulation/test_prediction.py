@@ -7,6 +7,7 @@ import pytest
 
 import prup_pin
 from prup_pin.errors import InputError, ParameterError, SimulationStoppedError, UnknownNameError
+from prup_pin.laws.deeds import BLOCK, RUN
 from prup_pin.recordings import Recording, add_noise
 from prup_pin.simulation import Simulator, compare, effect_named, inputs_of, parts, simulate
 from prup_pin.spatial import rotation_log
@@ -260,16 +261,16 @@ def test_parts_are_bounded_and_cut_where_nothing_is_remembered(robot, monkeypatc
     given = replace(given, runs=np.array([0] * 6 + [1] * 3))
 
     def sizes(*memory):
-        return [[len(rows) for rows in chain] for chain in parts.plan_parts(given, *memory)]
+        return [[len(rows) for rows in chain] for chain in parts.plan_parts(given, set(memory))]
 
-    assert sizes(False, False) == [[4], [4], [1]]
-    assert sizes(True, False) == [[3], [3], [3]]
-    assert sizes(False, True) == [[4, 2], [3]]
+    assert sizes() == [[4], [4], [1]]
+    assert sizes(BLOCK) == [[3], [3], [3]]
+    assert sizes(RUN) == [[4, 2], [3]]
     monkeypatch.setattr(parts, "SAMPLES", 2)
-    assert sizes(True, False) == [[2, 1], [2, 1], [2, 1]]
+    assert sizes(BLOCK) == [[2, 1], [2, 1], [2, 1]]
     monkeypatch.setattr(parts, "SAMPLES", 512)
     monkeypatch.setattr(parts, "POSES", 2)
-    assert sizes(False, False) == [[6], [3]]
+    assert sizes() == [[6], [3]]
 
 
 @pytest.mark.parametrize(

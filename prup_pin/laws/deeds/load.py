@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,7 +77,7 @@ class Weight(Deed):
         total: Array | None = None
         for sign, (share, spread) in ((1.0, new), (-1.0, old)):
             if share:
-                whole = at.first.once(("weight", spread), lambda spread=spread: _by_weight(at, spread))
+                whole = at.first.once(("weight", spread), partial(_by_weight, at, spread))
                 change = sign * share * whole
                 total = change if total is None else total + change
         return total

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class RememberedStrain(Deed):
         for sign, deeds in ((1.0, setup.remembered), (-1.0, at.setup.remembered)):
             for deed in deeds:
                 elastic = at.first.once(
-                    ("elastic", deed.module), lambda deed=deed: elastic_deformation(at.first.found, deed.module)
+                    ("elastic", deed.module), partial(elastic_deformation, at.first.found, deed.module)
                 )
                 strain, _ = deed.follow(elastic, at.moment.time, at.moment.runs, None)
                 change = sign * (at.first.by_strain(deed.module) @ strain[..., None])[..., 0]

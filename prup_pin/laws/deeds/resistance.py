@@ -87,7 +87,7 @@ class _Resisting(History):
     def __init__(self, setup: Setup, samples: np.ndarray, chain: Chain, before: Slid | None):
         self.resistances = setup.resistances
         mechanism = chain.mechanism
-        self.dofs = [int(mechanism.model.joints[mechanism.joint_id(item.joint)].idx_v) for item in self.resistances]
+        self.dofs = [mechanism.joint(item.joint).first_v for item in self.resistances]
         free = {int(dof): place for place, dof in enumerate(chain.free)}
         self.places = [free[dof] for dof in self.dofs]
         self.free_count = len(chain.free)

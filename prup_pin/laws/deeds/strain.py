@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -73,9 +74,7 @@ class ExtraStrain(Deed):
                 continue
             load = at.first.loads(name)
             extra = _extent(setup, name, load, at.samples)
-            extra = extra - at.first.once(
-                ("strain", name), lambda name=name, load=load: _extent(at.setup, name, load, at.samples)
-            )
+            extra = extra - at.first.once(("strain", name), partial(_extent, at.setup, name, load, at.samples))
             if np.any(extra):
                 change = (at.first.by_strain(name) @ extra[..., None])[..., 0]
                 total = change if total is None else total + change

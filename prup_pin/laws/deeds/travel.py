@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,7 +60,7 @@ class ChangedLength(Deed):
         for name in {**setup.parameters, **old}:
             step = setup.parameters.get(name, at.lengths[name]) - old.get(name, at.lengths[name])
             if step:
-                change = step * at.first.once(("length", name), lambda name=name: _by_length(at, name))
+                change = step * at.first.once(("length", name), partial(_by_length, at, name))
                 total = change if total is None else total + change
         return total
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -38,9 +39,10 @@ class ChangedValue(Deed):
         if setup.values == old:
             return None
         every = {**setup.values, **old}
-        names = {name.rpartition(".")[0] for name in every if setup.values.get(name) != old.get(name)}
+        changed = [name.rpartition(".")[0] for name in every if setup.values.get(name) != old.get(name)]
+        names = sorted(set(changed))  # in an order that does not depend on the process
         new = _deformations(with_values(at.plain, setup.values), names, at)
-        key = ("values", tuple(sorted(names)))
+        key = ("values", *names)
         present = at.first.once(key, lambda: _deformations(at.first.chain, names, at))
         total = np.zeros((len(at.samples), at.first.by_row.shape[1]))
         for name in names:
@@ -48,7 +50,7 @@ class ChangedValue(Deed):
         return total
 
 
-def _deformations(chain: Chain, names: set[str], at: Solved) -> dict[str, Array]:
+def _deformations(chain: Chain, names: Sequence[str], at: Solved) -> dict[str, Array]:
     """Return the deformations (n, k) of modules under their present loads, by the values of `chain`."""
     out: dict[str, Array] = {}
     layout, found = chain.layout, at.first.found

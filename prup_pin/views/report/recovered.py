@@ -244,7 +244,7 @@ def _views(
         )
         return made, influence.signature(module)[:, :, component]
 
-    has_memory = effect is not None and effect.law.has_memory
+    has_memory = effect is not None and any(deed.memory for deed in effect.deeds(influence.run.setup))
     if effect is None:
         assert finding.curve is not None
         return [by_load(finding.curve.module, finding.curve.component)]

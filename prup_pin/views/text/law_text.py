@@ -34,9 +34,9 @@ def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
             listed(out, "source", [law.source])
         if law.needs:
             listed(out, "needs", [_NEEDS.get(name, name) for name in law.needs], ", ")
-        if law.has_memory:
-            listed(out, "memory", ["what happened before matters"])
         places = list(law.places(mechanism))
+        if any(deed.memory for place in places[:1] for deed in law.outline(place, mechanism)):
+            listed(out, "memory", ["what happened before matters"])
         listed(out, "places", _grouped(places) or [f"none on '{robot.name}'"], ", ")
         for quantities, there in _parameters(law, places, mechanism):
             if len(places) > len(there):
