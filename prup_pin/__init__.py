@@ -25,17 +25,6 @@ from .statics import Compliance
 
 __version__ = "0.1.0"
 
-
-def _view(self, *args, **options):
-    """Return a view of the robot in meshcat's viewer; see `prup_pin.views.meshcat.view.view`."""
-    from .views.meshcat.view import view
-
-    return view(self, *args, **options)
-
-
-# Views are leaves: the robot does not know them, so its method is added here.
-Robot.view = _view  # type: ignore[attr-defined]
-
 __all__ = [
     "ClosedPose",
     "Compliance",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,9 @@ from .mechanism import Mechanism
 from .parameters import Parameter
 from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, solve_statics
+
+if TYPE_CHECKING:
+    from .views.meshcat.view import PoseLike, View
 
 __all__ = ["Robot"]
 
@@ -137,6 +140,38 @@ class Robot:
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""
         return mobility(self._kinematics, pose)
+
+    def view(
+        self,
+        pose: PoseLike | Sequence[PoseLike] | None = None,
+        wrench=None,
+        scale: float | None = None,
+        *,
+        motion: str | None = None,
+        workspace: Sequence[ClosedPose] | None = None,
+        index: Callable[[Compliance], float] | None = None,
+        compliance: Compliance | None = None,
+        ellipsoids: str = "beside",
+        serve: bool = False,
+    ) -> View:
+        """Return a view of the robot in meshcat's viewer (extra: view): `view.save("view.html")`, or a notebook's cell.
+
+        What each argument means stands at `prup_pin.views.meshcat.view.view`; that file is loaded only now.
+        """
+        from .views.meshcat.view import view
+
+        return view(
+            self,
+            pose,
+            wrench,
+            scale,
+            motion=motion,
+            workspace=workspace,
+            index=index,
+            compliance=compliance,
+            ellipsoids=ellipsoids,
+            serve=serve,
+        )
 
     def with_parameters(self, changes: Mapping[str, Any]) -> Robot:
         """Return the robot with other parameter values: {'leg1/linear_rod.diameter': 0.022}.

@@ -89,7 +89,7 @@ def diagnosis() -> None:
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
     from prup_pin.views.drawing.diagnosis_figures import place_figure
-    from prup_pin.views.report.recovered import recovered
+    from prup_pin.views.drawing.recovered import recovered
 
     robot, _ = three_prup()
     with tempfile.TemporaryDirectory() as folder:

@@ -12,10 +12,10 @@ import pytest
 from prup_pin.diagnosis.diagnosis import Detectable
 from prup_pin.errors import MissingExtraError
 from prup_pin.simulation import read_model
+from prup_pin.views.drawing.recovered import recovered, residuals
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
-from prup_pin.views.report.recovered import recovered, residuals
 from prup_pin.views.text.diagnosis_words import hidden_rows, parameter_texts, places_text, verdict_text
 
 from . import chromium

@@ -13,13 +13,13 @@ from ...kinematics import ClosedPose
 from ...modules import DriveModule
 from ...robot import Robot
 from ...spatial import Array
-from ..report.recovered import Agreement, Recovered, Residuals
 from ..scene.camera import best_camera
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text, scaled
 from .drawing import Drawing, Labels
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, leg_colours
 from .plotting import Figure, FigureCanvasAgg, plain_words
+from .recovered import Agreement, Recovered, Residuals
 
 __all__ = ["Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
 

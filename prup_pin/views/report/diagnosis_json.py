@@ -7,8 +7,8 @@ from typing import Any
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.local_curve import LocalCurve
 from ...robot import Robot
+from ..drawing.recovered import curve_units
 from .as_json import plain
-from .recovered import curve_units
 
 __all__ = ["UNIT", "diagnosis_as_json"]
 

@@ -17,6 +17,7 @@ from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
+from ..drawing.recovered import Agreement, Recovered, recovered, residuals
 from ..text.diagnosis_words import (
     alternative_text,
     channel_rows,
@@ -30,7 +31,6 @@ from ..text.diagnosis_words import (
 from ..text.joints import dimension
 from ..text.quantities import number
 from .pose_report import page_template, svg
-from .recovered import Agreement, Recovered, recovered, residuals
 
 __all__ = ["diagnosis_html", "page"]
 
