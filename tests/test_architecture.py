@@ -17,6 +17,7 @@ LAYERS = [
     "parameters",
     "modules",
     "mechanism",
+    "kernel",
     "kinematics",
     "statics",
     "recordings",

@@ -1,8 +1,6 @@
 """Closing the loops: Newton's method on closure and task coordinates together.
 
-The residual of a loop is measured in its first frame: the distance of the origins along the constrained axes, and
-entries of R_1^T R_2 that vanish when only free rotations differ. Both are linear in the entries of R_1^T R_2 and in
-R_1^T (p_2 - p_1), so the Jacobian below is exact on and off closure and Newton converges quadratically.
+The Jacobian of both is exact on and off closure, so that Newton converges quadratically.
 """
 
 from __future__ import annotations
@@ -18,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
+from ..kernel import NEGLIGIBLE, Closure, rank_of
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
@@ -34,10 +33,7 @@ _LAST_STEP = 1e-7
 _AT_LIMIT = 1e-9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
 _NEAR = 0.7
-#: A free motion counts as singular beyond this condition of the scaled closure Jacobian.
-SINGULAR = 1e7
 _ITERATIONS = 40
-_GENERATORS = np.stack([skew(axis) for axis in np.eye(3)])
 
 
 class _NotConvergedError(Exception):
@@ -75,30 +71,7 @@ class LoopKinematics:
         self.task = TaskFrame(
             mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
         )
-        loops = mechanism.loops
-        self._ends = np.array([end.joint for loop in loops for end in (loop.first, loop.second)], int)
-        self._end_placements = np.array([end.placement for loop in loops for end in (loop.first, loop.second)]).reshape(
-            -1, 4, 4
-        )
-        # Each loop has room for three translational and three rotational rows; `_rows` picks those that constrain.
-        self._rotation_rows = np.zeros((len(loops), 3, 9))
-        self._aligned = np.zeros((len(loops), 3, 3))
-        chosen = []
-        for index, loop in enumerate(loops):
-            self._rotation_rows[index, : len(loop.rotation_rows)] = loop.rotation_rows
-            chosen += [6 * index + axis for axis in loop.translation_axes]
-            chosen += [6 * index + 3 + row for row in range(len(loop.rotation_rows))]
-            turning = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in loop.free]
-            if len(turning) < 2:
-                # R_1^T R_2 is the identity, or keeps the free axis: these entries are then 1, half a turn off -1.
-                self._aligned[index, turning or range(3), turning or range(3)] = 1.0
-        self._rows = np.array(chosen, int)
-        self._all_rows = len(chosen) == 6 * len(loops)
-        self.row_loop = self._rows // 6
-        self._is_translation = self._rows % 6 < 3
-        support, dof_joint = mechanism.support, mechanism.dof_joint
-        sign = [support[dof_joint, loop.second.joint] - support[dof_joint, loop.first.joint] for loop in loops]
-        self._row_sign = np.array(sign).reshape(-1, model.nv)[self.row_loop]
+        self.closure = Closure(mechanism)
         self.lower, self.upper = mechanism.limits
         self._least, self._most = self.lower - _AT_LIMIT, self.upper + _AT_LIMIT
 
@@ -109,28 +82,9 @@ class LoopKinematics:
         pin.computeJointJacobians(self.model, self.data, q)
         placements = np.array([placement.homogeneous for placement in self._oMi])
         jacobian = self.data.J.reshape(6, -1).copy()  # one joint alone comes as a vector
-        count = len(self._ends) // 2
-        if not count:
-            return Evaluation(
-                placements, jacobian, np.zeros(0), np.zeros((0, 6)), np.zeros((0, self.model.nv)), np.zeros((0, 3, 3))
-            )
-        ends = placements[self._ends] @ self._end_placements
-        points = ends[1::2, :3, 3]
-        to_first = ends[::2, :3, :3].transpose(0, 2, 1)
-        turn = to_first @ ends[1::2, :3, :3]
-        residual = np.empty((count, 6))
-        residual[:, :3] = (to_first @ (points - ends[::2, :3, 3])[:, :, None])[..., 0]
-        residual[:, 3:] = (self._rotation_rows @ turn.reshape(count, 9, 1))[..., 0]
-        # Wrench of a unit closure force about the base's origin: a force along an axis of the first frame through
-        # the second frame's origin, or a moment made of the rotational residual's derivatives.
-        turned = (_GENERATORS @ turn[:, None]).reshape(count, 3, 9).transpose(0, 2, 1)
-        wrenches = np.zeros((count, 6, 6))
-        wrenches[:, :3, :3] = to_first
-        wrenches[:, :3, 3:] = to_first @ skew(-points)
-        wrenches[:, 3:, 3:] = self._rotation_rows @ turned @ to_first
-        rows = slice(None) if self._all_rows else self._rows
-        errors, forces = residual.ravel()[rows], wrenches.reshape(-1, 6)[rows]
-        return Evaluation(placements, jacobian, errors, forces, (forces @ jacobian) * self._row_sign, turn)
+        gaps = self.closure.gaps(placements)
+        rows = self.closure.jacobian(gaps.wrenches, jacobian)
+        return Evaluation(placements, jacobian, gaps.gap, gaps.wrenches, rows, gaps.turn)
 
     def _split(self, residual: Array) -> tuple[float, float]:
         return split_residual(self.mechanism, residual)
@@ -171,7 +125,7 @@ class LoopKinematics:
     def home(self) -> Array:
         """A configuration near the file's home position with closed loops. Raises UnreachablePoseError."""
         q = self.mechanism.home_configuration()
-        if not len(self.row_loop):
+        if not len(self.closure.row_loop):
             return q
 
         held = self.mechanism.actuated_dofs
@@ -195,7 +149,7 @@ class LoopKinematics:
                 if max(failure.residual) < max(metres, radians):
                     metres, radians = failure.residual
                 continue
-            if self._assembled(evaluation):
+            if self.closure.assembled(evaluation.turn):
                 return closed
             metres, radians = min((metres, radians), (0.0, np.pi), key=max)
         worst = self._worst_loop(q)
@@ -213,11 +167,7 @@ class LoopKinematics:
 
     def _worst_loop(self, q: Array) -> str:
         residual = np.abs(self.evaluate(q).residual)
-        return self.mechanism.loops[self.row_loop[int(np.argmax(residual))]].name
-
-    def _assembled(self, evaluation: Evaluation) -> bool:
-        """Return False where a rotation row vanishes at the wrong root: frames turned by half a turn."""
-        return not np.count_nonzero(evaluation.turn * self._aligned < 0.9 * self._aligned)
+        return self.mechanism.loops[self.closure.row_loop[int(np.argmax(residual))]].name
 
     # -- scales ----------------------------------------------------------------------------------------------------
 
@@ -236,9 +186,18 @@ class LoopKinematics:
 
     def scales(self, dofs: Array) -> tuple[Array, Array]:
         """Return row and column factors that make the closure Jacobian of `dofs` dimensionless."""
-        jacobian = self._home.jacobian
-        slides = np.abs(jacobian[3:, dofs]).max(axis=0, initial=0.0) < 1e-9
-        return np.where(self._is_translation, 1 / self.length, 1.0), np.where(slides, self.length, 1.0)
+        slides = np.array([not any(twist[3:]) for joint in self.mechanism.joints for twist in joint.subspace.T], bool)
+        return np.where(self.closure.is_translation, 1 / self.length, 1.0), np.where(slides[dofs], self.length, 1.0)
+
+    def tool_motion(self, placements: Array, jacobian: Array, velocities: Array) -> Array:
+        """Return the tool's dimensionless twist (6, n) about its own point under velocities (nv, n); none without."""
+        tool = self.mechanism.tool
+        if tool is None:
+            return np.zeros((0, velocities.shape[1]))
+        twist = (jacobian * self.mechanism.support[self.mechanism.dof_joint, tool.joint]) @ velocities
+        twist[:3] -= skew((placements[tool.joint] @ tool.placement)[:3, 3]) @ twist[3:]
+        twist[:3] /= self.length
+        return twist
 
     @cached_property
     def _free_factors(self) -> Array:
@@ -259,7 +218,7 @@ class LoopKinematics:
         if offset is not None:
             try:
                 q, evaluation = self._newton(pin.integrate(self.model, self.home, offset), self.task.goal(target))
-                if self._assembled(evaluation) and self._outside(q) is None:
+                if self.closure.assembled(evaluation.turn) and self._outside(q) is None:
                     return self._freeze(q, evaluation, requested)
             except _NotConvergedError:
                 pass
@@ -359,7 +318,7 @@ class LoopKinematics:
         """Return Newton's solution where it is assembled and no joint moves far. Raises _NotConvergedError."""
         found, evaluation = self._newton(q, goal, first)
         farthest = np.abs(pin.difference(self.model, q, found)).max(initial=0.0)
-        if farthest > _NEAR or not self._assembled(evaluation):
+        if farthest > _NEAR or not self.closure.assembled(evaluation.turn):
             raise _NotConvergedError(found, self._split(evaluation.residual))
         return found, evaluation
 
@@ -477,25 +436,20 @@ class LoopKinematics:
             except np.linalg.LinAlgError:
                 inverse = None
             # The product of Frobenius norms bounds the condition number from above.
-            if inverse is not None and frobenius(inverse) * frobenius(scaled) < SINGULAR:
+            if inverse is not None and frobenius(inverse) * frobenius(scaled) < 1 / NEGLIGIBLE:
                 return PassiveBalance(inverse * self._free_factors, np.zeros((count, 0)), np.zeros((size, 0)))
         rows, columns = self._free_scales
-        u, singular_values, vt = np.linalg.svd(scaled.T)
-        limit = singular_values.max(initial=0.0) / SINGULAR
-        rank = int((singular_values > limit).sum())
-        inverse = (vt[:rank].T / singular_values[:rank]) @ u[:, :rank].T
-        self_stress = vt[rank:].T * rows[:, None]
-        idle = u[:, rank:] * columns[:, None]
-        tool = self.mechanism.tool
-        if idle.shape[1] and tool is not None:
-            at = (evaluation.placements[tool.joint] @ tool.placement)[:3, 3]
-            moved = evaluation.jacobian[:, free] * self.mechanism.support[self.mechanism.dof_joint[free], tool.joint]
-            twist = moved @ idle
-            twist[:3] -= skew(at) @ twist[3:]
-            size_of = np.abs(np.concatenate((twist[:3] / self.length, twist[3:]))).max(axis=0)
-            if (size_of > 1e-6).any():
-                self._refuse_singular(twist[:, int(np.argmax(size_of))], idle[:, int(np.argmax(size_of))], requested)
-        return PassiveBalance(inverse * self._free_factors, self_stress, idle)
+        _, idle, self_stress, inverse = rank_of(evaluation.closure[:, free].T, columns, rows)
+        if idle.shape[1] and self.mechanism.tool is not None:
+            velocities = np.zeros((self.model.nv, idle.shape[1]))
+            velocities[free] = idle
+            moved = self.tool_motion(evaluation.placements, evaluation.jacobian, velocities)
+            size_of = np.abs(moved).max(axis=0)
+            if (size_of > NEGLIGIBLE).any():
+                worst = int(np.argmax(size_of))
+                twist = np.concatenate((moved[:3, worst] * self.length, moved[3:, worst]))
+                self._refuse_singular(twist, idle[:, worst], requested)
+        return PassiveBalance(inverse, self_stress, idle)
 
     def _refuse_singular(self, twist: Array, motion: Array, requested: dict) -> None:
         names = [self.mechanism.dof_names[dof] for dof in self.mechanism.free_dofs]

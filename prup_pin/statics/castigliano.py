@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import PrupPinError, UnreachablePoseError
+from ..kernel import semidefinite_inverse
 from ..kinematics import ClosedPose
 from ..modules import ModuleGeometry
 from ..spatial import Array
@@ -111,7 +112,7 @@ def _loads_under(layout: StaticsLayout, geometries, loads: list[Array], stress) 
         hessian = np.zeros((len(gradient), len(gradient)))
         for unit, lam in zip(stress, lambdas, strict=True):
             hessian += (unit.mT @ lam @ unit).sum(axis=0)
-        step = -_solve_semidefinite(hessian, gradient)
+        step = -semidefinite_inverse(hessian) @ gradient
         slope, share = abs(gradient @ step), 1.0
         if slope == 0.0:
             return loads
@@ -165,13 +166,5 @@ def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
         weighted = unit.mT @ lam
         d += (weighted @ unit).sum(axis=-3)
         g += (weighted @ jacobian).sum(axis=-3)
-    x = -_solve_semidefinite(d, g)
+    x = -semidefinite_inverse(d) @ g
     return jacobians[0] + stress[0] @ x, jacobians[1] + stress[1] @ x
-
-
-def _solve_semidefinite(matrix: Array, right: Array) -> Array:
-    """Return the least solution of a symmetric positive semidefinite system, whatever its rows' units."""
-    diagonal = np.diagonal(matrix)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-11, hermitian=True)
-    return (inverse * scale[:, None] * scale) @ right

@@ -8,15 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError, NoStiffnessError, UnknownNameError
+from ..kernel import NEGLIGIBLE_ENERGY
 from ..spatial import WRENCH_NAMES, Array, as_wrench, frobenius
 from .castigliano import Statics
 from .elastic_line import ElasticLine, elastic_line
 from .weight import weight_strains
 
 __all__ = ["Compliance"]
-
-#: Directions softer than this share of the softest one count as rigid.
-RIGID = 1e-12
 
 
 class _Named(Mapping):
@@ -70,7 +68,7 @@ class Compliance:
     def rigid_directions(self) -> Array:
         """Wrenches that deflect nothing, (n, 6), each scaled to a largest component of 1; n = 0 where K exists."""
         values, vectors = np.linalg.eigh(self.C * self._scaling)
-        rigid = values <= RIGID * max(values.max(), 0.0)
+        rigid = values <= NEGLIGIBLE_ENERGY * max(values.max(), 0.0)
         directions = (vectors[:, rigid] * self._scaling[:, :1]).T
         return directions / np.abs(directions).max(axis=1, keepdims=True) if rigid.any() else np.zeros((0, 6))
 
@@ -83,7 +81,7 @@ class Compliance:
         except np.linalg.LinAlgError:
             inverse = np.full((6, 6), np.inf)
         # The product of Frobenius norms bounds the condition number from above.
-        if not 0 < frobenius(inverse) * frobenius(scaled) < 0.1 / RIGID:
+        if not 0 < frobenius(inverse) * frobenius(scaled) < 0.1 / NEGLIGIBLE_ENERGY:
             rigid = self.rigid_directions
             if len(rigid):
                 listed = "; ".join(_direction(direction) for direction in rigid)

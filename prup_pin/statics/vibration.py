@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..kernel import NEGLIGIBLE_ENERGY
 from ..spatial import Array, skew
 from .compliance import Compliance
 
@@ -58,7 +59,7 @@ def vibration_modes(compliance: Compliance) -> tuple[VibrationMode, ...]:
         inertia += own.mass * at_centre[:3].T @ at_centre[:3] + moved[3:].T @ turning @ moved[3:]
     scale = np.sqrt(np.diagonal(compliance._scaling))
     values, vectors = np.linalg.eigh(compliance.C * scale[:, None] * scale)
-    soft = values > 1e-12 * values.max()
+    soft = values > NEGLIGIBLE_ENERGY * values.max()
     # wrenches of unit potential energy
     basis = scale[:, None] * vectors[:, soft] / np.sqrt(values[soft])
     inverse_squares, mixed = np.linalg.eigh(basis.T @ inertia @ basis)
@@ -68,7 +69,7 @@ def vibration_modes(compliance: Compliance) -> tuple[VibrationMode, ...]:
         )
     modes = []
     for value, column in sorted(zip(inverse_squares, mixed.T, strict=True), key=lambda pair: -pair[0]):
-        if value <= 1e-12 * inverse_squares.max():
+        if value <= NEGLIGIBLE_ENERGY * inverse_squares.max():
             continue  # no mass moves
         wrench = basis @ column / np.sqrt(value)
         modes.append(VibrationMode(float(1 / (2 * np.pi * np.sqrt(value))), compliance.C @ wrench, wrench))

@@ -78,7 +78,7 @@ def test_newton_closes_and_leaves_only_the_free_motions(tmp_path, free):
     closed = kinematics.home
     evaluation = kinematics.evaluate(closed)
     assert np.abs(evaluation.residual).max() < 1e-12
-    assert kinematics._assembled(evaluation)
+    assert kinematics.closure.assembled(evaluation.turn)
     loop = robot.mechanism.loops[0]
     ends = [evaluation.placements[end.joint] @ end.placement for end in (loop.first, loop.second)]
     relative = np.linalg.inv(ends[0]) @ ends[1]

@@ -1,0 +1,154 @@
+"""Loop closures: how far the ends of each loop are apart, and which forces hold them together.
+
+The gap of a loop is measured in its first frame: the distance of the origins along the constrained axes, and entries
+of E = R_1^T R_2 that vanish when only free rotations differ. Both are linear in E and R_1^T (p_2 - p_1), so that all
+derivatives below are exact on and off closure.
+
+Every function takes the placements of all joints with any leading axes: one pose, or many.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..spatial import Array, skew
+
+__all__ = ["Closure", "LoopForces", "LoopGaps"]
+
+_GENERATORS = np.stack([skew(axis) for axis in np.eye(3)])
+
+
+class LoopGaps(NamedTuple):
+    """The loops at joint placements (..., nj, 4, 4): c scalar constraints of L loops.
+
+    gap (..., c) [m, rad]; wrenches (..., c, 6), base wrenches on the second frame's body of unit closure forces;
+    turn (..., L, 3, 3), E = R_1^T R_2; axes (..., L, 3, 3), R_1; point (..., L, 3), the second frame's origin p_2.
+    """
+
+    gap: Array
+    wrenches: Array
+    turn: Array
+    axes: Array
+    point: Array
+
+
+class LoopForces(NamedTuple):
+    """What each loop carries under closure forces: on its second frame's body, reversed on the first's.
+
+    force (..., L, 3) and moment (..., L, 3) about the loop's point, base axes; wrench (..., L, 6), the same about the
+    base's origin. by_first and by_second (..., L, 6, 6): change of that wrench per base twist of either body.
+    """
+
+    force: Array
+    moment: Array
+    wrench: Array
+    by_first: Array
+    by_second: Array
+
+
+class Closure:
+    """The loops of one mechanism as index arrays.
+
+    row_loop (c,) is the loop of each constraint, is_translation (c,) tells distances from angles; sign (c, nv) is 1
+    where a velocity moves the second end of the row's loop only, -1 where it moves the first only, else 0; incidence
+    (nj, c) tells the same of what a joint carries of each closure force.
+    """
+
+    def __init__(self, mechanism: Mechanism):
+        loops = mechanism.loops
+        self.count = len(loops)
+        self._first, self._second = (
+            np.array([end.joint for end in ends], int)
+            for ends in ([loop.first for loop in loops], [loop.second for loop in loops])
+        )
+        self._first_placements, self._second_placements = (
+            np.array([end.placement for end in ends]).reshape(-1, 4, 4)
+            for ends in ([loop.first for loop in loops], [loop.second for loop in loops])
+        )
+        # Each loop has room for three translations and three rotations; `_rows` picks those that are constrained.
+        rotations = np.zeros((self.count, 3, 3, 3))
+        self._aligned = np.zeros((self.count, 3, 3))
+        chosen = []
+        for index, loop in enumerate(loops):
+            rotations[index, : len(loop.rotation_rows)] = loop.rotation_rows.reshape(-1, 3, 3)
+            chosen += [6 * index + axis for axis in loop.translation_axes]
+            chosen += [6 * index + 3 + row for row in range(len(loop.rotation_rows))]
+            turning = [axis for axis, name in enumerate(("rx", "ry", "rz")) if name in loop.free]
+            if len(turning) < 2:
+                # E is the identity, or keeps the free axis: these entries are then 1, half a turn off -1.
+                self._aligned[index, turning or range(3), turning or range(3)] = 1.0
+        self._rows = np.array(chosen, int)
+        self._all_rows = len(chosen) == 6 * self.count
+        self.size = len(chosen)
+        self.row_loop = self._rows // 6
+        self.is_translation = self._rows % 6 < 3
+        first, second = self._first[self.row_loop], self._second[self.row_loop]
+        support = mechanism.support
+        self.incidence = support[:, second] - support[:, first]
+        self.sign = self.incidence[mechanism.dof_joint].T
+        # On the relative placement [E | d] of the ends, row by row: distances and angles, then the angles' change with
+        # a turn of the second end, d(angle r)/d(axis c of the first frame) = sum_ab A_ab ([e_c]x E)_ab.
+        turning = np.einsum("lrab,cad->lrcdb", rotations, _GENERATORS).reshape(-1, 9, 3, 3)
+        linear = np.zeros((self.count, 15, 3, 4))
+        linear[:, range(3), range(3), 3] = 1.0
+        linear[:, 3:6, :, :3] = rotations
+        linear[:, 6:, :, :3] = turning
+        self._turning = turning.reshape(-1, 9, 9)
+        self._linear = linear.reshape(self.count, 15, 12)
+        # ... and with two of them, d2(angle r)/d(axis c)d(axis d)
+        twice = np.einsum("cae,edf->cdaf", _GENERATORS, _GENERATORS.transpose(1, 0, 2))
+        self._bending = np.einsum("lrab,cdaf->lrcdfb", rotations, twice).reshape(self.count, 27, 9)
+
+    def gaps(self, placements: Array) -> LoopGaps:
+        """Return how far the loops are open at joint placements (..., nj, 4, 4)."""
+        first = placements[..., self._first, :, :] @ self._first_placements
+        second = placements[..., self._second, :, :] @ self._second_placements
+        axes, point = first[..., :3, :3], second[..., :3, 3].copy()
+        second[..., :3, 3] -= first[..., :3, 3]
+        to_first = axes.mT
+        relative = to_first @ second[..., :3, :]
+        lead = point.shape[:-1]
+        values = (self._linear @ relative.reshape(*lead, 12, 1))[..., 0]
+        # A force along an axis of the first frame through the second's origin, or the moment of an angle.
+        wrenches = np.zeros((*lead, 6, 6))
+        wrenches[..., :3, :3] = to_first
+        wrenches[..., :3, 3:] = to_first @ skew(-point)
+        wrenches[..., 3:, 3:] = values[..., 6:].reshape(*lead, 3, 3) @ to_first
+        gap = values[..., :6].reshape(*lead[:-1], 6 * self.count)
+        wrenches = wrenches.reshape(*lead[:-1], 6 * self.count, 6)
+        if not self._all_rows:
+            gap, wrenches = gap[..., self._rows], wrenches[..., self._rows, :]
+        return LoopGaps(gap, wrenches, relative[..., :3], axes, point)
+
+    def jacobian(self, wrenches: Array, jacobian: Array) -> Array:
+        """Return d(gap)/d(velocities) (..., c, nv) of the joints' base twists `jacobian` (..., 6, nv)."""
+        return (wrenches @ jacobian) * self.sign
+
+    def assembled(self, turn: Array) -> bool:
+        """Return False where an angle vanishes at the wrong root: frames turned by half a turn."""
+        return not np.count_nonzero(turn * self._aligned < 0.9 * self._aligned)
+
+    def forces(self, at: LoopGaps, forces: Array) -> LoopForces:
+        """Return what the loops carry under closure forces (..., c) [N, N m], and how it changes as bodies move."""
+        lead = at.point.shape[:-1]
+        each = np.zeros((*lead[:-1], 6 * self.count))
+        each[..., self._rows] = forces
+        each = each.reshape(*lead, 6)
+        flat = at.turn.reshape(*lead, 9, 1)
+        moments = (self._turning @ flat).reshape(*lead, 3, 3)
+        bending = (self._bending @ flat).reshape(*lead, 3, 9)
+        axes, to_first = at.axes, at.axes.mT
+        force = (axes @ each[..., :3, None])[..., 0]
+        moment = (axes @ (each[..., None, 3:] @ moments).mT)[..., 0]
+        bent = axes @ (each[..., None, 3:] @ bending).reshape(*lead, 3, 3) @ to_first
+        f, m, p = skew(force), skew(moment), skew(at.point)
+        wrench = np.concatenate((force, moment + (p @ force[..., None])[..., 0]), axis=-1)
+        by_first, by_second = np.zeros((*lead, 6, 6)), np.zeros((*lead, 6, 6))
+        by_first[..., :3, 3:] = -f
+        by_first[..., 3:, 3:] = -m - bent - p @ f
+        by_second[..., 3:, :3] = -f
+        by_second[..., 3:, 3:] = bent + f @ p
+        return LoopForces(force, moment, wrench, by_first, by_second)
