@@ -9,14 +9,11 @@ viewer's script, readers of meshes) counts in 'first'.
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import prup_pin
 from prup_pin.views.meshcat.view import view

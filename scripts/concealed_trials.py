@@ -2,9 +2,10 @@
 
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
 
-A separate simulator (scripts/concealed, another formulation that shares no code with the package) draws a device, its
-effects, places, sizes, loads and noise from a seed. The answer is sealed in a file; the diagnosis sees the recording
-alone; the answer is opened only to score. Finished trials are kept in OUT/trials.jsonl, so a stopped run goes on.
+A separate simulator (tests/reference/concealed, another formulation that shares no code with the package) draws a
+device, its effects, places, sizes, loads and noise from a seed. The answer is sealed in a file; the diagnosis sees the
+recording alone; the answer is opened only to score. Finished trials are kept in OUT/trials.jsonl, so a stopped run goes
+on.
 `--docs` writes the summary into docs/concealed_trials.md.
 """
 
@@ -25,17 +26,14 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 import numpy as np
-
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
-
-from concealed.draw import NOISE, PHYSICS, RARE, draw, write
+from _project import ROOT
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
+from tests.reference.concealed.draw import NOISE, PHYSICS, RARE, draw, write
 
 #: What is drawn: name -> (share of the trials, effects, range of strength in multiples of the noise).
 GROUPS = {
@@ -51,8 +49,8 @@ SENSORS = (0.5, 4.0)
 UNDECLARED = 0.15
 HEAD = """# Concealed trials: how often the diagnosis is right
 
-A simulator of its own (`scripts/concealed/`: another formulation of the loaded 3-PRUP, by integrating each leg from
-its end, which shares no code with the package) draws a device, a bench test of 14 poses with 27 loads each, and
+A simulator of its own (`tests/reference/concealed/`: another formulation of the loaded 3-PRUP, by integrating each leg
+from its end, which shares no code with the package) draws a device, a bench test of 14 poses with 27 loads each, and
 sensors of half to four times 2 µm and 10 µrad; one recording in seven does not tell its noise. The answer is sealed in
 a file. The diagnosis gets the recording alone, its corrected model predicts another test of the same device, and only
 then the answer is opened to score. Seeds decide everything: `{command}`
@@ -321,7 +319,7 @@ def main() -> None:
         )
     print("\n" + text)
     if options.docs:
-        page = HERE.parent / "docs" / "concealed_trials.md"
+        page = ROOT / "docs" / "concealed_trials.md"
         command = f"python scripts/concealed_trials.py --count {options.count} --first-seed {first} --docs"
         head = HEAD.format(command=command)
         page.write_text(head + text, encoding="utf-8")

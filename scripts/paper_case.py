@@ -2,34 +2,30 @@
 
     python scripts/paper_case.py [--out docs/pictures] [--seed 5] [--force 40]
 
-A correct 3-PRUP (the independent simulator of scripts/concealed, sensor noise included) is recorded; the robot file's
-variant `as_published`, which carries the printed sign of Eq. (90), is compared with it. Prints the verdict and draws
-paper_case.png: the residual before and after, and what the printed equation leaves out at a rod's tip. Needs the extra
-`figures`.
+A correct 3-PRUP (the independent simulator of tests/reference/concealed, sensor noise included) is recorded; the robot
+file's variant `as_published`, which carries the printed sign of Eq. (90), is compared with it. Prints the verdict and
+draws paper_case.png: the residual before and after, and what the printed equation leaves out at a rod's tip. Needs the
+extra `figures`.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
-
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
-
-from concealed.draw import draw, write
+from _project import ROOT
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
+from tests.reference.concealed.draw import draw, write
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--out", type=Path, default=HERE.parent / "docs" / "pictures")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "pictures")
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--force", type=float, default=40.0, help="typical force of the bench test [N]")
     options = parser.parse_args()

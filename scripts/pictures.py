@@ -10,11 +10,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-
-ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
-
 import render
+from _project import ROOT
 
 import prup_pin
 from prup_pin.robot import random_poses
@@ -84,12 +81,11 @@ def drawings() -> None:
 
 def diagnosis() -> None:
     """Draw what a diagnosis finds: a bench test of a device with play in one drive, its place, its local curve."""
-    from concealed.draw import draw, write
-
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
     from prup_pin.views.drawing.diagnosis_figures import place_figure
     from prup_pin.views.drawing.recovered import recovered
+    from tests.reference.concealed.draw import draw, write
 
     robot, _ = three_prup()
     with tempfile.TemporaryDirectory() as folder:

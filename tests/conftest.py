@@ -1,12 +1,9 @@
 """Small bench tests of concealed devices and their diagnoses, made once for all tests."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "scripts"))
 
 
 @dataclass(frozen=True)
@@ -20,7 +17,7 @@ class Bench:
 
 
 def make_bench(folder, name, seed, effects, strength, poses=(5, 3), level=60.0):
-    from concealed.draw import NOISE, draw, write
+    from tests.reference.concealed.draw import NOISE, draw, write
 
     drawn = draw(seed, effects, strength, level, poses=poses)
     write(drawn, folder, folder / "sealed", name)

@@ -133,9 +133,9 @@ def test_the_place_is_found_without_a_law(robot, simulator, physics, place, aspe
 
 def test_it_says_what_a_strange_deformation_follows(tmp_path, robot):
     """The drive of leg 1 moves with the load of the drive of leg 2."""
-    from concealed.device import Device
-    from concealed.draw import NOISE as SENSORS
-    from concealed.draw import measure, programme, write_csv
+    from tests.reference.concealed.device import Device
+    from tests.reference.concealed.draw import NOISE as SENSORS
+    from tests.reference.concealed.draw import measure, programme, write_csv
 
     rng = np.random.default_rng(5)
     effect = {"physics": "alien", "location": "leg1/support_bearing", "kind": "coupling", "of": 2, "coefficient": 4e-6}

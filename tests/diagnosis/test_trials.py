@@ -1,8 +1,5 @@
 """Blind trials on a few devices of the independent simulator; `scripts/concealed_trials.py` runs hundreds."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,10 +8,7 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
-
-from concealed.draw import draw, write
+from tests.reference.concealed.draw import draw, write
 
 POSES = (9, 3)
 
@@ -76,8 +70,8 @@ def test_one_effect_is_placed_named_and_modelled(robot, tmp_path, seed, physics)
 
 def test_what_no_law_explains_is_called_unknown(robot, tmp_path):
     """A stiffness that depends on another leg's load is in nobody's library."""
-    from concealed.device import Device
-    from concealed.draw import measure, programme, write_csv
+    from tests.reference.concealed.device import Device
+    from tests.reference.concealed.draw import measure, programme, write_csv
 
     rng = np.random.default_rng(3)
     run = programme(rng, POSES[0], 80.0)

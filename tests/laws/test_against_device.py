@@ -6,9 +6,6 @@ is followed as it is built; where two readings of one physics exist, the case sa
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,11 +14,8 @@ from prup_pin import laws
 from prup_pin.laws import LAWS, Effect, Inputs, Place
 from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_exp, rotation_log
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-
-from concealed.device import Device
-from concealed.draw import programme
+from tests.reference.concealed.device import Device
+from tests.reference.concealed.draw import programme
 
 NOISE = np.array([2e-6] * 3 + [1e-5] * 3)
 ROBOT = prup_pin.load("3prup")

@@ -1,6 +1,6 @@
 """Draw a concealed device and its bench test from a seed, and write what a bench test leaves behind.
 
-    python scripts/concealed/draw.py --seed 7 --out DIR --sealed OTHER_DIR [--effects N] [--kind PHYSICS]
+    python -m tests.reference.concealed.draw --seed 7 --out DIR --sealed OTHER_DIR [--effects N] [--kind PHYSICS]
         [--multiple LOW HIGH] [--level NEWTON] [--variants practice|physical|mixed]
 
 writes DIR/<name>.csv, <name>.json and <name>.heldout.csv, and OTHER_DIR/<name>.truth.json with what is different
@@ -13,16 +13,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 import numpy as np
 
-from concealed.device import ALPHA, NOMINAL, T_REF, Device
+from .device import ALPHA, NOMINAL, T_REF, Device
 
 NOISE = {"position": 2e-6, "rotation": 1e-5, "force": 0.03, "moment": 0.002}  # m, rad, N, N m
 LEVELS = np.array([0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0])  # one cycle along a wrench direction
