@@ -13,6 +13,7 @@ from ..laws.deeds import Deed
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
+from .criteria import LEAST_WARMING
 
 __all__ = ["Candidate", "candidates"]
 
@@ -135,7 +136,7 @@ class Candidate:
 
 def candidates(mechanism: Mechanism, inputs: Inputs) -> list[Candidate]:
     """Return every law at every place that these inputs could show."""
-    warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > 0.2
+    warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > LEAST_WARMING
     fast = inputs.speeds is not None and np.nanmax(np.abs(inputs.speeds), initial=0.0) > 0
     step = float(np.median(np.diff(inputs.time))) if len(inputs) > 1 else 0.0
     has = {"temperature": warm, "speed": fast}

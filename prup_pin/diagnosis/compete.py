@@ -3,11 +3,12 @@
 A law enters where the chi squared that it removes passes a threshold for the whole library (chance, and the same
 residual with the signs of its blocks flipped), where it removes more than 1 % on blocks that were not used to fit it,
 and where the whole simulation confirms it. After each step every law that is in is challenged by every other one.
+
+How far it is searched is a matter of work counted, not of a clock: the same recording gets the same answer everywhere.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,37 +17,93 @@ from scipy.stats import chi2 as chi_squared
 
 from ..spatial import Array
 from .candidates import Candidate
+from .criteria import (
+    CHALLENGES,
+    CLEAR_LEAD,
+    CURVATURE,
+    DETOURS,
+    FALSE_ALARM,
+    FAR_RIVAL,
+    FEW_ROUNDS,
+    FEW_SIMULATED,
+    FEWEST_FOR_FOLDS,
+    FIRST_STEPS,
+    FLIPS,
+    FOLDS,
+    FRONT,
+    FRONT_GAIN,
+    HOPELESS,
+    INDISTINCT,
+    LARGE_MISJUDGED,
+    LAST_STEPS,
+    LEAST_GAIN,
+    LEAST_PIECES,
+    MEMORY_WORK,
+    MERGE_ROUNDS,
+    MERGES_TRIED,
+    MODEST,
+    MORE_SIMULATED,
+    MOST_TERMS,
+    NEAR_RIVAL,
+    NEEDED,
+    ONE_PLACE,
+    PARALLEL,
+    PARAMETER_COST,
+    REFINE_MEMORY_WORK,
+    REFINE_WORK,
+    RIVAL_MARGIN,
+    SAME_CHI2,
+    SEARCH_WORK,
+    SEGMENTS,
+    SMALL_MISJUDGED,
+    SWAP_LEAD,
+    TRIED_WHOLE,
+    UNLIKELY_PLACE,
+    USUAL_MULTIPLE,
+    clean_bound,
+)
 from .fit import Fit, Problem, Term, without
 from .locate import least_left, yieldings
+from .whiteness import compared
 
-__all__ = ["Rival", "Selection", "cross_validated", "scale_of", "select"]
+__all__ = ["Budget", "Rival", "Selection", "cross_validated", "scale_of", "select"]
 
-#: Chance that anything of the whole library is accepted on a clean recording.
-FALSE_ALARM = 0.01
-#: Share of the held-out squared residual that a law must remove.
-LEAST_GAIN = 0.01
-MOST_TERMS = 4
-#: Processor time after which no further law is looked for [s].
-MOST_SECONDS = 30.0
-#: A residual of this many times the noise may be noise; else the search is made again, so many times.
-_CLEAN = 1.10
-_DETOURS = 2
-#: Share of what is left that one module's deformation must take away to be all of it.
-_ONE_PLACE = 0.9
-_FIRST_STEPS = 4
-_FRONT = 24
-#: First-order changes may misjudge a rival's chi squared by this share of the effect's.
-_CURVATURE = 1.5e-3
-#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes ...
-_HOPELESS = 0.2
-#: ... and that is more than this.
-_MODEST = 300.0
-_FLIPS = 200
-_LEAST_PIECES = 40
-#: Offsets and the like are rarely this many times larger than where a fit starts.
-_USUAL = 30.0
-#: Alternatives whose chi squared is larger by less than this cannot be told apart.
-INDISTINCT = 13.0
+
+@dataclass(frozen=True)
+class Budget:
+    """What a search may cost before it looks for no further law, in units of `criteria`: counted, never timed."""
+
+    work: float = SEARCH_WORK
+
+
+class _Search:
+    """A problem that is asked for fits, and counts what they cost. What is begun is ended."""
+
+    def __init__(self, problem: Problem, budget: Budget):
+        self.problem, self.budget, self.spent = problem, budget, 0.0
+
+    @property
+    def over(self) -> bool:
+        return self.spent > self.budget.work
+
+    def quick(
+        self,
+        fit: Fit,
+        kept: Sequence[Term],
+        candidate: Candidate,
+        starts: Sequence[Array] | None = None,
+        limit: int = 25,
+        beside: Array | None = None,
+    ) -> tuple[float, Term, Array]:
+        """Return what `Problem.quick` does."""
+        self.spent += len(fit.samples) * (MEMORY_WORK if candidate.law.has_memory else 1.0)
+        return self.problem.quick(fit, kept, candidate, starts, limit, beside)
+
+    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
+        """Return what `Problem.refine` does."""
+        remembers = any(term.candidate.law.has_memory for term in terms)
+        self.spent += len(start.samples) * (REFINE_MEMORY_WORK if remembers else REFINE_WORK)
+        return self.problem.refine(terms, start, rounds)
 
 
 @dataclass(frozen=True)
@@ -76,6 +133,7 @@ class Selection:
     rivals: tuple[tuple[Rival, ...], ...]
     library: Sequence[Candidate]
     screened: tuple[Rival, ...]  # what the last round tried on top, best first
+    work: float = 0.0  # what the search cost, in units of its budget
 
 
 def penalty(term: Term) -> float:
@@ -84,18 +142,18 @@ def penalty(term: Term) -> float:
     logs = candidate.logarithmic
     starts = candidate.starts()
     far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
-    far += float(((term.coordinates / (_USUAL * candidate.scales()))[~logs] ** 2).sum())
-    return 8.0 * candidate.size + far + candidate.law.cost + unlikely(candidate)
+    far += float(((term.coordinates / (USUAL_MULTIPLE * candidate.scales()))[~logs] ** 2).sum())
+    return PARAMETER_COST * candidate.size + far + candidate.law.cost + unlikely(candidate)
 
 
 def unlikely(candidate: Candidate) -> float:
     """Return a small cost that decides between places that these data cannot tell apart at all."""
-    likely = getattr(candidate.law, "likely", ())
+    likely = candidate.law.likely
     module = next((m for m in candidate.mechanism.modules if m.name == candidate.place.name), None)
-    return 0.0 if not likely or (module is not None and module.kind.kind in likely) else 1.0
+    return 0.0 if not likely or (module is not None and module.kind.kind in likely) else UNLIKELY_PLACE
 
 
-def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = 7) -> float:
+def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = FOLDS) -> float:
     """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly)."""
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
     return _held_out(fit.residual, jacobian, blocks, folds)
@@ -122,9 +180,9 @@ def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int) 
 
 def _segments(blocks: np.ndarray) -> np.ndarray:
     """Return blocks, or pieces in time where there are too few of them."""
-    if len(np.unique(blocks)) >= 5:
+    if len(np.unique(blocks)) >= FEWEST_FOR_FOLDS:
         return blocks
-    return np.arange(len(blocks)) * 10 // max(len(blocks), 1)
+    return np.arange(len(blocks)) * SEGMENTS // max(len(blocks), 1)
 
 
 def _pieces(blocks: np.ndarray) -> np.ndarray:
@@ -132,12 +190,12 @@ def _pieces(blocks: np.ndarray) -> np.ndarray:
     starts = np.concatenate(([True], blocks[1:] != blocks[:-1]))
     block = np.cumsum(starts) - 1
     count = int(block[-1]) + 1 if len(block) else 1
-    parts = int(np.ceil(_LEAST_PIECES / count))
+    parts = int(np.ceil(LEAST_PIECES / count))
     inside = np.arange(len(blocks)) - np.flatnonzero(starts)[block]
     return block * parts + inside * parts // np.bincount(block)[block]
 
 
-def threshold(problem_size: int, tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[Rival]):
+def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[Rival]) -> Callable[[int], float]:
     """Return the least gain by number of parameters: a function of it."""
     directions = [rival.change.ravel() for rival in rivals]
     directions = [vector / np.linalg.norm(vector) for vector in directions if np.linalg.norm(vector) > 1e-9]
@@ -150,7 +208,7 @@ def threshold(problem_size: int, tried: int, residual: Array, blocks: np.ndarray
                 for vector in directions
             ]
         )
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(kinds), _FLIPS))
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(kinds), FLIPS))
         flipped = float(np.quantile(((per_block @ signs) ** 2).max(axis=0), 1 - FALSE_ALARM))
     one = float(chi_squared.isf(FALSE_ALARM / tried, 1))
 
@@ -167,37 +225,38 @@ def select(
     blocks: np.ndarray,
     first: Fit,
     tell: Callable[[str, float], None] = lambda stage, share: None,
-    seconds: float = MOST_SECONDS,
+    budget: Budget | None = None,
 ) -> Selection:
     """Return the selection of laws that the recording asks for.
 
     Where structure is left, the search is made again without one of the laws that it took: a law that came first may
     have come for two others.
     """
-    ends = time.process_time() + seconds
-    best = _forward(problem, library, blocks, first, ends, tell)
+    search = _Search(problem, budget or Budget())
+    best = _forward(search, library, blocks, first, tell)
     tried: set[str] = set()
-    while len(tried) < _DETOURS and time.process_time() < ends:
-        if is_clean(best.last) or _sits_in_one_place(problem, best.last):
+    while len(tried) < DETOURS and not search.over:
+        if is_clean(problem, best.last) or _sits_in_one_place(problem, best.last):
             break
         banned = next((term.candidate.name for term in best.last.terms if term.candidate.name not in tried), None)
         if banned is None:
             break
         tried.add(banned)
         others = [candidate for candidate in library if candidate.name != banned]
-        other = _forward(problem, others, blocks, first, ends, tell)
+        other = _forward(search, others, blocks, first, tell)
         if _cost(other.last) < _cost(best.last):
             best = replace(other, library=library)
     fit = best.last
     rivals = best.rivals
     if len(rivals) != len(fit.terms) or tried:
-        rivals = tuple(tuple(challengers(problem, fit, index, library)) for index in range(len(fit.terms)))
-    return replace(best, rivals=rivals)
+        rivals = tuple(tuple(challengers(search, fit, index, library)) for index in range(len(fit.terms)))
+    return replace(best, rivals=rivals, work=search.spent)
 
 
-def is_clean(fit: Fit) -> bool:
+def is_clean(problem: Problem, fit: Fit) -> bool:
     """Return True where what is left may be noise."""
-    return fit.chi2 <= max(_CLEAN, 1 + 4 * float(np.sqrt(0.5 / max(fit.residual.size, 1)))) ** 2 * fit.residual.size
+    count = compared(problem, fit)
+    return fit.chi2 <= clean_bound(count) ** 2 * count
 
 
 def _share(step: int, part: float) -> float:
@@ -208,46 +267,47 @@ def _share(step: int, part: float) -> float:
 def _sits_in_one_place(problem: Problem, fit: Fit) -> bool:
     """Return True where what is left is the deformation of one module: then no other order of laws explains it."""
     found = yieldings(problem, fit)
-    return bool(found) and found[0].gain > _ONE_PLACE * (fit.chi2 - fit.residual.size)
+    return bool(found) and found[0].gain > ONE_PLACE * (fit.chi2 - compared(problem, fit))
 
 
 def _cost(fit: Fit) -> float:
     return fit.chi2 + sum(penalty(term) for term in fit.terms)
 
 
-def scale_of(fit: Fit) -> float:
+def scale_of(problem: Problem, fit: Fit) -> float:
     """Return the mean squared residual where more than noise is left, else 1."""
-    return max(1.0, fit.chi2 / max(fit.residual.size, 1))
+    return max(1.0, fit.chi2 / max(compared(problem, fit), 1))
 
 
 def _forward(
-    problem: Problem,
+    search: _Search,
     library: Sequence[Candidate],
     blocks: np.ndarray,
     first: Fit,
-    ends: float,
     tell: Callable[[str, float], None],
 ) -> Selection:
-    fit = first
+    problem, fit = search.problem, first
     screened: list[Rival] = []
     refused: set[str] = set()
     rivals: list[list[Rival]] = []
     for step in range(MOST_TERMS + 1):
         labels = blocks[fit.samples]
-        screened = screen(
-            problem, fit, library, lambda share, step=step: tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
-        )
-        if step == MOST_TERMS or time.process_time() > ends:
+
+        def told(share: float, step: int = step) -> None:
+            tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
+
+        screened = screen(search, fit, library, told)
+        if step == MOST_TERMS or search.over:
             break
-        least = threshold(fit.residual.size, len(library), fit.residual, labels, screened)
+        least = threshold(len(library), fit.residual, labels, screened)
         before = cross_validated(problem, fit, labels)
         taken = None
-        for rival in sorted(screened, key=lambda rival: rival.score)[:6]:
+        for rival in sorted(screened, key=lambda rival: rival.score)[:TRIED_WHOLE]:
             size = rival.term.candidate.size
             if rival.term.candidate.name in refused or fit.chi2 - rival.chi2 < least(size):
                 continue
             tell("the whole simulation", _share(step, 0.6))
-            trial = problem.refine([*fit.terms, rival.term], fit)
+            trial = search.refine([*fit.terms, rival.term], fit)
             after = cross_validated(problem, trial, labels)
             if fit.chi2 - trial.chi2 >= least(size) and before - after > LEAST_GAIN * before:
                 taken = trial
@@ -256,21 +316,24 @@ def _forward(
         if taken is None:
             break
         tell("earlier choices again", _share(step, 0.8))
-        if time.process_time() > ends:
+        if search.over:
             fit, rivals = taken, []
             continue
-        challenged, rivals = _challenged(problem, taken, library)
-        fit = _pruned(problem, _merged(problem, challenged, library), labels, least)
+        challenged, rivals = _challenged(search, taken, library)
+        fit = _pruned(search, _merged(search, challenged, library), least)
         if fit is not challenged:
             rivals = []
-    return Selection(first, fit, tuple(tuple(each) for each in rivals), library, tuple(screened))
+    return Selection(first, fit, tuple(tuple(each) for each in rivals), library, tuple(screened), search.spent)
 
 
-def screen(problem: Problem, fit: Fit, library, tell=lambda share: None) -> list[Rival]:
+def screen(
+    search: _Search, fit: Fit, library: Sequence[Candidate], tell: Callable[[float], None] = lambda share: None
+) -> list[Rival]:
     """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
     All get a few steps of their fit, those in front the rest of it; those that cannot come near the best are left out.
     """
+    problem = search.problem
     rivals = []
     kept = fit.terms
     present = {term.candidate.name for term in kept}
@@ -281,13 +344,15 @@ def screen(problem: Problem, fit: Fit, library, tell=lambda share: None) -> list
     for index, candidate in enumerate(sorted(library, key=lambda candidate: least[problem.module_of(candidate)])):
         tell(index / len(library))
         bound = least[problem.module_of(candidate)]
-        if candidate.name in present or bound > best + max(_HOPELESS * (fit.chi2 - best), _MODEST):
+        if candidate.name in present or bound > best + max(HOPELESS * (fit.chi2 - best), MODEST):
             continue
-        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS, beside=beside)
+        chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
-    front = [_finished(problem, fit, kept, rival, beside) for rival in rivals[:_FRONT] if rival.chi2 < fit.chi2 - 4.0]
+    front = [
+        _finished(search, fit, kept, rival, beside) for rival in rivals[:FRONT] if rival.chi2 < fit.chi2 - FRONT_GAIN
+    ]
     return sorted([*front, *rivals[len(front) :]], key=lambda rival: rival.score)
 
 
@@ -299,24 +364,25 @@ def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Arra
     return least_left(problem, fit, module, residual, beside)
 
 
-def _finished(problem: Problem, fit: Fit, kept, rival: Rival, beside: Array | None) -> Rival:
-    term = rival.term
-    chi2, new, change = problem.quick(fit, kept, term.candidate, term.candidate.around(term.coordinates), 20, beside)
+def _finished(search: _Search, fit: Fit, kept: Sequence[Term], rival: Rival, beside: Array | None) -> Rival:
+    candidate, around = rival.term.candidate, rival.term.candidate.around(rival.term.coordinates)
+    chi2, new, change = search.quick(fit, kept, candidate, around, LAST_STEPS, beside)
     return Rival(new, chi2, change) if chi2 < rival.chi2 else rival
 
 
-def challengers(problem: Problem, fit: Fit, index: int, library) -> list[Rival]:
+def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
     """Return what could stand in the place of term `index`, the term itself included, best first."""
+    problem = search.problem
     others = [place for place in range(len(fit.terms)) if place != index]
     kept = [fit.terms[place] for place in others]
     own = fit.terms[index]
     beside = problem.beside(fit, others)
     removed = problem.change(fit, [term.effect for term in kept])
     changed = without(removed.ravel(), beside).reshape(removed.shape)
-    scale = scale_of(fit)
+    scale = scale_of(problem, fit)
     rivals = [Rival(own, fit.chi2, -changed, scale)]
     weight = float((changed**2).sum())
-    worst = fit.chi2 + max(0.5 * weight, 4 * INDISTINCT)
+    worst = fit.chi2 + max(FAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT)
     present = {term.candidate.name for term in fit.terms}
     least: dict[str | None, float] = {}
     for candidate in library:
@@ -327,35 +393,37 @@ def challengers(problem: Problem, fit: Fit, index: int, library) -> list[Rival]:
             least[module] = _least_chi2(problem, fit, candidate, fit.residual - removed, beside)
         if least[module] > worst:
             continue
-        chi2, term, change = problem.quick(fit, kept, candidate, limit=_FIRST_STEPS, beside=beside)
+        chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
         if chi2 > worst:
             continue
         rival = Rival(term, chi2, change)
-        if chi2 < fit.chi2 + max(0.1 * weight, 4 * INDISTINCT):
-            rival = _finished(problem, fit, kept, rival, beside)
+        if chi2 < fit.chi2 + max(NEAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT):
+            rival = _finished(search, fit, kept, rival, beside)
         rivals.append(Rival(rival.term, rival.chi2, rival.change - changed, scale))
     return sorted(rivals, key=lambda rival: rival.score)
 
 
-def _challenged(problem: Problem, fit: Fit, library) -> tuple[Fit, list[list[Rival]]]:
+def _challenged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
     """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals.
 
     First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
     """
     rivals: list[list[Rival]] = []
-    for _ in range(2):
+    for _ in range(CHALLENGES):
         swapped = False
         rivals = []
         for index in range(len(fit.terms)):
-            found = challengers(problem, fit, index, library)
-            scale = scale_of(fit)
+            if search.over:
+                return fit, []
+            found = challengers(search, fit, index, library)
+            scale = scale_of(search.problem, fit)
             own = fit.chi2 + scale * penalty(fit.terms[index])
             weight = float((found[0].change ** 2).sum()) if found else 0.0
-            reach = _CURVATURE * weight
+            reach = CURVATURE * weight
             judged: list[Rival] = []
-            simulated, most = 0, 3 if reach < 100 else 6
+            simulated, most = 0, FEW_SIMULATED if reach < LARGE_MISJUDGED else MORE_SIMULATED
             for rival in found:
-                close = rival.score < own + reach and (rival.score < own - 1.0 or reach > 2.0)
+                close = rival.score < own + reach and (rival.score < own - CLEAR_LEAD or reach > SMALL_MISJUDGED)
                 twin = any(_alike(rival, other) for other in judged)
                 if rival.term is fit.terms[index] or not close or twin or simulated == most:
                     judged.append(rival)
@@ -363,9 +431,9 @@ def _challenged(problem: Problem, fit: Fit, library) -> tuple[Fit, list[list[Riv
                 simulated += 1
                 terms = list(fit.terms)
                 terms[index] = rival.term
-                trial = problem.refine(terms, fit, rounds=4)
+                trial = search.refine(terms, fit, rounds=FEW_ROUNDS)
                 judged.append(Rival(trial.terms[index], trial.chi2, rival.change, scale))
-                if judged[-1].score < own - 0.5:
+                if judged[-1].score < own - SWAP_LEAD:
                     fit, swapped = trial, True
                     break
             if swapped:
@@ -376,7 +444,7 @@ def _challenged(problem: Problem, fit: Fit, library) -> tuple[Fit, list[list[Riv
     return fit, rivals if not swapped else []
 
 
-def _merged(problem: Problem, fit: Fit, library) -> Fit:
+def _merged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
     """Return the fit with one law in the place of two that act on the same part, where it does as well."""
     for one in range(len(fit.terms)):
         for other in range(one + 1, len(fit.terms)):
@@ -384,15 +452,15 @@ def _merged(problem: Problem, fit: Fit, library) -> Fit:
             if fit.terms[other].candidate.place.name != place:
                 continue
             places = [index for index in range(len(fit.terms)) if index not in (one, other)]
-            kept, beside = [fit.terms[index] for index in places], problem.beside(fit, places)
+            kept, beside = [fit.terms[index] for index in places], search.problem.beside(fit, places)
             both = fit.chi2 + penalty(fit.terms[one]) + penalty(fit.terms[other])
             rivals = []
             for candidate in library:
                 if candidate.place.name == place:
-                    chi2, term, change = problem.quick(fit, kept, candidate, beside=beside)
+                    chi2, term, change = search.quick(fit, kept, candidate, beside=beside)
                     rivals.append(Rival(term, chi2, change))
-            for rival in sorted(rivals, key=lambda rival: rival.score)[:3]:
-                trial = problem.refine([*kept, rival.term], fit, rounds=5)
+            for rival in sorted(rivals, key=lambda rival: rival.score)[:MERGES_TRIED]:
+                trial = search.refine([*kept, rival.term], fit, rounds=MERGE_ROUNDS)
                 if trial.chi2 + penalty(trial.terms[-1]) < both:
                     return trial
     return fit
@@ -401,19 +469,20 @@ def _merged(problem: Problem, fit: Fit, library) -> Fit:
 def _alike(one: Rival, other: Rival) -> bool:
     """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
     a, b = one.change.ravel(), other.change.ravel()
-    return float(a @ b) > (1 - 1e-6) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < 1.0
+    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < SAME_CHI2
 
 
-def _pruned(problem: Problem, fit: Fit, blocks: np.ndarray, least) -> Fit:
+def _pruned(search: _Search, fit: Fit, least: Callable[[int], float]) -> Fit:
     """Return the fit without terms that the others have made needless."""
+    problem = search.problem
     while len(fit.terms) > 1:
         for index, term in enumerate(fit.terms):
             others = [place for place in range(len(fit.terms)) if place != index]
             kept = [fit.terms[place] for place in others]
             changed = problem.change(fit, [other.effect for other in kept]).ravel()
-            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > 4 * least(term.candidate.size):
+            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > NEEDED * least(term.candidate.size):
                 continue
-            smaller = problem.refine(kept, fit, rounds=4)
+            smaller = search.refine(kept, fit, rounds=FEW_ROUNDS)
             if smaller.chi2 - fit.chi2 < least(term.candidate.size):
                 fit = smaller
                 break

@@ -7,14 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import chi2 as chi_squared
 
-from .compete import FALSE_ALARM, Selection
+from .compete import Selection
+from .criteria import FALSE_ALARM, LEAST_WARMING, MOST_PARAMETERS_TOLD, STRONG
 from .diagnosis import Detectable
 from .fit import Fit, Problem
 
 __all__ = ["not_detectable"]
-
-#: Sizes at which an effect of its kind is strong: where even that stays hidden, the data could not have shown it.
-_STRONG = {"factor": 0.2, "half_gap": 2e-4, "scale": 3.0, "limit": 5.0, "root_tilting_stiffness": 1e3}
 
 
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
@@ -23,12 +21,12 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
     present = {term.candidate.name for term in fit.terms}
     effects = [term.effect for term in fit.terms]
     for candidate in selection.library:
-        if candidate.name in present or candidate.size > 2:
+        if candidate.name in present or candidate.size > MOST_PARAMETERS_TOLD:
             continue
         coordinates = candidate.starts()[0].copy()
         index = 0
         quantity = candidate.quantities[index]
-        strong = _STRONG.get(quantity.name)
+        strong = STRONG.get(quantity.name)
         if strong is not None:
             moved = candidate.values_of(coordinates)
             moved[index] = strong
@@ -59,7 +57,7 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
     inputs = problem.simulator.inputs
     if inputs.temperature is None:
         yield Detectable("thermal_growth", "", "expansion", None, "1/K", "no temperature was recorded")
-    elif np.ptp(np.nan_to_num(inputs.warming)) <= 0.2:
+    elif np.ptp(np.nan_to_num(inputs.warming)) <= LEAST_WARMING:
         yield Detectable("thermal_growth", "", "expansion", None, "1/K", "the temperature hardly changed")
     if inputs.speeds is None:
         yield Detectable("encoder_delay", "", "delay", None, "s", "no speeds (qd columns) were recorded")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2 as chi_squared
+from threadpoolctl import threadpool_limits
 
 from ..laws import Inputs
 from ..recordings import Recording, suspicions
@@ -15,7 +15,30 @@ from ..robot import Robot
 from ..simulation import Simulator, inputs_of
 from ..spatial import Array
 from .candidates import Candidate, candidates
-from .compete import INDISTINCT, Selection, cross_validated, penalty, scale_of, select
+from .compete import Budget, Selection, cross_validated, penalty, scale_of, select
+from .criteria import (
+    BESIDE_WORK,
+    CURVE_DEVIATIONS,
+    CURVE_SHARE,
+    DEFLECTION_GAIN,
+    DEFLECTION_OF_ITSELF,
+    DEFLECTION_SHARE,
+    FEWEST_BLOCKS,
+    IMITATED,
+    IMITATED_HERE,
+    INDISTINCT,
+    INDISTINCT_COST,
+    MOST_SAMPLES,
+    MUCH_LARGER,
+    ROUGH,
+    ROUGH_SHARE,
+    STRUCTURE_CHANCE,
+    UNSEEN,
+    WIDEST_LOGARITHM,
+    WORSE,
+    chance_bound,
+    clean_bound,
+)
 from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
 from .fit import Fit, Problem
@@ -24,28 +47,9 @@ from .locate import Located, locate
 from .next_experiment import next_experiment
 from .plausible import Linear, check_belongs, what_is_missing
 from .residual import Measured, Noise, estimate_noise, scatter_of_repeats
-from .whiteness import noise_of_the_rest
+from .whiteness import compared, noise_of_the_rest
 
 __all__ = ["diagnose"]
-
-#: More samples than this are thinned, whole blocks at a time.
-MOST_SAMPLES = 1200
-#: Residuals up to this multiple of a declared noise pass for noise where no structure is found in them.
-_NOISE_LIKE = 1.10
-#: Where a law takes away nearly all, a slightly rough law is still the right one.
-_ROUGH = 1.25
-_ROUGH_SHARE = 0.01
-_STRUCTURE = 1e-4
-#: Declared noise this many times what repeats show is told.
-_MUCH_LARGER = 3.0
-#: A law is an imitation that gains less than so many times what is left; and where what is left sits in its place.
-_IMITATED, _IMITATED_HERE = 10.0, 100.0
-#: Processor time for what else there is beside something unknown [s].
-_SECONDS_BESIDE = 10.0
-#: What is found so is taken where all together fit no worse than this, in chi squared.
-_WORSE = 1.3
-#: A parameter whose usual change moves the whole residual by less than this share of the noise is not seen.
-_UNSEEN = 1e-3
 
 Tell = Callable[[str, float], None]
 
@@ -72,8 +76,12 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
     `tell(stage, share)` hears how far it is. Raises InputError where the recording does not belong to this robot at all
     (units, frames, another machine), UnknownNameError where it lacks the actuators' positions.
     """
-    begun = time.perf_counter()
-    tell = _only_forward(tell)
+    # With several threads the last digits of a product may differ from run to run, and a close race with them.
+    with threadpool_limits(1, user_api="blas"):
+        return _diagnosed(robot, recording, _only_forward(tell))
+
+
+def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
     remarks = [*recording.remarks, *suspicions(recording)]
     recording = _thinned(recording, remarks)
     inputs = _inputs(robot, recording)
@@ -101,7 +109,7 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
         before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
         selection = select(problem, library, inputs.blocks, first, tell)
     tell("the verdict", 0.9)
-    return _verdict(problem, selection, inputs, noise, before, raw_linear, remarks, begun, robot, tell)
+    return _verdict(problem, selection, inputs, noise, before, raw_linear, remarks, robot, tell)
 
 
 def _inputs(robot: Robot, recording: Recording) -> Inputs:
@@ -120,8 +128,8 @@ def _thinned(recording: Recording, remarks: list[str]) -> Recording:
     starts = np.flatnonzero(np.diff(blocks, prepend=-1))
     count = len(starts)
     typical = n / count
-    if typical <= MOST_SAMPLES / 8:
-        wanted = max(int(MOST_SAMPLES / typical), 8)
+    if typical <= MOST_SAMPLES / FEWEST_BLOCKS:
+        wanted = max(int(MOST_SAMPLES / typical), FEWEST_BLOCKS)
         chosen = np.unique(np.linspace(0, count - 1, wanted).astype(int))
         keep = np.isin(np.searchsorted(starts, np.arange(n), side="right") - 1, chosen)
     else:
@@ -144,7 +152,7 @@ def _quieter(noise: Noise, recording, measured: Measured, linear: Linear, inputs
     seen = scatter_of_repeats(measured, np.nan_to_num(linear.compliance), inputs.blocks, inputs.wrench)
     for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
         declared = getattr(recording.noise, name)
-        if declared is not None and found is not None and declared > _MUCH_LARGER * found:
+        if declared is not None and found is not None and declared > MUCH_LARGER * found:
             remarks.append(
                 f"{name}_noise is declared as {1e6 * declared:.3g} {unit}, but repeats of a load scatter by "
                 f"{1e6 * found:.3g} {unit} only: if it is declared too large, effects are overlooked"
@@ -162,13 +170,11 @@ def _noisier(noise: Noise, larger: Noise) -> str:
 # -- the verdict -------------------------------------------------------------------------------------------------------
 
 
-def _verdict(
-    problem, selection: Selection, inputs, noise, before, raw_linear, remarks, begun, robot, tell
-) -> Diagnosis:
+def _verdict(problem, selection: Selection, inputs, noise, before, raw_linear, remarks, robot, tell) -> Diagnosis:
     last, first = selection.last, selection.first
     samples = last.samples
     labels = inputs.blocks[samples]
-    count = int(problem.measured.exists[samples].sum())
+    count = compared(problem, last)
     held = cross_validated(problem, last, labels) if count else 0.0
     findings = [_finding(problem, last, index, selection, robot, held) for index in range(len(last.terms))]
     curves = strongest_curve(problem, last) if count else []
@@ -203,7 +209,6 @@ def _verdict(
         residual_before=raw_linear,
         residual_after=raw_after,
         final=final.run,
-        timing={"seconds": time.perf_counter() - begun},
     )
     return diagnosis
 
@@ -217,11 +222,11 @@ def _unexplained(first: Fit, last: Fit, count: int, curves: Sequence[LocalCurve]
     if not count:
         return False
     rms, began = _rms(last.chi2, count), _rms(first.chi2, count)
-    structured = bool(curves) and chi_squared.sf(curves[0].gain, curves[0].degrees) * len(curves) < _STRUCTURE
-    chance = 1 + 4 * np.sqrt(0.5 / count)
-    if rms <= max(_NOISE_LIKE, chance):
-        return structured and not named and rms > 1 + 2.5 * np.sqrt(0.5 / count) and curves[0].gain > 0.02 * last.chi2
-    return not (named and rms <= _ROUGH and (rms**2 - 1) <= _ROUGH_SHARE * (began**2 - 1))
+    structured = bool(curves) and chi_squared.sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
+    if rms <= clean_bound(count):
+        shows = rms > chance_bound(count, CURVE_DEVIATIONS)
+        return structured and not named and shows and curves[0].gain > CURVE_SHARE * last.chi2
+    return not (named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1))
 
 
 def _with_unknown(
@@ -247,7 +252,7 @@ def _with_unknown(
         doubtful = [
             index
             for index, gain in enumerate(gains)
-            if gain < (_IMITATED_HERE if _same_place(kept[index], found) else _IMITATED) * left
+            if gain < (IMITATED_HERE if _same_place(kept[index], found) else IMITATED) * left
         ]
         if not doubtful:
             break
@@ -267,11 +272,10 @@ def _with_unknown(
         return kept, [], fit
     # what else there is, whatever happens at that place
     freed = problem.freed(fit.influence, found.module)
-    again = select(
-        freed, selection.library, labels, freed.fit_at((), selection.first.run), tell, seconds=_SECONDS_BESIDE
-    )
+    begin = freed.fit_at((), selection.first.run)
+    again = select(freed, selection.library, labels, begin, tell, Budget(BESIDE_WORK))
     beside = problem.fit_at(again.last.terms, again.last.run)
-    if beside.chi2 < _WORSE * fit.chi2:  # else what was freed has taken what the others explain
+    if beside.chi2 < WORSE * fit.chi2:  # else what was freed has taken what the others explain
         around = cross_validated(freed, again.last, labels[again.last.samples])
         kept = [_finding(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
         fit, found = beside, locate(problem, beside) or found
@@ -309,13 +313,13 @@ def _alone(problem: Problem, fit: Fit, index: int) -> float:
 def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot: Robot, held: float) -> Finding:
     term = fit.terms[index]
     without = _alone(problem, fit, index) + fit.chi2
-    scale = scale_of(fit)  # where more than noise is left, less can be told apart
+    scale = scale_of(problem, fit)  # where more than noise is left, less can be told apart
     own = fit.chi2 + scale * penalty(term)
     places, laws = [term.candidate.place.name], []
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
     for rival in selection.rivals[index]:
         # indistinct: as good a fit, with values that are not absurd
-        if rival.chi2 - fit.chi2 > scale * INDISTINCT or rival.score > own + 2.5 * scale * INDISTINCT:
+        if rival.chi2 - fit.chi2 > scale * INDISTINCT or rival.score > own + INDISTINCT_COST * scale * INDISTINCT:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
             places.append(rival.term.candidate.place.name)
@@ -338,11 +342,11 @@ def _parameters(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParam
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
     jacobian = problem.jacobian(fit)
     scale = np.linalg.norm(jacobian, axis=0)
-    unseen = scale < _UNSEEN
+    unseen = scale < UNSEEN
     scale = np.where(unseen, 1.0, scale)
     scaled = jacobian / scale
     covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True) / scale / scale[:, None]
-    count = max(fit.residual.size, 1)
+    count = max(compared(problem, fit), 1)
     covariance = covariance * max(1.0, fit.chi2 / count)
     start = sum(term.candidate.size for term in fit.terms[:index])
     term = fit.terms[index]
@@ -355,7 +359,7 @@ def _parameters(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParam
         ends = []
         for sign in (-1.0, 1.0):
             moved = term.coordinates.copy()
-            moved[place] += sign * min(deviation, 50.0 if candidate.logarithmic[place] else np.inf)
+            moved[place] += sign * min(deviation, WIDEST_LOGARITHM if candidate.logarithmic[place] else np.inf)
             end = float(candidate.values_of(moved)[place])
             ends.append(float(np.clip(end, quantity.lower, quantity.upper)))
         value = float(candidate.values_of(term.coordinates)[place])
@@ -370,7 +374,8 @@ def _finite_deflection(first: Fit, last: Fit, before: Array) -> Finding | None:
     with_linear = last.residual + difference
     worse = float((with_linear**2).sum())
     gained = worse - last.chi2
-    if size < 25 or gained < max(0.5 * size, 25) or gained < 0.01 * worse:
+    least = max(DEFLECTION_OF_ITSELF * size, DEFLECTION_GAIN, DEFLECTION_SHARE * worse)
+    if size < DEFLECTION_GAIN or gained < least:
         return None
     return Finding(
         physics="finite_deflection",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -82,7 +82,6 @@ class Diagnosis:
     residual_before: Array
     residual_after: Array
     final: Run | None = None
-    timing: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def explained(self) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..spatial import Array
+from .criteria import KNOTS, LEAST_SPAN, SMOOTH
 from .fit import Fit, Problem
 
 __all__ = ["LocalCurve", "curve_against", "local_curve", "strongest_curve"]
@@ -46,7 +47,7 @@ def _basis(load: Array, count: int) -> tuple[Array, Array]:
     return knots, np.array([np.interp(load, knots, row) for row in np.eye(len(knots))]).T
 
 
-def local_curve(problem: Problem, fit: Fit, module: str, component: int, count: int = 7) -> LocalCurve | None:
+def local_curve(problem: Problem, fit: Fit, module: str, component: int, count: int = KNOTS) -> LocalCurve | None:
     """Return the curve of a module's motion that the residual asks for; None where its load does not vary."""
     load = fit.influence.loads(module)[:, component]
     return curve_against(problem, fit, module, component, load, count=count)
@@ -59,14 +60,14 @@ def curve_against(
     component: int,
     variable: Array,
     factor: Array | float = 1.0,
-    count: int = 7,
+    count: int = KNOTS,
 ) -> LocalCurve | None:
     """Return the deformation of a module's motion as factor (n,) times a curve over a variable (n,).
 
     None where the variable does not vary or the motion does not reach the tool. The curve's `load` and `deformation`
     are then the variable and the deformation over the factor.
     """
-    if np.ptp(variable) < 1e-6:
+    if np.ptp(variable) < LEAST_SPAN:
         return None
     knots, hats = _basis(variable, count)
     if not hats.shape[1]:
@@ -81,7 +82,7 @@ def curve_against(
     if not scale.max() > 0:
         return None
     # a weak preference for smooth curves keeps knots that the data do not reach from swinging
-    second = np.diff(np.eye(len(knots)), 2, axis=0) * 1e-3 * scale.max()
+    second = np.diff(np.eye(len(knots)), 2, axis=0) * SMOOTH * scale.max()
     normal = columns.T @ columns + second.T @ second + 1e-12 * scale.max() ** 2 * np.eye(len(knots))
     inverse = np.linalg.inv(normal)
     target = fit.residual.ravel()
@@ -90,7 +91,7 @@ def curve_against(
     return LocalCurve(module, component, knots, values, np.sqrt(np.diag(inverse)), gain)
 
 
-def strongest_curve(problem: Problem, fit: Fit, count: int = 7) -> list[LocalCurve]:
+def strongest_curve(problem: Problem, fit: Fit, count: int = KNOTS) -> list[LocalCurve]:
     """Return the curves of all modules' motions, the one that removes most first."""
     curves = []
     for name in fit.influence.rows:

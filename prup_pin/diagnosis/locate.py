@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..spatial import Array
+from .criteria import ALIKE, CHANCE_DEVIATIONS, CLEARER, NOT_REACHING
 from .fit import Fit, Problem
 from .local_curve import LocalCurve, curve_against, local_curve
 
@@ -22,10 +23,6 @@ __all__ = ["Located", "Yielding", "least_left", "locate", "yieldings"]
 #: Motions of a module whose load is a wrench: along its axis, across, tilting, about its axis; bending of a beam.
 _MOTIONS = ((2,), (0, 1), (3, 4), (5,))
 _BENDING = (0, 1, 3, 4)
-#: Places that take away at least this share of what the best one does cannot be told from it.
-_ALIKE = 0.95
-#: Another variable must take away this much more than the module's own load to be named.
-_CLEARER = 1.1
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
         motions = ((0,),) if directions.shape[2] == 1 else (*_MOTIONS, *([_BENDING] if name in bent else []))
         for components in motions:
             basis, sizes, _ = np.linalg.svd(directions[:, :, list(components)], full_matrices=False)
-            seen = sizes > 1e-6 * max(float(sizes.max(initial=0.0)), 1e-300)
+            seen = sizes > NOT_REACHING * max(float(sizes.max(initial=0.0)), 1e-300)
             part = (basis.mT @ fit.residual[..., None])[..., 0] * seen
             found.append(Yielding(name, components, float((part**2).sum()) - int(seen.sum())))
     return sorted(found, key=lambda item: -item.gain)
@@ -95,8 +92,8 @@ def locate(problem: Problem, fit: Fit) -> Located | None:
     found = yieldings(problem, fit)
     if not found or found[0].gain <= 0:
         return None
-    chance = 4 * np.sqrt(2 * len(fit.residual))
-    least = found[0].gain - max((1 - _ALIKE) * found[0].gain, chance)
+    chance = CHANCE_DEVIATIONS * np.sqrt(2 * len(fit.residual))
+    least = found[0].gain - max((1 - ALIKE) * found[0].gain, chance)
     alike = [item for item in found if item.gain >= least]
     total = float((fit.residual**2).sum())
     own: LocalCurve | None = None
@@ -115,7 +112,7 @@ def locate(problem: Problem, fit: Fit) -> Located | None:
     if own is None:
         return None
     follows = None
-    if clearest is not None and clearest[1].gain > _CLEARER * own.gain + chance:
+    if clearest is not None and clearest[1].gain > CLEARER * own.gain + chance:
         words, best = clearest
         follows = words, best.gain / total
         curve = local_curve(problem, fit, best.module, best.component)

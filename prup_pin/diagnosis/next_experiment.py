@@ -11,15 +11,23 @@ from ..laws import Inputs
 from ..robot import Robot
 from ..simulation import Simulator
 from ..spatial import WRENCH_NAMES
-from .compete import INDISTINCT, Selection
+from .compete import Selection
+from .criteria import (
+    INDISTINCT,
+    LEAST_FORCE,
+    LEAST_MOMENT,
+    LEAST_WIDER,
+    MOST_PAIRS,
+    PLANNED_POSES,
+    WEIGHED_LOADS,
+    WEIGHED_POSES,
+    WIDER,
+    WORTH_SEPARATING,
+)
 from .fit import Problem
 from .influence import Influence
 
 __all__ = ["next_experiment"]
-
-_POSES = 12
-_LOADS = 8
-_CHOSEN = 4
 
 
 def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
@@ -32,10 +40,10 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
         return {"why": "no complete sample", "plan": {}}
     generator = np.random.default_rng(1)
     low, high = inputs.actuators[finite].min(axis=0), inputs.actuators[finite].max(axis=0)
-    wide = np.maximum(0.25 * (high - low), 0.02)
+    wide = np.maximum(WIDER * (high - low), LEAST_WIDER)
     positions = list(_reachable(robot, low - wide, high + wide, generator))
-    force = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, :3], axis=1), initial=0.0)), 50.0)
-    moment = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, 3:], axis=1), initial=0.0)), 10.0)
+    force = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, :3], axis=1), initial=0.0)), LEAST_FORCE)
+    moment = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, 3:], axis=1), initial=0.0)), LEAST_MOMENT)
     loads = _unit_loads(generator) * np.array(3 * [force] + 3 * [moment])
     if not positions:
         return {"why": "no pose near the recorded ones is reachable", "plan": {}}
@@ -66,7 +74,7 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
         moved = (influence.compliance @ trial.wrench[run.samples][..., None])[..., 0] / noise
         value[run.samples] = (moved**2).sum(axis=1)
     per_pose = value.reshape(len(positions), len(loads))
-    best = np.argsort(-per_pose.max(axis=1))[:_CHOSEN]
+    best = np.argsort(-per_pose.max(axis=1))[:PLANNED_POSES]
     plan["poses"] = [
         {
             "actuators": {
@@ -94,15 +102,15 @@ def _pairs(selection: Selection) -> list:
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
         for rival in rivals:
             other = rival.term
-            if other is term or rival.chi2 - selection.last.chi2 > 3 * INDISTINCT:
+            if other is term or rival.chi2 - selection.last.chi2 > WORTH_SEPARATING * INDISTINCT:
                 continue
             pairs.append((term, other))
-    return pairs[:6]
+    return pairs[:MOST_PAIRS]
 
 
 def _reachable(robot: Robot, low, high, generator):
     found = 0
-    for _ in range(10 * _POSES):
+    for _ in range(10 * WEIGHED_POSES):
         values = generator.uniform(low, high)
         try:
             robot.pose_from_actuators(values)
@@ -110,13 +118,13 @@ def _reachable(robot: Robot, low, high, generator):
             continue
         found += 1
         yield values
-        if found == _POSES:
+        if found == WEIGHED_POSES:
             return
 
 
 def _unit_loads(generator) -> np.ndarray:
     axes = np.eye(6)
-    mixed = generator.normal(size=(_LOADS, 6))
+    mixed = generator.normal(size=(WEIGHED_LOADS, 6))
     mixed[:, :3] /= np.linalg.norm(mixed[:, :3], axis=1, keepdims=True)
     mixed[:, 3:] /= np.linalg.norm(mixed[:, 3:], axis=1, keepdims=True)
     return np.concatenate((axes, mixed))

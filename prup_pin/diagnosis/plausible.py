@@ -10,18 +10,21 @@ from ..errors import InputError
 from ..laws import Inputs
 from ..simulation import Simulator
 from ..spatial import Array, rotation_exp, rotation_log
+from .criteria import (
+    COARSE,
+    FAR,
+    LEAST_REACH,
+    LOADS_EXPLAIN,
+    LOADS_MATTER,
+    LOADS_SHOW,
+    NEAR,
+    NEAR_POSITION,
+    NO_FORCE,
+    TURNED,
+)
 from .residual import Measured
 
 __all__ = ["Linear", "check_belongs", "what_is_missing"]
-
-#: Positions farther apart than this share of the robot's reach are no deflections.
-_FAR = 0.03
-#: Orientations farther apart than this are no deflections either [rad].
-_TURNED = 0.2
-#: How far a ratio may be from a power of ten to be one of units.
-_NEAR = 1.4
-#: Noise that every bench is better than [m, rad]: weights of positions against rotations.
-_COARSE = np.repeat([1e-5, 5e-5], 3)
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def what_is_missing(inputs: Inputs, measured: Measured) -> list[str]:
     elif not measured.exists[:, :3].any():
         remarks.append("no position was measured: forces are judged by the rotation alone")
     force = np.nan_to_num(np.abs(inputs.wrench)).max(initial=0.0)
-    if force < 1e-6:
+    if force < NO_FORCE:
         remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
     if len(np.unique(inputs.blocks)) < 2:
         remarks.append("one pose only: effects of geometry and stiffness look alike")
@@ -103,7 +106,7 @@ def check_belongs(measured: Measured, linear: Linear, inputs: Inputs) -> None:
 
 def _check_rotations(measured: Array, rigid: Array) -> None:
     apart = float(np.median(np.linalg.norm(rotation_log(measured @ rigid.mT), axis=1)))
-    if apart > _TURNED:
+    if apart > TURNED:
         raise InputError(
             f"measured and simulated orientations are {apart:.3g} rad apart: expected r.x r.y r.z as a rotation vector "
             "in rad, in the base frame of the robot file. Are they degrees, is it another robot, or are the actuators' "
@@ -114,12 +117,12 @@ def _check_rotations(measured: Array, rigid: Array) -> None:
 def _check_positions(measured: Array, rigid: Array, loaded: Array) -> None:
     distance = float(np.median(np.linalg.norm(measured - rigid, axis=1)))
     size = float(np.median(np.linalg.norm(rigid, axis=1)))
-    reach = max(size, 0.1)
-    if distance < _FAR * reach or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < _FAR * reach:
+    reach = max(size, LEAST_REACH)
+    if distance < FAR * reach or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < FAR * reach:
         return
     ratio = float(np.median(np.linalg.norm(measured, axis=1))) / max(size, 1e-12)
     for factor, unit in ((1e3, "mm"), (1e-3, "km"), (1e6, "um")):
-        if 0.8 < ratio / factor < 1.25:
+        if 1 / NEAR_POSITION < ratio / factor < NEAR_POSITION:
             raise InputError(
                 f"measured positions are about {factor:g} times those of the simulation "
                 f"({ratio * size:.4g} against {size:.4g} m): they seem to be in {unit}; expected metres"
@@ -136,7 +139,7 @@ def _check_loads(measured: Measured, linear: Linear, inputs: Inputs, good: np.nd
     good = good & np.isfinite(asked).all(axis=1)
     moved = linear.compliance[good, :, :3] @ inputs.wrench[good, :3, None]
     turned = linear.compliance[good, :, 3:] @ inputs.wrench[good, 3:, None]
-    values = np.concatenate((asked[good, :, None], moved, turned), axis=2) / _COARSE[:, None]
+    values = np.concatenate((asked[good, :, None], moved, turned), axis=2) / np.array(COARSE)[:, None]
     values *= measured.exists[good][..., None]
     blocks = np.unique(inputs.blocks[good], return_inverse=True)[1].ravel()
     counts = np.bincount(blocks)
@@ -146,21 +149,21 @@ def _check_loads(measured: Measured, linear: Linear, inputs: Inputs, good: np.nd
             values[:, row, column] -= mean[blocks]
     target, columns = values[..., 0].ravel(), values[..., 1:].reshape(-1, 2)
     sizes = np.linalg.norm(columns, axis=0)
-    if not (sizes > 0).all() or np.linalg.norm(target) < 10 * np.sqrt(len(target)):
+    if not (sizes > 0).all() or np.linalg.norm(target) < LOADS_SHOW * np.sqrt(len(target)):
         return
     shares, *_ = np.linalg.lstsq(columns / sizes, target, rcond=1e-8)
     explained = 1 - float(((target - columns / sizes @ shares) ** 2).sum() / (target**2).sum())
-    if explained < 0.7:
+    if explained < LOADS_EXPLAIN:
         return
     told = []
     for name, unit, small, big, share, size in (
         ("forces w.fx w.fy w.fz", "N", "mN", "kN", *_pair(shares, sizes, 0)),
         ("moments w.mx w.my w.mz", "N m", "N mm", "kN m", *_pair(shares, sizes, 1)),
     ):
-        if share < 0.05 * float(np.linalg.norm(target)):
+        if share < LOADS_MATTER * float(np.linalg.norm(target)):
             continue  # too weak a part to be judged
         for factor, seems in ((1e3, big), (1e-3, small)):
-            if 1 / _NEAR < share / size / factor < _NEAR:
+            if 1 / NEAR < share / size / factor < NEAR:
                 told.append(
                     f"the {name} move the tool {share / size:.3g} times as far as in the simulation: "
                     f"they seem to be in {seems}; expected {unit}"

@@ -13,6 +13,15 @@ from scipy.stats import norm
 
 from ..recordings import Recording
 from ..spatial import Array, rotation_exp, rotation_log
+from .criteria import (
+    CLIP,
+    FEWEST_NUMBERS,
+    FEWEST_REPEATS,
+    MOST_REPEATS,
+    SAME_LOAD,
+    USUAL_POSITION_NOISE,
+    USUAL_ROTATION_NOISE,
+)
 
 __all__ = ["Measured", "Noise", "estimate_noise", "scatter_of_repeats", "whitening"]
 
@@ -66,11 +75,8 @@ def whitening(noise: Noise, compliance: Array, exists: np.ndarray) -> Array:
     return np.where(missing[:, :, None], 0.0, inverse)
 
 
-#: Numbers farther out than this many standard deviations are left out; what is left of the variance of a normal one.
-_CLIP = 2.5
-_CLIPPED = 1 - 2 * _CLIP * float(norm.pdf(_CLIP)) / (2 * float(norm.cdf(_CLIP)) - 1)
-#: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
-_USUAL_POSITION, _USUAL_ROTATION = 1e-6, 5e-6
+#: What is left of the variance of normal numbers without the outliers.
+_CLIPPED = 1 - 2 * CLIP * float(norm.pdf(CLIP)) / (2 * float(norm.cdf(CLIP)) - 1)
 
 
 def estimate_noise(
@@ -82,8 +88,8 @@ def estimate_noise(
     estimated = position is None or rotation is None
     if estimated:
         seen = scatter_of_repeats(measured, compliance, blocks, wrench)
-        position = position if position is not None else seen[0] or _USUAL_POSITION
-        rotation = rotation if rotation is not None else seen[1] or _USUAL_ROTATION
+        position = position if position is not None else seen[0] or USUAL_POSITION_NOISE
+        rotation = rotation if rotation is not None else seen[1] or USUAL_ROTATION_NOISE
     assert position is not None
     assert rotation is not None
     force = declared.force if declared.force is not None else 0.0
@@ -100,7 +106,7 @@ def scatter_of_repeats(
     few repeat.
     """
     first, second = _repeats(blocks, wrench)
-    if len(first) < 8:
+    if len(first) < FEWEST_REPEATS:
         return None, None
     moved = measured.position[first] - measured.position[second]
     turned = rotation_log(measured.rotation[first] @ measured.rotation[second].mT)
@@ -112,30 +118,29 @@ def scatter_of_repeats(
 
 def _spread(values: Array) -> float | None:
     """Return the standard deviation of either of two numbers with these differences, outliers left out."""
-    if len(values) < 12:
+    if len(values) < FEWEST_NUMBERS:
         return None
     robust = 1.4826 * float(np.median(np.abs(values)))
     for _ in range(5):  # a mean of squares without outliers says more than the median
-        inside = np.abs(values) <= _CLIP * robust
+        inside = np.abs(values) <= CLIP * robust
         robust = float(np.sqrt((values[inside] ** 2).mean() / _CLIPPED)) if inside.any() else robust
     return robust / np.sqrt(2) if robust > 0 else None
 
 
 def _repeats(blocks: np.ndarray, wrench: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of samples of one block under wrenches that differ by less than 2 % of the largest."""
+    """Return pairs of samples of one block under wrenches that are one load, but for SAME_LOAD of the largest."""
     size = np.abs(wrench[:, :3]).max(initial=0.0), np.abs(wrench[:, 3:]).max(initial=0.0)
     scale = np.array(3 * [max(size[0], 1e-9)] + 3 * [max(size[1], 1e-9)])
     first, second = [], []
     for block in np.unique(blocks):
-        members = np.flatnonzero(blocks == block)[:200]
+        members = np.flatnonzero(blocks == block)[:MOST_REPEATS]
         scaled = wrench[members] / scale
         used: set[int] = set()
         for i in range(len(members)):
             if i in used:
                 continue
-            near = [
-                j for j in range(i + 1, len(members)) if j not in used and np.abs(scaled[i] - scaled[j]).max() < 0.02
-            ]
+            others = (j for j in range(i + 1, len(members)) if j not in used)
+            near = [j for j in others if np.abs(scaled[i] - scaled[j]).max() < SAME_LOAD]
             if near:
                 first.append(members[i])
                 second.append(members[near[0]])

@@ -9,14 +9,17 @@ from scipy.stats import chi2 as chi_squared
 from scipy.stats import norm
 
 from ..spatial import Array
+from .criteria import STRUCTURE_CHANCE, chance_bound
 from .fit import Fit, Problem
 from .local_curve import strongest_curve
 from .residual import Noise
 
-__all__ = ["is_white", "noise_of_the_rest"]
+__all__ = ["compared", "is_white", "noise_of_the_rest"]
 
-#: Chance of calling pure noise a structure.
-_CHANCE = 1e-4
+
+def compared(problem: Problem, fit: Fit) -> int:
+    """Return how many numbers of a fit's residual were both measured and simulated."""
+    return int((problem.measured.exists[fit.samples] & fit.run.solved[fit.samples, None]).sum())
 
 
 def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
@@ -42,7 +45,7 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
             tests.append(float(chi_squared.sf((means**2).sum(), len(names))))
     curves = strongest_curve(problem, fit)
     tests += [float(chi_squared.sf(curve.gain, curve.degrees)) for curve in curves]
-    return min(tests) * len(tests) > _CHANCE
+    return min(tests) * len(tests) > STRUCTURE_CHANCE
 
 
 def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise | None:
@@ -50,10 +53,10 @@ def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise |
 
     blocks (n,): labels of the fit's samples.
     """
-    exists = problem.measured.exists[fit.samples]
+    exists = problem.measured.exists[fit.samples] & fit.run.solved[fit.samples, None]
     raw = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
     count = int(exists.sum())
-    if not count or fit.chi2 / count < (1 + 4 * np.sqrt(0.5 / count)) ** 2:
+    if not count or fit.chi2 / count < chance_bound(count) ** 2:
         return None
     other = replace(
         problem.noise,

@@ -1,0 +1,245 @@
+"""Every number that the diagnosis was tuned with, by the question that it decides, each with its reason.
+
+Numbers of one equation, and what keeps a division from zero, stand where they are used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+# -- is what is left noise? --------------------------------------------------------------------------------------------
+
+#: Declared noise is rarely known better than this: a residual of so many times the noise may be noise.
+NOISE_LIKE: Final = 1.10
+#: Standard deviations by which a residual of noise alone exceeds 1 less than once in 10^4 recordings.
+CHANCE_DEVIATIONS: Final = 4.0
+#: The same where a curve over a module's load tells besides that something is left.
+CURVE_DEVIATIONS: Final = 2.5
+#: ... and takes away this share of it: a smaller one is no news for a builder.
+CURVE_SHARE: Final = 0.02
+#: Chance of calling pure noise a structure, over all tests of one residual.
+STRUCTURE_CHANCE: Final = 1e-4
+#: Where a law takes away all but this share, a slightly rough law is still the right one ...
+ROUGH_SHARE: Final = 0.01
+#: ... up to this many times the noise.
+ROUGH: Final = 1.25
+#: Declared noise this many times what repeats show hides effects, and is told.
+MUCH_LARGER: Final = 3.0
+
+
+def chance_bound(count: int, deviations: float = CHANCE_DEVIATIONS) -> float:
+    """Return how many times the noise the root mean square of `count` numbers of pure noise may be."""
+    return 1 + deviations * float(np.sqrt(0.5 / max(count, 1)))
+
+
+def clean_bound(count: int) -> float:
+    """Return the residual, in multiples of the noise, above which something is missing."""
+    return max(NOISE_LIKE, chance_bound(count))
+
+
+# -- what is the noise? ------------------------------------------------------------------------------------------------
+
+#: Wrenches of one block that differ by less than this share of the largest are one load, repeated.
+SAME_LOAD: Final = 0.02
+#: Repeats of a block beyond this many say nothing new, and cost their square.
+MOST_REPEATS: Final = 200
+#: Fewer repeats, or numbers in them, tell no scatter.
+FEWEST_REPEATS: Final = 8
+FEWEST_NUMBERS: Final = 12
+#: Numbers farther out than this many standard deviations are outliers.
+CLIP: Final = 2.5
+#: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
+USUAL_POSITION_NOISE: Final = 1e-6
+USUAL_ROTATION_NOISE: Final = 5e-6
+
+# -- which samples, which laws? ----------------------------------------------------------------------------------------
+
+#: More samples than this sharpen nothing that a law is chosen by, and are thinned.
+MOST_SAMPLES: Final = 1200
+#: Fewer blocks than this among them say too little of geometry: longer blocks are thinned inside instead.
+FEWEST_BLOCKS: Final = 8
+#: Below this change of temperature growth hides in the noise of a thermometer [K].
+LEAST_WARMING: Final = 0.2
+
+# -- does a law enter? -------------------------------------------------------------------------------------------------
+
+#: Chance that anything of the whole library is accepted on a clean recording.
+FALSE_ALARM: Final = 0.01
+#: Share of the held-out squared residual that a law must remove: less than this cried wolf on clean recordings.
+LEAST_GAIN: Final = 0.01
+#: Parts into which blocks fall for that; each is left out once.
+FOLDS: Final = 7
+#: Fewer blocks than this leave too little to fit; samples are then held out by time, in so many segments.
+FEWEST_FOR_FOLDS: Final = 5
+SEGMENTS: Final = 10
+#: So often the signs of the residual's pieces are flipped to see what chance removes.
+FLIPS: Final = 200
+#: Pieces below which flipping all signs alike is a likely accident.
+LEAST_PIECES: Final = 40
+
+# -- what does a law cost? ---------------------------------------------------------------------------------------------
+
+#: Chi squared that a parameter must earn: a little more than the usual information criteria ask, for a large library.
+PARAMETER_COST: Final = 8.0
+#: Offsets and the like are rarely this many times larger than where a fit starts.
+USUAL_MULTIPLE: Final = 30.0
+#: Decides between places that these data cannot tell apart at all: small enough to decide nothing else.
+UNLIKELY_PLACE: Final = 1.0
+#: Alternatives whose chi squared is larger by less than this cannot be told apart.
+INDISTINCT: Final = 13.0
+#: ... nor, for builders, those that cost this many times as much more by values that are unusual.
+INDISTINCT_COST: Final = 2.5
+#: Alternatives within this many times INDISTINCT are worth an experiment that separates them.
+WORTH_SEPARATING: Final = 3
+#: ... so many of them: the plan is for the best ones.
+MOST_PAIRS: Final = 6
+
+# -- how far is the search driven? -------------------------------------------------------------------------------------
+
+#: Each further effect makes the others harder to tell apart; beyond these the rest is called unknown.
+MOST_TERMS: Final = 4
+#: Searches made again without one of the laws found, where structure is left.
+DETOURS: Final = 2
+#: Share of what is left that one module's deformation must take away to be all of it: no detour explains that.
+ONE_PLACE: Final = 0.9
+#: Steps of a fit, to first order: for all candidates; for those in front of them.
+FIRST_STEPS: Final = 4
+LAST_STEPS: Final = 20
+#: Candidates that get the latter: the others are far behind, or twins of these.
+FRONT: Final = 24
+#: ... if they gain more chi squared than this, which chance gives to anything.
+FRONT_GAIN: Final = 4.0
+#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes ...
+HOPELESS: Final = 0.2
+#: ... and that is more than this: where little is left, all are tried.
+MODEST: Final = 300.0
+#: Candidates of a round that are tried in the whole simulation before the round is given up.
+TRIED_WHOLE: Final = 6
+#: First-order changes may misjudge a rival's chi squared by this share of the effect's.
+CURVATURE: Final = 1.5e-3
+#: Rivals of one term that are simulated: few, and more where an effect is so large that first order misjudges by this.
+FEW_SIMULATED: Final = 3
+MORE_SIMULATED: Final = 6
+LARGE_MISJUDGED: Final = 100.0
+#: A misjudgement smaller than this is not worth a simulation, nor a lead smaller than the next ...
+SMALL_MISJUDGED: Final = 2.0
+CLEAR_LEAD: Final = 1.0
+#: ... and a rival takes a term's place with a lead of this, so that two equals do not swap for ever.
+SWAP_LEAD: Final = 0.5
+#: Rounds of challenges after a law has come in.
+CHALLENGES: Final = 2
+#: Rivals are heard whose chi squared exceeds the fit's by at most this share of the term's effect ...
+FAR_RIVAL: Final = 0.5
+#: ... and fitted to the end within this one,
+NEAR_RIVAL: Final = 0.1
+#: or within so many times INDISTINCT.
+RIVAL_MARGIN: Final = 4
+#: Rivals that change the pose in directions this close to parallel, and chi squared alike, are tried once.
+PARALLEL: Final = 1e-6
+SAME_CHI2: Final = 1.0
+#: Single laws tried in the place of two at one part.
+MERGES_TRIED: Final = 3
+#: A term whose whole effect exceeds this many times the threshold needs no check that the others made it needless.
+NEEDED: Final = 4
+#: Steps of a refinement that starts near its end.
+FEW_ROUNDS: Final = 4
+MERGE_ROUNDS: Final = 5
+
+# -- what may a search cost? -------------------------------------------------------------------------------------------
+# Counted, never timed: the same recording is searched equally far on every machine. One unit is a candidate fitted to
+# first order on one sample, some 50 µs on one core.
+
+#: A law with memory is followed through the samples one by one.
+MEMORY_WORK: Final = 2.0
+#: A refinement solves the whole simulation some ten times; with memory, each of them to and fro until it agrees.
+REFINE_WORK: Final = 45.0
+REFINE_MEMORY_WORK: Final = 440.0
+#: Work after which no further law is looked for: twice what two effects on a bench test of 400 samples took, so that
+#: it ends what would not end well, and nothing else.
+SEARCH_WORK: Final = 800_000.0
+#: The same for what else there is beside something unknown: a third, since most of it has been found before.
+BESIDE_WORK: Final = 250_000.0
+
+# -- where does it sit? ------------------------------------------------------------------------------------------------
+
+#: Places that take away at least this share of what the best one does cannot be told from it.
+ALIKE: Final = 0.95
+#: Another variable must take away this much more than the module's own load to be named.
+CLEARER: Final = 1.1
+#: Knots of a recovered curve: enough for a gap with its two edges, few enough for 40 samples.
+KNOTS: Final = 7
+#: Preference for smooth curves, as a share of what the data say: too weak to be seen, enough where there are none.
+SMOOTH: Final = 1e-3
+#: A variable that spans less does not vary [N, N m, m, rad, K, s].
+LEAST_SPAN: Final = 1e-6
+#: A deformation that reaches the tool this much less than the best one is not seen.
+NOT_REACHING: Final = 1e-6
+
+# -- is a law an imitation? --------------------------------------------------------------------------------------------
+
+#: A law is doubtful that gains less than so many times what is left ...
+IMITATED: Final = 10.0
+#: ... all the more where what is left sits in its place.
+IMITATED_HERE: Final = 100.0
+#: What is found beside something unknown is taken where all together fit no worse than this, in chi squared.
+WORSE: Final = 1.3
+
+# -- did equilibrium in the deformed position show? --------------------------------------------------------------------
+
+#: Chi squared, and share of its own effect and of the residual, that it must remove.
+DEFLECTION_GAIN: Final = 25.0
+DEFLECTION_OF_ITSELF: Final = 0.5
+DEFLECTION_SHARE: Final = 0.01
+
+# -- how sure is a value? ----------------------------------------------------------------------------------------------
+
+#: A parameter whose usual change moves the whole residual by less than this share of the noise is not seen.
+UNSEEN: Final = 1e-3
+#: Logarithms beyond this are no numbers any more; intervals end there.
+WIDEST_LOGARITHM: Final = 50.0
+
+# -- what could these data not have shown? -----------------------------------------------------------------------------
+
+#: Sizes at which an effect of its kind is strong: where even that stays hidden, the data could not have shown it.
+STRONG: Final[Mapping[str, float]] = MappingProxyType(
+    {"factor": 0.2, "half_gap": 2e-4, "scale": 3.0, "limit": 5.0, "root_tilting_stiffness": 1e3}
+)
+#: Laws of more parameters have no single size to tell.
+MOST_PARAMETERS_TOLD: Final = 2
+
+# -- what would tell more? ---------------------------------------------------------------------------------------------
+
+#: Poses and mixed loads that are weighed, and poses of the plan: what a bench test can do in an hour.
+WEIGHED_POSES: Final = 12
+WEIGHED_LOADS: Final = 8
+PLANNED_POSES: Final = 4
+#: Poses may lie outside the recorded ones by this share of their span, or by this much where they hardly vary [m, rad].
+WIDER: Final = 0.25
+LEAST_WIDER: Final = 0.02
+#: Loads of the plan where the recording had smaller ones or none [N, N m].
+LEAST_FORCE: Final = 50.0
+LEAST_MOMENT: Final = 10.0
+
+# -- does the recording belong to the robot? ---------------------------------------------------------------------------
+
+#: Positions farther apart than this share of the robot's reach are no deflections.
+FAR: Final = 0.03
+#: A robot smaller than this is compared as if it were so large [m].
+LEAST_REACH: Final = 0.1
+#: Orientations farther apart than this are no deflections either [rad].
+TURNED: Final = 0.2
+#: How far a ratio of loads may be from a power of ten to be one of units, and one of positions, which vary less.
+NEAR: Final = 1.4
+NEAR_POSITION: Final = 1.25
+#: Noise that every bench is better than [m, rad]: weights of positions against rotations.
+COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
+#: Loads are judged where they move the tool by this many times that, explain so much of it, and are not its least part.
+LOADS_SHOW: Final = 10.0
+LOADS_EXPLAIN: Final = 0.7
+LOADS_MATTER: Final = 0.05
+#: A load below this is none [N].
+NO_FORCE: Final = 1e-6
