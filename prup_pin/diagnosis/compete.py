@@ -135,6 +135,11 @@ class Selection:
     screened: tuple[Rival, ...]  # what the last round tried on top, best first
     work: float = 0.0  # what the search cost, in units of its budget
 
+    @classmethod
+    def nothing(cls, first: Fit, library: Sequence[Candidate]) -> Selection:
+        """Return what is selected where there is nothing to compare."""
+        return cls(first, first, (), library, ())
+
 
 def penalty(term: Term) -> float:
     """Return what a term costs: its parameters, and how far they lie from where such effects usually are."""
@@ -149,8 +154,8 @@ def penalty(term: Term) -> float:
 def unlikely(candidate: Candidate) -> float:
     """Return a small cost that decides between places that these data cannot tell apart at all."""
     likely = candidate.law.likely
-    module = next((m for m in candidate.mechanism.modules if m.name == candidate.place.name), None)
-    return 0.0 if not likely or (module is not None and module.kind.kind in likely) else UNLIKELY_PLACE
+    names = {module.name for module in candidate.mechanism.modules if module.kind.kind in likely}
+    return 0.0 if not likely or candidate.place.name in names else UNLIKELY_PLACE
 
 
 def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = FOLDS) -> float:

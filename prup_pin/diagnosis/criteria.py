@@ -23,6 +23,10 @@ CURVE_DEVIATIONS: Final = 2.5
 CURVE_SHARE: Final = 0.02
 #: Chance of calling pure noise a structure, over all tests of one residual.
 STRUCTURE_CHANCE: Final = 1e-4
+#: Samples that follow another one in the same pose, or poses, without which a residual larger than a declared noise is
+#: not called noise: fewer could not show that it is none.
+FEWEST_FOLLOWERS: Final = 12
+FEWEST_POSES: Final = 40
 #: Where a law takes away all but this share, a slightly rough law is still the right one ...
 ROUGH_SHARE: Final = 0.01
 #: ... up to this many times the noise.

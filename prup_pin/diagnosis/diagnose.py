@@ -45,7 +45,7 @@ from .fit import Fit, Problem
 from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
-from .plausible import Linear, check_belongs, what_is_missing
+from .plausible import Linear, check_belongs, unused_columns, what_is_missing
 from .residual import Measured, Noise, estimate_noise, scatter_of_repeats
 from .whiteness import compared, noise_of_the_rest
 
@@ -82,7 +82,8 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
 
 
 def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
-    remarks = [*recording.remarks, *suspicions(recording)]
+    unused, told = unused_columns(recording, robot.mechanism)
+    remarks = [*recording.remarks, *suspicions(recording), *told]
     recording = _thinned(recording, remarks)
     inputs = _inputs(robot, recording)
     measured = Measured.of(recording)
@@ -92,6 +93,9 @@ def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
     check_belongs(measured, linear, inputs)
     tell("the nominal simulation", 0.0)
     nominal = simulator.run()
+    lost = int((measured.exists.any(axis=1) & ~nominal.solved).sum())
+    if lost:
+        remarks.append(f"{lost} of {len(inputs)} samples could not be simulated, and say nothing here")
     noise = _noise(recording, measured, linear, inputs)
     remarks += _quieter(noise, recording, measured, linear, inputs)
     problem = Problem(simulator, measured, noise)
@@ -100,16 +104,18 @@ def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
     raw_linear = measured.residual(linear.position, linear.rotation)[samples]
     before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
     library = candidates(robot.mechanism, inputs)
-    selection = select(problem, library, inputs.blocks, first, tell)
-    larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
-    if larger is not None:
-        remarks.append(_noisier(noise, larger))
-        noise, problem = larger, Problem(simulator, measured, larger)
-        first = problem.fit_at((), nominal)
-        before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
+    selection = Selection.nothing(first, library)
+    if compared(problem, first):
         selection = select(problem, library, inputs.blocks, first, tell)
+        larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
+        if larger is not None:
+            remarks.append(_noisier(noise, larger))
+            noise, problem = larger, Problem(simulator, measured, larger)
+            first = problem.fit_at((), nominal)
+            before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
+            selection = select(problem, library, inputs.blocks, first, tell)
     tell("the verdict", 0.9)
-    return _verdict(problem, selection, inputs, noise, before, raw_linear, remarks, robot, tell)
+    return _verdict(problem, selection, inputs, noise, before, raw_linear, remarks, unused, robot, tell)
 
 
 def _inputs(robot: Robot, recording: Recording) -> Inputs:
@@ -170,20 +176,36 @@ def _noisier(noise: Noise, larger: Noise) -> str:
 # -- the verdict -------------------------------------------------------------------------------------------------------
 
 
-def _verdict(problem, selection: Selection, inputs, noise, before, raw_linear, remarks, robot, tell) -> Diagnosis:
+def _verdict(
+    problem: Problem,
+    selection: Selection,
+    inputs: Inputs,
+    noise: Noise,
+    before: Array,
+    raw_linear: Array,
+    remarks: list[str],
+    unused: tuple[str, ...],
+    robot: Robot,
+    tell: Tell,
+) -> Diagnosis:
     last, first = selection.last, selection.first
     samples = last.samples
     labels = inputs.blocks[samples]
     count = compared(problem, last)
-    held = cross_validated(problem, last, labels) if count else 0.0
+    held = cross_validated(problem, last, labels) if count else float("nan")
     findings = [_finding(problem, last, index, selection, robot, held) for index in range(len(last.terms))]
     curves = strongest_curve(problem, last) if count else []
     unknown: list[Finding] = []
     final = last
-    if _unexplained(first, last, count, curves, bool(findings)):
-        findings, unknown, final = _with_unknown(findings, problem, selection, inputs.blocks, count, robot, tell)
+    if not count:
+        unknown = [_nothing_compared(problem, unused)]
+    elif _unexplained(first, last, count, curves, bool(findings)):
+        findings, located, final = _with_unknown(findings, problem, selection, inputs.blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
-    deflection = _finite_deflection(first, last, before)
+        unknown = [located or _nowhere(problem, final, selection, count)]
+    white_before = _rms(float((before**2).sum()), count)
+    silent = not findings and not unknown and white_before > clean_bound(count)
+    deflection = _finite_deflection(first, last, before, silent)
     if deflection is not None:
         findings.append(deflection)
     findings.sort(key=lambda finding: -finding.heldout_gain)
@@ -191,7 +213,6 @@ def _verdict(problem, selection: Selection, inputs, noise, before, raw_linear, r
     named = "explained" if findings else "nothing_missing"
     verdict = "unexplained" if unknown else named
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
-    white_before = _rms(float((before**2).sum()), count)
     raw_after = problem.measured.residual(final.run.position, final.run.rotation)[samples]
     tell("the next experiment", 0.95)
     diagnosis = Diagnosis(
@@ -204,6 +225,7 @@ def _verdict(problem, selection: Selection, inputs, noise, before, raw_linear, r
         not_detectable=tuple(not_detectable(problem, final, selection)) if count else (),
         next_experiment=next_experiment(robot, problem, selection, findings),
         remarks=tuple(dict.fromkeys(remarks)),
+        unused_columns=unused,
         effects=effects,
         samples=samples,
         residual_before=raw_linear,
@@ -237,8 +259,8 @@ def _with_unknown(
     count: int,
     robot: Robot,
     tell: Tell,
-) -> tuple[list[Finding], list[Finding], Fit]:
-    """Return the findings that stand, what no law explains, and the fit of those that stand.
+) -> tuple[list[Finding], Finding | None, Fit]:
+    """Return the findings that stand, what no law explains (None where it has no place), the fit of those that stand.
 
     A law that takes most of the residual and leaves a shape behind is an imitation, all the more where the shape sits
     in the same place.
@@ -269,7 +291,7 @@ def _with_unknown(
             for index, (finding, term) in enumerate(zip(kept, fit.terms, strict=True))
         ]
     if found is None:
-        return kept, [], fit
+        return kept, None, fit
     # what else there is, whatever happens at that place
     freed = problem.freed(fit.influence, found.module)
     begin = freed.fit_at((), selection.first.run)
@@ -296,7 +318,49 @@ def _with_unknown(
         statement=statement,
         curve=found.curve,
     )
-    return kept, [unknown], fit
+    return kept, unknown, fit
+
+
+def _nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Finding:
+    """Return the finding that something is left which no part of the robot accounts for."""
+    modules = len(fit.influence.rows)
+    places = len({candidate.place.name for candidate in selection.library})
+    laws = len({candidate.law.physics for candidate in selection.library})
+    yielding = (
+        f"nor does a deformation of its own of any of the {modules} modules point to one of them"
+        if modules
+        else "and the robot file has no module that could yield"
+    )
+    shares = (fit.residual**2).sum(axis=0)
+    shares = shares / max(float(shares.sum()), 1e-300)
+    most, share = max((("position", shares[:3].sum()), ("rotation", shares[3:].sum())), key=lambda item: item[1])
+    return _unknown_at_robot(
+        f"what is left is {_rms(fit.chi2, count):.4g} times the noise: none of {laws} kinds of physics at {places} "
+        f"places takes it away, {yielding}. It shows in the {most} ({100 * share:.0f} % of its square)"
+    )
+
+
+def _nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
+    """Return the finding that nobody can know whether anything is missing."""
+    measured = problem.measured.exists.any()
+    why = (
+        "no sample with a measured pose could be simulated"
+        if measured
+        else "the recording holds no measured pose of the tool (columns p.x … r.z)"
+    )
+    rest = f"; not used were {', '.join(unused)}" if unused else ""
+    return _unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
+
+
+def _unknown_at_robot(statement: str) -> Finding:
+    return Finding(
+        physics="unknown",
+        location="robot",
+        candidates=("robot",),
+        parameters={},
+        heldout_gain=0.0,
+        statement=statement,
+    )
 
 
 def _same_place(finding: Finding, found: Located | None) -> bool:
@@ -367,15 +431,18 @@ def _parameters(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParam
     return out
 
 
-def _finite_deflection(first: Fit, last: Fit, before: Array) -> Finding | None:
-    """Return the finding that equilibrium in the deformed position explains more than chance."""
+def _finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = False) -> Finding | None:
+    """Return the finding that equilibrium in the deformed position explains more than chance.
+
+    `silent`: nothing else says why the residual before is larger than noise, and that after is not.
+    """
     difference = before - first.residual  # what the nominal simulation gains by it, whitened
     size = float((difference**2).sum())
     with_linear = last.residual + difference
     worse = float((with_linear**2).sum())
     gained = worse - last.chi2
     least = max(DEFLECTION_OF_ITSELF * size, DEFLECTION_GAIN, DEFLECTION_SHARE * worse)
-    if size < DEFLECTION_GAIN or gained < least:
+    if not silent and (size < DEFLECTION_GAIN or gained < least):
         return None
     return Finding(
         physics="finite_deflection",

@@ -34,7 +34,7 @@ class Finding:
 
     `candidates` are the places that these data cannot tell apart, `alternatives` other laws that fit as well;
     `heldout_gain` is the share of the held-out squared residual that this finding alone removes; `effect` is None for
-    `finite_deflection` and for what no law explains; then `curve` is what was recovered.
+    `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it has no place.
     """
 
     physics: str
@@ -65,7 +65,9 @@ class Diagnosis:
     """What `diagnose` returns.
 
     Residuals are RMS values of the whitened residual: `before` and `after`, each {'fit', 'heldout'}; `by_channel` the
-    same for position and rotation, with µm and µrad. `linear` and `final` are the simulated poses (N, 6) less measured.
+    same for position and rotation, with µm and µrad; NaN where nothing could be compared. `residual_before` and
+    `residual_after` are the measured poses (n, 6) of `samples` less the simulated ones. `unused_columns`: what the
+    recording holds and the diagnosis has no use for.
     """
 
     verdict: str
@@ -77,6 +79,7 @@ class Diagnosis:
     not_detectable: tuple[Detectable, ...]
     next_experiment: Mapping[str, Any]
     remarks: tuple[str, ...]
+    unused_columns: tuple[str, ...]
     effects: tuple[Effect, ...]
     samples: np.ndarray
     residual_before: Array

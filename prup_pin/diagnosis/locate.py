@@ -57,11 +57,15 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
     """Return all motions of all modules, the one that the residual points to first."""
     influence = fit.influence
     white = problem.whiteners(influence)
-    bent = {module.name for module in influence.chain.mechanism.modules if module.kind.bends_exactly}
+    mechanism = influence.chain.mechanism
     found = []
     for name in influence.rows:
         directions = white @ influence.signature(name)
-        motions = ((0,),) if directions.shape[2] == 1 else (*_MOTIONS, *([_BENDING] if name in bent else []))
+        motions = (
+            ((0,),)
+            if directions.shape[2] == 1
+            else (*_MOTIONS, *([_BENDING] if mechanism.module(name).kind.bends_exactly else []))
+        )
         for components in motions:
             basis, sizes, _ = np.linalg.svd(directions[:, :, list(components)], full_matrices=False)
             seen = sizes > NOT_REACHING * max(float(sizes.max(initial=0.0)), 1e-300)
@@ -88,7 +92,7 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside:
 
 
 def locate(problem: Problem, fit: Fit) -> Located | None:
-    """Return where the residual of a fit sits; None where no module's load varies."""
+    """Return where the residual of a fit sits; None where no module takes any of it away, or none's load varies."""
     found = yieldings(problem, fit)
     if not found or found[0].gain <= 0:
         return None
@@ -127,19 +131,20 @@ def _variables(problem: Problem, fit: Fit, module: str, component: int) -> Itera
     influence, inputs = fit.influence, problem.simulator.inputs
     samples, mechanism = fit.samples, influence.chain.mechanism
     load = influence.loads(module)[:, component]
-    mine = {item.name: item.joint for item in mechanism.modules}
+    mine = mechanism.module(module).joint
     told: set[int] = set()
     for name in influence.ratio:  # modules of drives share their joint's load
-        if mine[name] not in told and mine[name] != mine[module]:
-            told.add(mine[name])
-            joint = str(mechanism.model.names[mine[name]])
+        driven = mechanism.module(name).joint
+        if driven not in told and driven != mine:
+            told.add(driven)
+            joint = str(mechanism.model.names[driven])
             yield f"the load of the drive of {joint}", influence.loads(name)[:, 0], 1.0
     for column, joint in enumerate(mechanism.actuated):
         position = inputs.actuators[samples, column]
         yield f"the position of {joint}", position, 1.0
         yield f"its load, by a factor that changes with the position of {joint}", position, load
     geometry = fit.run.geometry
-    joint = str(mechanism.model.names[mine[module]])
+    joint = str(mechanism.model.names[mine])
     if joint not in mechanism.actuated and all(joint in pose.joints for pose in geometry.poses[:1]):
         turned = np.array([pose.joints[joint] for pose in geometry.poses])[geometry.rows[samples]]
         yield f"the position of {joint}", turned, 1.0

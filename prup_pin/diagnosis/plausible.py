@@ -8,6 +8,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws import Inputs
+from ..mechanism import Mechanism
+from ..recordings import Recording
+from ..recordings.columns import AXES
 from ..simulation import Simulator
 from ..spatial import Array, rotation_exp, rotation_log
 from .criteria import (
@@ -24,7 +27,7 @@ from .criteria import (
 )
 from .residual import Measured
 
-__all__ = ["Linear", "check_belongs", "what_is_missing"]
+__all__ = ["Linear", "check_belongs", "unused_columns", "what_is_missing"]
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,48 @@ def what_is_missing(inputs: Inputs, measured: Measured) -> list[str]:
     if len(np.unique(inputs.blocks)) < 2:
         remarks.append("one pose only: effects of geometry and stiffness look alike")
     return remarks
+
+
+#: Kinds of columns that are not compared, and what they are.
+_NOT_COMPARED = {
+    "efforts": "efforts are predicted, but not compared",
+    "markers": "only the pose of the tool is compared, no marker",
+    "accelerations": "accelerations are not used",
+    "velocities": "speeds are used where every actuator has them, and no others",
+    "positions": "only the positions of actuators are inputs",
+    "pose": "an orientation is one where all of r.x r.y r.z are measured",
+    "ignored": "",  # the reader has told
+}
+
+
+def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
+    """Return the columns that hold numbers and have no part in the diagnosis, and sentences that tell them."""
+    found: dict[str, list[str]] = {kind: [] for kind in _NOT_COMPARED}
+
+    def take(kind: str, name: str, values: Array) -> None:
+        if np.isfinite(values).any():
+            found[kind].append(name)
+
+    for joint, values in recording.efforts.items():
+        take("efforts", f"tau.{joint}", values)
+    for marker, place in recording.markers.items():
+        for column, axis in enumerate(AXES):
+            take("markers", f"p.{marker}.{axis}", place[:, column])
+    for joint, values in recording.accelerations.items():
+        take("accelerations", f"qdd.{joint}", values)
+    all_speeds = set(mechanism.actuated) <= set(recording.velocities)
+    for joint, values in recording.velocities.items():
+        if not (all_speeds and joint in mechanism.actuated):
+            take("velocities", f"qd.{joint}", values)
+    for joint, values in recording.positions.items():
+        if joint not in mechanism.actuated:
+            take("positions", f"q.{joint}", values)
+    if recording.rotation is not None and not np.isfinite(recording.rotation).all(axis=1).any():
+        for column, axis in enumerate(AXES):
+            take("pose", f"r.{axis}", recording.rotation[:, column])
+    found["ignored"] += recording.ignored
+    told = [f"not used: {', '.join(found[kind])} ({why})" for kind, why in _NOT_COMPARED.items() if why and found[kind]]
+    return tuple(name for names in found.values() for name in names), told
 
 
 def check_belongs(measured: Measured, linear: Linear, inputs: Inputs) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.stats import chi2 as chi_squared
 from scipy.stats import norm
 
 from ..spatial import Array
-from .criteria import STRUCTURE_CHANCE, chance_bound
+from .criteria import FEWEST_FOLLOWERS, FEWEST_POSES, STRUCTURE_CHANCE, chance_bound
 from .fit import Fit, Problem
 from .local_curve import strongest_curve
 from .residual import Noise
@@ -30,22 +32,79 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
     channels = [column for column in fit.residual.T if np.any(column)]
     if not channels:
         return True
-    together = blocks[1:] == blocks[:-1]
+    actuators = problem.simulator.inputs.actuators[fit.samples]
+    neighbours = _neighbours(actuators, blocks)
+    slopes = _slopes(actuators)
     tests = []
     for column in channels:
-        if (
-            together.any()
-        ):  # neighbours in time: r_t r_t+1 has the variance of r^4 where they know nothing of each other
-            products = (column[1:] * column[:-1])[together]
-            size = float(np.sqrt((products**2).sum()))
-            tests.append(2 * float(norm.sf(abs(products.sum()) / max(size, 1e-300))))
-        names, which, counts = np.unique(blocks, return_inverse=True, return_counts=True)
-        means = np.bincount(which, column) / np.sqrt(counts)
-        if len(names) > 1:
-            tests.append(float(chi_squared.sf((means**2).sum(), len(names))))
+        tests += [
+            *_follows_time(column, blocks),
+            *_differs_by_block(column, blocks),
+            *_follows_pose(column, blocks, neighbours, slopes),
+        ]
     curves = strongest_curve(problem, fit)
     tests += [float(chi_squared.sf(curve.gain, curve.degrees)) for curve in curves]
-    return min(tests) * len(tests) > STRUCTURE_CHANCE
+    return bool(tests) and min(tests) * len(tests) > STRUCTURE_CHANCE
+
+
+def could_show_structure(blocks: np.ndarray) -> bool:
+    """Return True where samples are enough, in one pose or in many, for `is_white` to mean something."""
+    followers = int((blocks[1:] == blocks[:-1]).sum())
+    return followers >= FEWEST_FOLLOWERS or len(np.unique(blocks)) >= FEWEST_POSES
+
+
+def _follows_time(column: Array, blocks: np.ndarray) -> Iterator[float]:
+    """Yield the chance that neighbours in time agree so well."""
+    together = blocks[1:] == blocks[:-1]
+    if together.any():
+        yield _chance_of_products((column[1:] * column[:-1])[together])
+
+
+def _differs_by_block(column: Array, blocks: np.ndarray) -> Iterator[float]:
+    """Yield the chance that means over blocks are so large."""
+    names, means = _means(column, blocks)
+    if len(names) > 1:
+        yield float(chi_squared.sf((means**2).sum(), len(names)))
+
+
+def _follows_pose(column: Array, blocks: np.ndarray, neighbours: np.ndarray, slopes: Array) -> Iterator[float]:
+    """Yield the chances that neighbouring poses agree so well, and that a slope over the actuators is so steep."""
+    if len(neighbours):
+        means = _means(column, blocks)[1]
+        yield _chance_of_products(means[neighbours[:, 0]] * means[neighbours[:, 1]])
+    if slopes.shape[1]:
+        yield float(chi_squared.sf(((slopes.T @ column) ** 2).sum(), slopes.shape[1]))
+
+
+def _means(column: Array, blocks: np.ndarray) -> tuple[np.ndarray, Array]:
+    """Return the blocks' labels and their means, each a number of variance 1 where the column is noise."""
+    names, which, counts = np.unique(blocks, return_inverse=True, return_counts=True)
+    return names, np.bincount(which, column) / np.sqrt(counts)
+
+
+def _chance_of_products(products: Array) -> float:
+    """Return the chance of a sum of products of independent numbers: one has the variance of its square."""
+    size = float(np.sqrt((products**2).sum()))
+    return 2 * float(norm.sf(abs(products.sum()) / max(size, 1e-300)))
+
+
+def _neighbours(actuators: Array, blocks: np.ndarray) -> np.ndarray:
+    """Return pairs (m, 2) of blocks, by their places among the labels, that are nearest neighbours; none twice."""
+    _, first = np.unique(blocks, return_index=True)
+    if len(first) < FEWEST_POSES:
+        return np.zeros((0, 2), int)
+    places = actuators[first] / np.maximum(np.ptp(actuators, axis=0), 1e-12)
+    pairs = cKDTree(places).query(places, k=2)[1]
+    pairs = pairs[(pairs < len(first)).all(axis=1)]
+    return np.unique(np.sort(pairs, axis=1)[pairs[:, 0] != pairs[:, 1]], axis=0)
+
+
+def _slopes(actuators: Array) -> Array:
+    """Return orthonormal columns (n, k) of a constant and the actuators' positions."""
+    columns = np.column_stack((np.ones(len(actuators)), actuators - actuators.mean(axis=0)))
+    sizes = np.linalg.norm(columns, axis=0)
+    basis, found, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
+    return basis[:, found > 1e-9]
 
 
 def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise | None:
@@ -57,6 +116,8 @@ def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise |
     raw = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
     count = int(exists.sum())
     if not count or fit.chi2 / count < chance_bound(count) ** 2:
+        return None
+    if problem.noise.source == "declared" and not could_show_structure(blocks):
         return None
     other = replace(
         problem.noise,

@@ -479,6 +479,7 @@ def _recording(
         robot=robot,
         notes=notes,
         path=str(path),
+        ignored=tuple(name for name in header if name != "run" and not is_known(name)),
         remarks=(*_remarks(header, numbers, table.blank), *remarks, *_undeclared(numbers, noise)),
         **groups,
     )

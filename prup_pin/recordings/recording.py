@@ -48,7 +48,7 @@ class Recording:
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
     noise, robot, notes: what the JSON file beside the table says.
-    path: the file that was read, or ''.
+    path: the file that was read, or ''. ignored: its columns that the format does not know.
     remarks: sentences for a person, on what is absent or was ignored.
     """
 
@@ -69,6 +69,7 @@ class Recording:
     robot: str | None = None
     notes: str = ""
     path: str = ""
+    ignored: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -50,6 +50,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot, version: str = "") -> 
         ],
         "next_experiment": dict(diagnosis.next_experiment),
         "remarks": list(diagnosis.remarks),
+        "unused_columns": list(diagnosis.unused_columns),
     }
     return plain(document)
 
