@@ -96,12 +96,12 @@ class _Search:
         beside: Array | None = None,
     ) -> tuple[float, Term, Array]:
         """Return what `Problem.quick` does."""
-        self.spent += len(fit.samples) * (MEMORY_WORK if candidate.law.has_memory else 1.0)
+        self.spent += len(fit.samples) * (MEMORY_WORK if candidate.remembers else 1.0)
         return self.problem.quick(fit, kept, candidate, starts, limit, beside)
 
     def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
         """Return what `Problem.refine` does."""
-        remembers = any(term.candidate.law.has_memory for term in terms)
+        remembers = any(term.candidate.remembers for term in terms)
         self.spent += len(start.samples) * (REFINE_MEMORY_WORK if remembers else REFINE_WORK)
         return self.problem.refine(terms, start, rounds)
 
