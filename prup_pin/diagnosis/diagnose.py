@@ -326,17 +326,17 @@ def _nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Fi
     modules = len(fit.influence.rows)
     places = len({candidate.place.name for candidate in selection.library})
     laws = len({candidate.law.physics for candidate in selection.library})
-    yielding = (
-        f"nor does a deformation of its own of any of the {modules} modules point to one of them"
-        if modules
-        else "and the robot file has no module that could yield"
-    )
+    tried = f"{laws} kinds of physics at {places} places"
+    if modules:
+        tried += f" were tried, and whatever deformation of {modules} module{'s' if modules > 1 else ''}"
+    else:
+        tried += " were tried; the robot file has no module that could yield"
     shares = (fit.residual**2).sum(axis=0)
     shares = shares / max(float(shares.sum()), 1e-300)
     most, share = max((("position", shares[:3].sum()), ("rotation", shares[3:].sum())), key=lambda item: item[1])
     return _unknown_at_robot(
-        f"what is left is {_rms(fit.chi2, count):.4g} times the noise: none of {laws} kinds of physics at {places} "
-        f"places takes it away, {yielding}. It shows in the {most} ({100 * share:.0f} % of its square)"
+        f"what is left is {_rms(fit.chi2, count):.3g} times the noise, and nothing takes it away: {tried}. "
+        f"It shows in the {most} ({100 * share:.0f} % of its square)"
     )
 
 

@@ -59,7 +59,9 @@ class Linear:
         if samples.any():
             rows = geometry.rows[samples]
             tools = np.array([pose.base_from_tool for pose in geometry.poses])[rows]
-            compliance[samples] = np.array([geometry.robot.compliance(pose).C for pose in geometry.poses])[rows]
+            rigid = not geometry.robot.mechanism.modules
+            moves = [np.zeros((6, 6)) if rigid else geometry.robot.compliance(pose).C for pose in geometry.poses]
+            compliance[samples] = np.array(moves)[rows]
             moved = (compliance[samples] @ simulator.inputs.wrench[samples][..., None])[..., 0]
             rigid_position[samples], rigid_rotation[samples] = tools[:, :3, 3], tools[:, :3, :3]
             position[samples] = tools[:, :3, 3] + moved[:, :3]

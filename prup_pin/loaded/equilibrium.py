@@ -200,6 +200,8 @@ def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
 
 def _inverse(matrix: Array) -> Array:
     """Return the inverses (N, m, m), least ones where rows are redundant or motions idle, NaN of what is not finite."""
+    if not matrix.size:
+        return matrix  # nothing yields
     finite = np.isfinite(matrix).all(axis=(1, 2))
     if not finite.all():
         inverse = np.full_like(matrix, np.nan)

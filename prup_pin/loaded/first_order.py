@@ -144,6 +144,8 @@ _STEP = 1e-6
 
 def left_solve(matrix: Array, rows: Array) -> Array:
     """Return rows @ matrix^-1, (n, r, m); the least solution where the matrix is singular."""
+    if not matrix.size:
+        return rows  # nothing yields
     scale = np.abs(matrix).max(axis=2, keepdims=True)
     scale = np.where(scale > 0, scale, 1.0)
     scaled = matrix / scale

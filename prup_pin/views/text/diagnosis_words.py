@@ -60,7 +60,7 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "explained":
         return f"Explained: with {told} {takes}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
-    where = f"; it shows most in {unknown.location}" if unknown is not None else ""
+    where = f"; it shows most in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
     besides = f" With {told} {takes}, and" if told else ""
     if besides:
         return f"Unexplained:{besides} something is left that no law of the library takes away{where}."

@@ -1,0 +1,216 @@
+"""A residual above the noise is never called peace, whatever the robot cannot do about it."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.criteria import clean_bound
+from prup_pin.recordings import Noise, Recording, add_noise, read_recording
+from prup_pin.spatial import rotation_exp, rotation_log
+from prup_pin.views.report.diagnosis_files import write_diagnosis
+from prup_pin.views.report.diagnosis_json import diagnosis_as_json
+from prup_pin.views.text.diagnosis_words import verdict_text
+
+NOISE = Noise(position=2e-5, rotation=1e-4)
+SPRING = {"shoulder_pan_joint": 1e4}
+
+
+def bench_of(robot, poses=8, loads=(0.0, 1.0, 0.5, -1.0, -0.5), seed=0):
+    """A bench test of an arm of six joints that is as simulated: poses, loads of up to some 40 N, noise."""
+    rng = np.random.default_rng(seed)
+    middle = np.array([0.0, -1.2, 1.2, 0.0, 1.0, 0.0])
+    positions = np.repeat(middle + rng.uniform(-1, 1, (poses, 6)), len(loads), axis=0)
+    directions = np.repeat(rng.normal(size=(poses, 6)), len(loads), axis=0) * np.repeat([20.0, 2.0], 3)
+    recording = Recording(
+        time=np.arange(len(positions), dtype=float),
+        positions=dict(zip(robot.mechanism.actuated, positions.T, strict=True)),
+        wrench=np.tile(loads, poses)[:, None] * directions,
+        noise=NOISE,
+    )
+    predicted = prup_pin.simulate(robot, replace(recording, position=np.zeros((len(positions), 3))))
+    measured = recording.with_measurements(position=predicted.position, rotation=predicted.rotation)
+    return add_noise(measured, NOISE, seed)
+
+
+def lifted(recording, amount=2e-3):
+    """The recording of a tool that rises and falls with the elbow, which nothing in a robot file does."""
+    position = np.array(recording.position)
+    position[:, 2] += amount * np.sin(7 * recording.positions["elbow_joint"])
+    return recording.with_measurements(position=position)
+
+
+@pytest.fixture(scope="module")
+def sprung():
+    """An arm that yields about a vertical axis alone: it cannot lift its tool."""
+    return prup_pin.load("ur5", joint_stiffness=SPRING)
+
+
+@pytest.fixture(scope="module")
+def rigid():
+    return prup_pin.load("ur5")
+
+
+def the_unknown(diagnosis):
+    assert diagnosis.verdict == "unexplained"
+    (finding,) = (finding for finding in diagnosis.findings if finding.physics == "unknown")
+    return finding
+
+
+def test_what_no_module_can_do_is_unknown_at_the_robot(sprung):
+    diagnosis = diagnose(sprung, lifted(bench_of(sprung)))
+    assert diagnosis.after["fit"] > 20
+    finding = the_unknown(diagnosis)
+    assert (finding.location, finding.candidates, finding.curve) == ("robot", ("robot",), None)
+    for words in (
+        "28.8 times the noise",
+        "kinds of physics at",
+        "whatever deformation of 1 module",
+        "shows in the position",
+    ):
+        assert words in finding.statement
+    assert finding.heldout_gain == 0
+
+
+def test_where_it_turns_without_a_reason_the_rotation_is_named(sprung):
+    recording = bench_of(sprung)
+    tilt = 0.01 * np.sin(7 * recording.positions["elbow_joint"])
+    turned = rotation_exp(tilt[:, None] * [1.0, 0.0, 0.0]) @ rotation_exp(np.array(recording.rotation))
+    finding = the_unknown(diagnose(sprung, recording.with_measurements(rotation=rotation_log(turned))))
+    assert "shows in the rotation" in finding.statement
+
+
+@pytest.mark.parametrize("loads", [(0.0, 1.0, 0.5, -1.0, -0.5), (0.0, 0.0, 0.0), (0.0,)])
+def test_a_rigid_arm_needs_no_compliance_to_be_wrong(rigid, loads):
+    """With loads, without any, and with each pose measured once, so that nothing repeats."""
+    poses = 60 if len(loads) == 1 else 8
+    right = bench_of(rigid, poses, loads)
+    assert diagnose(rigid, right).verdict == "nothing_missing"
+    wrong = diagnose(rigid, lifted(right))
+    assert wrong.noise.source == "declared"
+    assert the_unknown(wrong).location == "robot"
+    assert "no module that could yield" in the_unknown(wrong).statement
+
+
+def test_what_nobody_can_check_is_not_taken_for_noise(rigid):
+    """Five poses, measured once each, half a millimetre off at random, by a sensor that declares 20 µm."""
+    recording = bench_of(rigid, 5, (0.0,))
+    off = np.array(recording.position) + 5e-4 * np.random.default_rng(3).normal(size=(5, 3))
+    diagnosis = diagnose(rigid, recording.with_measurements(position=off))
+    assert diagnosis.noise.position == NOISE.position
+    assert diagnosis.after["fit"] > clean_bound(30)
+    assert the_unknown(diagnosis).location == "robot"
+
+
+def test_sixty_poses_tell_coarse_noise_from_structure(rigid):
+    """Measured once each: what follows no pose is noise, and larger than was declared."""
+    recording = bench_of(rigid, 60, (0.0,))
+    rng = np.random.default_rng(3)
+    off = np.array(recording.position) + 5e-4 * rng.normal(size=(60, 3))
+    turned = np.array(recording.rotation) + 2e-3 * rng.normal(size=(60, 3))
+    diagnosis = diagnose(rigid, recording.with_measurements(position=off, rotation=turned))
+    assert (diagnosis.verdict, diagnosis.noise.source) == ("nothing_missing", "estimated")
+    assert diagnosis.noise.position == pytest.approx(5e-4, rel=0.15)
+
+
+# -- nothing to compare ------------------------------------------------------------------------------------------------
+
+
+def without_pose(recording):
+    ones = np.ones(len(recording))
+    joints = list(recording.positions)
+    return replace(
+        recording,
+        position=None,
+        rotation=None,
+        efforts=dict.fromkeys(joints, ones),
+        accelerations={joints[0]: ones},
+        velocities={joints[0]: ones},
+        markers={"elbow": np.zeros((len(recording), 3))},
+    )
+
+
+def test_efforts_alone_are_no_peace(clean_bench):
+    robot = prup_pin.load("3prup")
+    diagnosis = diagnose(robot, without_pose(read_recording(clean_bench.path)))
+    finding = the_unknown(diagnosis)
+    assert finding.location == "robot"
+    assert "nothing could be compared" in finding.statement
+    names = [f"leg{leg}_slide" for leg in (1, 2, 3)]
+    efforts, markers = [f"tau.{name}" for name in names], [f"p.elbow.{axis}" for axis in "xyz"]
+    assert diagnosis.unused_columns == (*efforts, *markers, "qdd.leg1_slide", "qd.leg1_slide")
+    assert ", ".join(diagnosis.unused_columns) in finding.statement
+    assert any(text.startswith("not used: tau.leg1_slide") for text in diagnosis.remarks)
+    assert np.isnan(diagnosis.after["fit"])
+    assert diagnosis.effects == () == diagnosis.not_detectable
+
+
+def test_a_pose_where_no_load_is_known_compares_nothing(clean_bench):
+    """The tracker was off while the force sensor was on, and the other way round."""
+    recording = read_recording(clean_bench.path)
+    position, rotation, wrench = (np.array(x) for x in (recording.position, recording.rotation, recording.wrench))
+    position[::2] = rotation[::2] = np.nan
+    wrench[1::2] = np.nan
+    diagnosis = diagnose(
+        prup_pin.load("3prup"), replace(recording, position=position, rotation=rotation, wrench=wrench)
+    )
+    assert "no sample with a measured pose could be simulated" in the_unknown(diagnosis).statement
+
+
+def test_it_can_be_written_and_read(rigid, sprung, tmp_path):
+    cases = {"efforts": (rigid, without_pose(bench_of(rigid))), "lifted": (sprung, lifted(bench_of(sprung)))}
+    for name, (robot, recording) in cases.items():
+        diagnosis = diagnose(robot, recording)
+        write_diagnosis(diagnosis, robot, recording, tmp_path / name, robot_name="ur5")
+        document = json.loads((tmp_path / name / "diagnosis.json").read_text())
+        assert document["verdict"] == "unexplained"
+        assert document["findings"][-1]["location"] == "robot"
+        assert document["unused_columns"] == list(diagnosis.unused_columns)
+        said = diagnosis.findings[-1].statement.partition(":")[0][1:]  # a sentence begins with a capital there
+        assert said in (tmp_path / name / "report.html").read_text()
+        assert "in robot" not in verdict_text(diagnosis)
+
+
+# -- columns without a use ---------------------------------------------------------------------------------------------
+
+
+def test_columns_without_a_use_are_named(clean_bench, tmp_path):
+    """Those that the format does not know too; the verdict does not depend on them."""
+    with clean_bench.path.open(encoding="utf-8") as stream:
+        head, *rows = csv.reader(stream)
+    extra = ["tau.leg2_slide", "g.z", "r.elbow.x", "humidity", "p.elbow.x", "qd.leg1_slide"]
+    path = tmp_path / "more.csv"
+    lines = [",".join([*head, *extra]), *(",".join([*row, *"123456"]) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.with_suffix(".json").write_text(clean_bench.path.with_suffix(".json").read_text(encoding="utf-8"))
+    robot = prup_pin.load("3prup")
+    more, plain = (diagnose(robot, read_recording(file)) for file in (path, clean_bench.path))
+    assert set(more.unused_columns) == set(extra)
+    assert plain.unused_columns == ()
+    told = " ".join(more.remarks)
+    assert all(name in told for name in extra)
+    one, other = (diagnosis_as_json(found, robot) for found in (more, plain))
+    assert {key for key in one if one[key] != other[key]} == {"remarks", "unused_columns"}
+
+
+def test_speeds_of_all_actuators_are_used(clean_bench):
+    recording = read_recording(clean_bench.path)
+    speeds = {name: np.full(len(recording), 1e-3) for name in recording.positions}
+    diagnosis = diagnose(prup_pin.load("3prup"), replace(recording, velocities=speeds))
+    assert diagnosis.unused_columns == ()
+
+
+# -- no verdict contradicts its numbers --------------------------------------------------------------------------------
+
+
+def test_peace_has_no_residual_before_either(diagnosed, diagnosed_strange):
+    for _, _, diagnosis in (diagnosed, diagnosed_strange):
+        count = 6 * len(diagnosis.samples)
+        assert diagnosis.before["fit"] > clean_bound(count)
+        assert diagnosis.verdict != "nothing_missing"
+        assert diagnosis.findings
+        assert (diagnosis.verdict == "unexplained") == any(item.physics == "unknown" for item in diagnosis.findings)
