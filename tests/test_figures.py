@@ -8,7 +8,8 @@ import pytest
 
 import prup_pin
 from prup_pin.views.drawing.figures import pose_figure, shares_figure
-from prup_pin.views.scene.skeleton import BodyMotions, skeleton
+from prup_pin.views.scene.elastic import Deflections
+from prup_pin.views.scene.skeleton import skeleton
 
 WRENCH = np.array([300, 0, 0, 0, 0, 100.0])
 GHOST = np.array([0xE8, 0x59, 0x0C])
@@ -174,15 +175,57 @@ def test_skeleton_of_the_3prup(robot, compliance):
 def test_motions_are_those_of_the_compliance(robot, compliance):
     """A small scale moves every drawn end as `deflection` says; the loops of the deflected mechanism stay closed."""
     pose = compliance.pose
-    motions = BodyMotions(compliance, WRENCH)
+    moved = Deflections(compliance, WRENCH)
+
+    def there(body, point):
+        return point + moved.shift(body, point, 1.0)
+
     tool = pose.mechanism.tool
     at = pose.base_from_tool[:3, 3]
     np.testing.assert_allclose(
-        motions.move(tool.joint, at) - at, compliance.deflection(WRENCH)[:3], rtol=1e-9, atol=1e-15
+        moved.shift(tool.joint, at, 1.0), compliance.deflection(WRENCH)[:3], rtol=1e-9, atol=1e-15
     )
     for first, second, one, other in skeleton(pose).closures:
-        np.testing.assert_allclose(motions.move(one, first), motions.move(other, second), atol=1e-9)
+        np.testing.assert_allclose(there(one, first), there(other, second), atol=1e-9)
     for segment in skeleton(pose).segments:
-        curve = motions.curve(segment)
-        np.testing.assert_allclose(curve[0], motions.move(segment.bodies[0], segment.start), atol=1e-15)
-        np.testing.assert_allclose(curve[-1], motions.move(segment.bodies[1], segment.end), atol=1e-15)
+        curve = moved.curve(segment, 1.0)
+        np.testing.assert_allclose(curve[0], there(segment.bodies[0], segment.start), atol=1e-15)
+        np.testing.assert_allclose(curve[-1], there(segment.bodies[1], segment.end), atol=1e-15)
+
+
+def off_cubic(moved, segment):
+    """How far [m] a drawn beam lies off the cubic between its ends and their slopes, across the beam.
+
+    That cubic is the exact line of a slender beam of constant section.
+    """
+    curve = moved.curve(segment, 1.0)
+    count = len(curve)
+    s, line = np.linspace(0, 1, count)[:, None], segment.end - segment.start
+    (first, turn), (last, turn_there) = (
+        (moved.shift(body, end, 1.0), moved.shift(body, end + line, 1.0) - moved.shift(body, end, 1.0))
+        for body, end in zip(segment.bodies, (segment.start, segment.end), strict=True)
+    )
+    bent = (1 - 3 * s**2 + 2 * s**3) * first + (3 * s**2 - 2 * s**3) * last
+    off = curve - segment.start - bent - (s - 2 * s**2 + s**3) * turn - (s**3 - s**2) * turn_there
+    axis = line / np.linalg.norm(line)
+    return np.linalg.norm(off - np.outer(off @ axis, axis), axis=1).max()
+
+
+def test_slender_beams_are_drawn_as_cubics(robot, compliance):
+    moved = Deflections(compliance, WRENCH)
+    beams = [segment for segment in skeleton(compliance.pose).segments if segment.kind == "beam"]
+    for beam in beams:
+        curve = moved.curve(beam, 1.0)
+        bend = np.abs(curve - np.linspace(curve[0], curve[-1], len(curve))).max()
+        assert bend > 1e-6
+        assert off_cubic(moved, beam) < 1e-9 * bend + 1e-15
+
+
+def test_beams_that_shear_are_drawn_so():
+    soft = {"shear_modulus": 1e9, "shear_coefficient": 0.5}
+    changes = {f"leg{leg}/linear_rod.{name}": value for leg in (1, 2, 3) for name, value in soft.items()}
+    robot = prup_pin.load("3prup").with_parameters(changes)
+    compliance = robot.compliance(robot.home)
+    moved = Deflections(compliance, WRENCH)
+    rods = [item for item in skeleton(compliance.pose).segments if item.name.endswith("linear_rod")]
+    assert max(off_cubic(moved, rod) for rod in rods) > 1e-7

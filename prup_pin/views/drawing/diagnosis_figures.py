@@ -78,9 +78,10 @@ def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array
         return pose.placements[mechanism.joint_id(name)][None, :3, 3]
     if name in mechanism.frame_names:
         return pose.placement(name)[None, :3, 3]
-    if name in ("moving_star", "wrench_sensor", "pose_sensor"):
-        return parts.tool[None, :3, 3]
-    return None
+    if name == "robot" or name in (length.parameter.owner for length in mechanism.description.lengths):
+        return None
+    # what the mechanism does not know stands at its tool: a sensor, a payload
+    return parts.tool[None, :3, 3]
 
 
 @plain_words

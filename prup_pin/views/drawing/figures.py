@@ -16,7 +16,8 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, best_camera, hull
-from ..scene.skeleton import BodyMotions, Skeleton, skeleton
+from ..scene.elastic import Deflections, nice_below
+from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
@@ -41,12 +42,6 @@ _FAINT = "#6B7280"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
-
-
-def _nice_below(value: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is not above `value`."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)) * power)
 
 
 def leg_colours(legs: Sequence[str]) -> dict[str, str]:
@@ -81,13 +76,15 @@ def pose_figure(
     axes = figure.add_axes((0.02, 0.02, 0.67, 0.83))
     axes.set_aspect("equal")
     axes.axis("off")
-    if load is not None and compliance is not None and load.any() and scale is None:
-        scale = _fitting_scale(compliance, load, parts)
-    ghost = BodyMotions(compliance, load, scale) if load is not None and compliance is not None and scale else None
+    moved = Deflections(compliance, load) if load is not None and compliance is not None else None
+    if moved is not None and scale is None:
+        scale = _fitting_scale(moved, parts)
+    times = scale or 0.0
+    ghost = moved if times else None
     # fix the limits first: labels are placed on the page
     extent = [camera.flat(parts.points)]
     if ghost is not None:
-        extent += [camera.flat(ghost.curve(segment)) for segment in parts.segments]
+        extent += [camera.flat(ghost.curve(segment, times)) for segment in parts.segments]
     tool = parts.tool[:3, 3]
     if load is not None and load[:3].any():
         extent.append(camera.flat(tool + FORCE_LENGTH * size * load[:3] / np.linalg.norm(load[:3]))[None])
@@ -104,7 +101,7 @@ def pose_figure(
     if compliance is not None:
         draw_small_ellipsoid(drawing, compliance, tool, size)
     if ghost is not None:
-        _draw_ghost(drawing, parts, ghost)
+        _draw_ghost(drawing, parts, ghost, times)
     texts = draw_tool(drawing, parts)
     if load is not None and load.any():
         texts += _draw_wrench(drawing, tool, load, size)
@@ -122,16 +119,15 @@ def pose_figure(
     return figure
 
 
-def _fitting_scale(compliance: Compliance, load: Array, parts: Skeleton) -> float | None:
+def _fitting_scale(moved: Deflections, parts: Skeleton) -> float | None:
     """Return the round factor that makes the largest deflection about an eighth of the mechanism."""
-    motions = BodyMotions(compliance, load)
-    moved = [
-        np.linalg.norm(motions.move(body, end) - end)
+    shifts = [
+        np.linalg.norm(moved.shift(body, end, 1.0))
         for segment in parts.segments
         for body, end in zip(segment.bodies, (segment.start, segment.end), strict=True)
     ]
-    largest = max([*map(float, moved), float(np.linalg.norm(compliance.deflection(load)[:3]))])
-    return _nice_below(0.14 * parts.size / largest) if largest > 0 else None
+    largest = max([*map(float, shifts), float(np.linalg.norm(moved.tool[:3]))])
+    return nice_below(0.14 * parts.size / largest) if largest > 0 else None
 
 
 def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -> None:
@@ -188,16 +184,19 @@ def _draw_ground(drawing: Drawing, at: Array, size: float) -> None:
         drawing.labels.avoid(edge + np.array([0, away * height * half]))
 
 
-def _draw_ghost(drawing: Drawing, parts: Skeleton, ghost: BodyMotions) -> None:
+def _draw_ghost(drawing: Drawing, parts: Skeleton, ghost: Deflections, scale: float) -> None:
+    def there(body: int, point: Array) -> Array:
+        return point + ghost.shift(body, point, scale)
+
     for segment in parts.segments:
         width = 2.4 if segment.kind == "beam" else 1.8
-        drawing.line(ghost.curve(segment), _GHOST, width, lift=5.0, halo=False, alpha=0.9)
+        drawing.line(ghost.curve(segment, scale), _GHOST, width, lift=5.0, halo=False, alpha=0.9)
     for plate in parts.plates:
         if plate.body:
-            outline = hull(drawing.camera.flat(np.array([ghost.move(plate.body, corner) for corner in plate.corners])))
+            outline = hull(drawing.camera.flat(np.array([there(plate.body, corner) for corner in plate.corners])))
             if len(outline) >= 3:
                 drawing.axes.add_patch(Polygon(outline, facecolor="none", edgecolor=_GHOST, lw=1.4, zorder=16))
-    drawing.mark(ghost.move(parts.tool_body, parts.tool[:3, 3]), "o", 6, _GHOST, "white", lift=26)
+    drawing.mark(there(parts.tool_body, parts.tool[:3, 3]), "o", 6, _GHOST, "white", lift=26)
 
 
 def draw_tool(drawing: Drawing, parts: Skeleton) -> list[tuple]:

@@ -8,6 +8,7 @@ from ...kinematics import ClosedPose
 from ...mechanism import Module
 from ...spatial import Array, axis_as_z, placement
 from ...statics import Compliance
+from .skeleton import Segment
 
 __all__ = ["SECTIONS", "BentLine", "Deflections", "beam_frame", "fitting_scale", "nice_below", "rotation_of"]
 
@@ -95,6 +96,19 @@ class Deflections:
         linear = np.array([[1, -rz, ry], [rz, 1, -rx], [-ry, rx, 1]])
         u, _, vt = np.linalg.svd(linear @ self._shapes[body])
         return placement(u @ vt @ at[:3, :3], at[:3, 3] + self.shift(body, at[:3, 3], scale))
+
+    def curve(self, segment: Segment, scale: float) -> Array:
+        """Return the scaled deflected line of a segment, (SECTIONS, 3): a beam bends, other lines stay straight.
+
+        What moves a beam's tip besides the beam, such as a slide that slips, stretches the picture towards it.
+        """
+        s = np.linspace(0, 1, SECTIONS)[:, None]
+        ends = zip(segment.bodies, (segment.start, segment.end), strict=True)
+        first, last = (self.shift(body, end, scale) for body, end in ends)
+        moved = np.tile(first, (SECTIONS, 1))
+        if segment.kind == "beam":
+            moved = scale * self._lines[segment.name].displacement
+        return segment.start + s * (segment.end - segment.start) + moved + s * (last - moved[-1])
 
     def bent(self, module: Module, pose: ClosedPose, scale: float) -> BentLine:
         """Return the scaled elastic line of a beam."""

@@ -22,7 +22,7 @@ from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale,
 from .scene import INK, ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
 from .shapes import Ball, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube
 from .skeleton import Segment, skeleton
-from .symbols import joint_axis, symbols
+from .symbols import symbols
 from .visuals import Visual, visuals
 
 __all__ = ["Painter", "pose_scene", "pose_words"]
@@ -77,7 +77,7 @@ class Painter:
             joint = module.joint
             if module.kind.spans_frames or model.joints[joint].nv != 1 or joint not in meshes:
                 continue
-            axis = joint_axis(self.robot.mechanism, joint)
+            axis = self.robot.mechanism.joint(joint).axis
             points = np.concatenate(meshes[joint])
             along = points @ axis
             across = np.linalg.norm(points - along[:, None] * axis, axis=1)

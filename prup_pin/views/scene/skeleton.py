@@ -12,10 +12,9 @@ import numpy as np
 from ...kinematics import ClosedPose
 from ...mechanism import Frame
 from ...spatial import Array
-from ...statics import Compliance
 from ..text.joints import joint_role, joint_type
 
-__all__ = ["BodyMotions", "Joint", "Segment", "Skeleton", "skeleton"]
+__all__ = ["Joint", "Segment", "Skeleton", "skeleton"]
 
 
 @dataclass(frozen=True)
@@ -147,37 +146,3 @@ def _key(point: Array) -> tuple[float, ...]:
 def _unique(points: list[Array]) -> Array:
     """Return the points without repetitions, (n, 3)."""
     return np.array(list({_key(point): point for point in points}.values())).reshape(-1, 3)
-
-
-class BodyMotions:
-    """Small displacements of all bodies under a wrench on the tool."""
-
-    def __init__(self, compliance: Compliance, wrench: Array, scale: float = 1.0):
-        pose = compliance.pose
-        names: dict[int, str] = {}
-        for name in pose.mechanism.frame_names:
-            names.setdefault(pose.mechanism.frame(name).joint, name)
-        count = pose.mechanism.model.njoints
-        self._twists, self._points = np.zeros((count, 6)), np.zeros((count, 3))
-        for body in range(1, count):
-            if body in names:
-                self._twists[body] = scale * compliance.deflection(wrench, frame=names[body])
-                self._points[body] = pose.placement(names[body])[:3, 3]
-
-    def move(self, body: int, point: Array) -> Array:
-        """Return where a point fixed to a body goes."""
-        return point + self._twists[body, :3] + np.cross(self._twists[body, 3:], point - self._points[body])
-
-    def curve(self, segment: Segment, count: int = 13) -> Array:
-        """Return the deflected line of a segment, (count, 3): a beam bends between the slopes of its ends."""
-        s = np.linspace(0, 1, count)[:, None]
-        line = segment.end - segment.start
-        at = segment.start + s * line
-        first, last = (
-            self.move(body, end) - end for body, end in zip(segment.bodies, (segment.start, segment.end), strict=True)
-        )
-        if segment.kind != "beam":
-            return at + (1 - s) * first + s * last
-        slopes = [np.cross(self._twists[body, 3:], line) for body in segment.bodies]
-        moved = (1 - 3 * s**2 + 2 * s**3) * first + (3 * s**2 - 2 * s**3) * last
-        return at + moved + (s - 2 * s**2 + s**3) * slopes[0] + (s**3 - s**2) * slopes[1]

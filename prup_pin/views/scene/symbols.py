@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...kinematics import ClosedPose
-from ...mechanism import Mechanism, Module
+from ...mechanism import Module
 from ...spatial import Array, axis_as_z, placement
-from ..text.joints import joint_type
 from .shapes import Box, Cylinder, Ring, Shape, Tube, belt_mesh, thread_mesh
 
-__all__ = ["Symbol", "joint_axis", "symbols"]
+__all__ = ["Symbol", "symbols"]
 
 _SCREWS = ("ball_screw",)
 _NUTS = ("ball_nut", "preloaded_ball_nut")
@@ -51,7 +50,7 @@ def symbols(pose: ClosedPose, size: float, middle: Array, radii: Mapping[str, fl
             by_joint.setdefault(module.joint, []).append(module)
     for joint, modules in by_joint.items():
         drive = [module for module in modules if module.kind.kind in _DRIVES]
-        sliding = joint_type(mechanism, mechanism.model.names[joint]) == "prismatic"
+        sliding = mechanism.joint(joint).slides
         if sliding and drive:
             found += _drive(pose, joint, drive, size, middle)
         slot = 0
@@ -63,19 +62,13 @@ def symbols(pose: ClosedPose, size: float, middle: Array, radii: Mapping[str, fl
     return found
 
 
-def joint_axis(mechanism: Mechanism, joint: int) -> Array:
-    """Return the axis of a joint in its own frame."""
-    twist = np.asarray(mechanism.model.joints[joint].createData().S).reshape(6, -1)[:, 0]
-    axis = twist[:3] if np.abs(twist[:3]).max() > np.abs(twist[3:]).max() else twist[3:]
-    return axis / np.linalg.norm(axis)
-
-
 def _sign(pose: ClosedPose, module: Module, size: float, slot: int, sliding: bool, radius: float) -> list[Symbol]:
     """Return the sign of one module at its frame; several on one joint stand in a row along its axis."""
     kind = module.kind.kind
     base = pose.placements[module.frame.joint] @ module.frame.placement
-    if kind not in _BEARINGS and pose.mechanism.model.joints[module.joint].nv == 1:
-        turn = axis_as_z(joint_axis(pose.mechanism, module.joint))
+    joint = pose.mechanism.joint(module.joint)
+    if kind not in _BEARINGS and joint.nv == 1:
+        turn = axis_as_z(joint.axis)
         base = pose.placements[module.joint] @ placement(turn, np.zeros(3))
     at = base @ placement(np.eye(3), np.array([0, 0, 0.022 * size * slot]))
     shape: Shape
@@ -106,7 +99,7 @@ def _drive(pose: ClosedPose, joint: int, modules: list[Module], size: float, mid
     model = mechanism.model
     parent = int(model.parents[joint])
     seat = pose.placements[parent] @ model.jointPlacements[joint].homogeneous
-    axis = pose.placements[joint][:3, :3] @ joint_axis(mechanism, joint)
+    axis = pose.placements[joint][:3, :3] @ mechanism.joint(joint).axis
     origin, end = seat[:3, 3], pose.placements[joint][:3, 3]
     beam = next((m for m in mechanism.modules if m.joint == joint and m.root is not None), None)
     if beam is not None:

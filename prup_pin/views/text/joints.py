@@ -17,36 +17,26 @@ _ANGLES = ("rx", "ry", "rz")
 
 def joint_type(mechanism: Mechanism, name: str) -> str:
     """Return 'revolute', 'continuous', 'prismatic', or Pinocchio's word for other joints."""
-    joint = mechanism.model.joints[mechanism.joint_id(name)]
-    word = joint.shortname().removeprefix("JointModel")
+    joint = mechanism.joint(name)
+    if joint.slides:
+        return "prismatic"
     if joint.nv == 1:
-        turns = np.abs(_axis(mechanism, name)[3:]).max() > 0
-        if not turns:
-            return "prismatic"
         return "continuous" if joint.nq == 2 else "revolute"
+    word = mechanism.model.joints[joint.id].shortname().removeprefix("JointModel")
     return {"FreeFlyer": "floating", "Planar": "planar", "SphericalZYX": "spherical"}.get(word, word.lower())
-
-
-def _axis(mechanism: Mechanism, name: str) -> np.ndarray:
-    """Return the unit twist of a joint with one degree of freedom, (6,)."""
-    joint = mechanism.model.joints[mechanism.joint_id(name)]
-    return np.asarray(joint.createData().S).reshape(6, -1)[:, 0]
 
 
 def dimension(mechanism: Mechanism, name: str) -> str:
     """Return 'length' or 'angle' for a joint with one degree of freedom, else 'number'."""
-    return {"prismatic": "length", "revolute": "angle", "continuous": "angle"}.get(
-        joint_type(mechanism, name), "number"
-    )
+    return {"m": "length", "rad": "angle"}.get(mechanism.joint(name).unit or "", "number")
 
 
 def limits(mechanism: Mechanism, name: str) -> tuple[float, float] | None:
     """Return the limits [m or rad] of a joint, or None where it has none."""
-    model = mechanism.model
-    joint = model.joints[mechanism.joint_id(name)]
+    model, joint = mechanism.model, mechanism.joint(name)
     if joint.nq != 1 or joint.nv != 1:
         return None
-    low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+    low, high = float(model.lowerPositionLimit[joint.first_q]), float(model.upperPositionLimit[joint.first_q])
     return (low, high) if low < high and np.isfinite([low, high]).all() and max(-low, high) < 1e6 else None
 
 

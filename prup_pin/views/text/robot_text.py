@@ -101,7 +101,7 @@ def _print_modules(out: Console, robot: Robot) -> None:
         key = (module.kind.kind, tuple((p.short, str(p.value), p.source) for p in own))
         alike.setdefault(key, []).append(module.name)
     for names in alike.values():
-        module = next(m for m in modules if m.name == names[0])
+        module = robot.mechanism.module(names[0])
         own = module_parameters(robot, module)
         out.print()
         listed(out, "", names, ", ")
