@@ -69,7 +69,7 @@ def load(
             f"'{description.name}' has loops, but nothing says which joints are actuated: "
             f'load(..., actuated=["joint", …]) with names from {", ".join(list(mechanism.model.names)[1:])}'
         )
-    return Robot(mechanism)
+    return Robot(mechanism).prepared()
 
 
 def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, stiffness) -> RobotDescription:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from .errors import InputError, UnreachablePoseError
+from .errors import InputError, PrupPinError, UnreachablePoseError
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, find_loaded_pose
 from .mechanism import Mechanism
@@ -29,6 +29,9 @@ class Robot:
 
     def __init__(self, mechanism: Mechanism):
         self.mechanism = mechanism
+
+    def __reduce__(self):
+        return Robot, (self.mechanism,)
 
     @property
     def name(self) -> str:
@@ -66,6 +69,17 @@ class Robot:
     @cached_property
     def _chain(self) -> Chain:
         return Chain(self._statics)
+
+    def prepared(self) -> Robot:
+        """Return this robot with all that no pose decides worked out: home, the start of Newton, the layout of modules.
+
+        It is worked out where it is needed otherwise; what a robot cannot do is said when it is asked.
+        """
+        with suppress(PrupPinError):
+            self._kinematics.prepare()
+            if self.mechanism.modules and self.mechanism.tool is not None:
+                self._statics.constant_compliances  # noqa: B018
+        return self
 
     @cached_property
     def _scaling(self) -> np.ndarray:
@@ -120,7 +134,7 @@ class Robot:
         `load` (6,) is the wrench at which nonlinear modules are linearised; none: at rest. Raises PrupPinError where
         no module is compliant, UnreachablePoseError where a module's equation does not hold at this pose.
         """
-        if pose.mechanism is not self.mechanism:
+        if not pose.mechanism.same_as(self.mechanism):
             raise InputError(
                 f"this pose belongs to another robot or to other parameters ('{pose.mechanism.name}'); "
                 "ask this robot for it: robot.pose(...)"

@@ -46,6 +46,17 @@ class ClosedPose:
     closure_residual: Array
     coordinates: Mapping[str, float]
 
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        self.freeze()
+
+    def freeze(self) -> ClosedPose:
+        """Make all arrays read-only; a copy's are not by themselves."""
+        for value in (*vars(self).values(), *self.balance):
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        return self
+
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={value:.6g}" for name, value in self.coordinates.items())
         return f"<ClosedPose of {self.mechanism.name}{' at ' + at if at else ''}>"

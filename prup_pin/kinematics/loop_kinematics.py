@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from eigenpy import PartialPivLU
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
-from ..kernel import NEGLIGIBLE, Closure, rank_of
+from ..kernel import NEGLIGIBLE, Closure, Tree, rank_of
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
-from .seed import PoseSeed
+from .start import TaylorStart
 from .task import TaskFrame
 
 #: Residual at which the loops must be closed [m, rad].
@@ -33,7 +33,11 @@ _LAST_STEP = 1e-7
 _AT_LIMIT = 1e-9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
 _NEAR = 0.7
+#: ... or where the series about home told it as well as this.
+_SURE = 0.1
 _ITERATIONS = 40
+#: A longer step [m, rad] comes from a matrix that is as good as singular.
+_LONGEST = 1e3
 
 
 class _NotConvergedError(Exception):
@@ -61,13 +65,12 @@ Goal = Callable[[Array, Array], tuple[Array, Callable[[Array], Array]]]
 
 
 class LoopKinematics:
-    """Solves one mechanism's closure. Holds Pinocchio's working memory: use one instance per thread."""
+    """Solves one mechanism's closure. An answer depends on nothing but the question."""
 
     def __init__(self, mechanism: Mechanism):
         self.mechanism = mechanism
-        model = self.model = mechanism.model
-        self.data = model.createData()
-        self._oMi = list(self.data.oMi)  # references into data, refreshed by every forward pass
+        self.model = mechanism.model
+        self.tree = Tree(mechanism)
         self.task = TaskFrame(
             mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
         )
@@ -75,13 +78,16 @@ class LoopKinematics:
         self.lower, self.upper = mechanism.limits
         self._least, self._most = self.lower - _AT_LIMIT, self.upper + _AT_LIMIT
 
+    def prepare(self) -> None:
+        """Work out what no pose decides. Raises UnreachablePoseError where the loops do not close."""
+        for _ in (self.home, self._free_factors, self._start if self.task.names else None):
+            pass
+
     # -- evaluation ----------------------------------------------------------------------------------------------
 
     def evaluate(self, q: Array) -> Evaluation:
         """Return placements, Jacobian and closure at a configuration."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        placements = np.array([placement.homogeneous for placement in self._oMi])
-        jacobian = self.data.J.reshape(6, -1).copy()  # one joint alone comes as a vector
+        placements, jacobian = self.tree.at(q)
         gaps = self.closure.gaps(placements)
         rows = self.closure.jacobian(gaps.wrenches, jacobian)
         return Evaluation(placements, jacobian, gaps.gap, gaps.wrenches, rows, gaps.turn)
@@ -105,7 +111,7 @@ class LoopKinematics:
                 return q, evaluation
             if not size < np.inf:
                 break
-            step = _solve(np.concatenate((evaluation.closure, wanted_rows(evaluation.jacobian))), error)
+            step = self._solve(np.concatenate((evaluation.closure, wanted_rows(evaluation.jacobian))), error)
             longest = np.abs(step).max(initial=0.0)
             if longest > 0.6:
                 step *= 0.6 / longest
@@ -114,6 +120,21 @@ class LoopKinematics:
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
+
+    def _solve(self, matrix: Array, right: Array) -> Array:
+        """Return the solution, or the least one where rows are redundant or motions free."""
+        if matrix.shape[0] == matrix.shape[1]:
+            step = PartialPivLU(matrix).solve(right)
+            if step @ step < _LONGEST**2:
+                return step
+        return self._least_inverse(matrix) @ right
+
+    def _least_inverse(self, matrix: Array) -> Array:
+        """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
+        rows, columns = self._newton_scales
+        wanted = np.abs(matrix[len(rows) :] * columns).max(axis=1, initial=0.0)
+        rows = np.concatenate((rows, 1 / np.where(wanted > 0, wanted, 1.0)))
+        return rank_of(matrix, rows, columns).inverse
 
     def _nothing(self, q: Array, placements: Array) -> tuple[Array, Callable[[Array], Array]]:
         """The goal of closing the loops and nothing else."""
@@ -177,7 +198,9 @@ class LoopKinematics:
 
         Of a robot without a tool frame, from their own centre.
         """
-        placements = self._home.placements
+        return self._size(self._home.placements)
+
+    def _size(self, placements: Array) -> float:
         joints = placements[1:, :3, 3]
         tool = self.mechanism.tool
         centre = joints.mean(axis=0) if tool is None else (placements[tool.joint] @ tool.placement)[:3, 3]
@@ -186,8 +209,11 @@ class LoopKinematics:
 
     def scales(self, dofs: Array) -> tuple[Array, Array]:
         """Return row and column factors that make the closure Jacobian of `dofs` dimensionless."""
+        return self._scales(self.length, dofs)
+
+    def _scales(self, length: float, dofs: Array) -> tuple[Array, Array]:
         slides = np.array([not any(twist[3:]) for joint in self.mechanism.joints for twist in joint.subspace.T], bool)
-        return np.where(self.closure.is_translation, 1 / self.length, 1.0), np.where(slides[dofs], self.length, 1.0)
+        return np.where(self.closure.is_translation, 1 / length, 1.0), np.where(slides[dofs], length, 1.0)
 
     def tool_motion(self, placements: Array, jacobian: Array, velocities: Array) -> Array:
         """Return the tool's dimensionless twist (6, n) about its own point under velocities (nv, n); none without."""
@@ -198,6 +224,12 @@ class LoopKinematics:
         twist[:3] -= skew((placements[tool.joint] @ tool.placement)[:3, 3]) @ twist[3:]
         twist[:3] /= self.length
         return twist
+
+    @cached_property
+    def _newton_scales(self) -> tuple[Array, Array]:
+        # Home is not known while its loops are still open.
+        drawn = self.tree.at(self.mechanism.home_configuration()).placements
+        return self._scales(self._size(drawn), np.arange(self.model.nv))
 
     @cached_property
     def _free_factors(self) -> Array:
@@ -214,29 +246,30 @@ class LoopKinematics:
         """Return the pose with the wanted task coordinates."""
         target = self.task.target(wanted)
         requested = dict(zip(self.task.names, target.tolist(), strict=True))
-        offset = self._seed(target)
-        if offset is not None:
+        start = self._start(target)
+        if start is not None:
             try:
-                q, evaluation = self._newton(pin.integrate(self.model, self.home, offset), self.task.goal(target))
-                if self.closure.assembled(evaluation.turn) and self._outside(q) is None:
+                q, evaluation = self._near(start, self.task.goal(target), within=_SURE)
+                if self._outside(q) is None:
                     return self._freeze(q, evaluation, requested)
             except _NotConvergedError:
                 pass
         return self.reach(target, requested, self.task.goal)
 
     @cached_property
-    def _seed(self) -> PoseSeed:
-        def offset(target: Array) -> Array | None:
-            try:
-                q, _ = self._near(self.home, self.task.goal(target), self._home)
-            except _NotConvergedError:
-                here = self.task.values(self._home.placements)
-                q, reached, _ = self._follow(self.home, here, target, self.task.goal)
-                if reached < 1.0:
-                    return None
-            return pin.difference(self.model, self.home, q)
+    def _start(self) -> TaylorStart:
+        home, task = self._home, self.task
+        here = task.values(home.placements)
+        goal = task.goal(here)
 
-        return PoseSeed(offset)
+        def error(q: Array) -> Array:
+            evaluation = self.evaluate(q)
+            return np.concatenate((evaluation.residual, goal(q, evaluation.placements)[0]))
+
+        _, rows = goal(self.home, home.placements)
+        scale = np.array([self.length if task.units[name] == "m" else 1.0 for name in task.names])
+        inverse = self._least_inverse(np.concatenate((home.closure, rows(home.jacobian))))
+        return TaylorStart(self.model, self.home, here, scale, error, inverse)
 
     def pose_from_actuators(self, values: Sequence[float] | Array, near: ClosedPose | None = None) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""
@@ -278,7 +311,7 @@ class LoopKinematics:
 
     def pose_from_configuration(self, q: Sequence[float] | Array) -> ClosedPose:
         """Return the pose at a full Pinocchio configuration that already closes the loops."""
-        array = np.asarray(q, float).ravel()
+        array = np.array(q, float).ravel()
         if array.shape != (self.model.nq,) or not np.isfinite(array).all():
             raise InputError(f"expected a configuration of {self.model.nq} finite numbers; got {q!r}")
         metres, radians = self._split(self.evaluate(array).residual)
@@ -314,11 +347,13 @@ class LoopKinematics:
             return self._finish(q, self.evaluate(q), requested)
         raise self._unreachable(requested, target, here, q, reached, failure)
 
-    def _near(self, q: Array, goal: Goal, first: Evaluation | None = None) -> tuple[Array, Evaluation]:
+    def _near(
+        self, q: Array, goal: Goal, first: Evaluation | None = None, within: float = _NEAR
+    ) -> tuple[Array, Evaluation]:
         """Return Newton's solution where it is assembled and no joint moves far. Raises _NotConvergedError."""
         found, evaluation = self._newton(q, goal, first)
         farthest = np.abs(pin.difference(self.model, q, found)).max(initial=0.0)
-        if farthest > _NEAR or not self.closure.assembled(evaluation.turn):
+        if farthest > within or not self.closure.assembled(evaluation.turn):
             raise _NotConvergedError(found, self._split(evaluation.residual))
         return found, evaluation
 
@@ -408,8 +443,6 @@ class LoopKinematics:
     def _freeze(self, q: Array, evaluation: Evaluation, requested: dict) -> ClosedPose:
         """Return the pose as a value. Raises SingularPoseError."""
         balance = self._balance(evaluation, requested)
-        for array in (q, evaluation.placements, evaluation.jacobian, evaluation.wrenches, evaluation.closure):
-            array.setflags(write=False)
         coordinates = requested
         if self.task.names and not self._are_tasks(requested):
             coordinates = dict(zip(self.task.names, self.task.values(evaluation.placements).tolist(), strict=True))
@@ -423,7 +456,7 @@ class LoopKinematics:
             balance=balance,
             closure_residual=evaluation.residual,
             coordinates=coordinates,
-        )
+        ).freeze()
 
     def _balance(self, evaluation: Evaluation, requested: dict) -> PassiveBalance:
         """Return how the free joints balance. Raises SingularPoseError where the tool can still move."""
@@ -470,18 +503,6 @@ class LoopKinematics:
             requested,
             nearest,
         )
-
-
-def _solve(matrix: Array, right: Array) -> NDArray[np.floating]:
-    """Return the solution, or the least one where rows are redundant or motions free."""
-    if matrix.shape[0] == matrix.shape[1]:
-        try:
-            step = np.linalg.solve(matrix, right)
-            if np.abs(step).max(initial=0.0) < 1e3:
-                return step
-        except np.linalg.LinAlgError:
-            pass
-    return np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
 
 
 def _joint_values(model: pin.Model, q: Array, dofs) -> Array:

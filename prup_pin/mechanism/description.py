@@ -6,7 +6,7 @@ Every reader (URDF, sidecar, MJCF) produces a `RobotDescription`; everything aft
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -246,6 +246,23 @@ def _check_values(module: ModuleDescription) -> list[Problem]:
     except ModuleValuesError as error:
         return [Problem(text, module.lines.get(name) or module.line) for name, text in error.problems]
     return []
+
+
+def same_description(one: Any, other: Any) -> bool:
+    """Return True where two descriptions, or two parts of them, say the same; arrays are compared by their entries."""
+    if one is other:
+        return True
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.shape(one) == np.shape(other) and np.array_equal(one, other, equal_nan=True)
+    if type(one) is not type(other):
+        return False
+    if is_dataclass(one):
+        return all(same_description(getattr(one, item.name), getattr(other, item.name)) for item in fields(one))
+    if isinstance(one, Mapping):
+        return list(one) == list(other) and all(same_description(one[key], other[key]) for key in one)
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same_description, one, other))
+    return bool(one == other) or (isinstance(one, float) and one != one and other != other)
 
 
 class ModuleValuesError(Exception):

@@ -26,6 +26,7 @@ from .description import (
     RobotDescription,
     TaskDescription,
     resolve_values,
+    same_description,
 )
 from .joints import Joint, joints_of
 
@@ -141,6 +142,20 @@ class Mechanism:
         for name in locked:
             self.joint_id(name)
         self._check_couplings()
+
+    def __reduce__(self):
+        # Pinocchio's model is built anew: the description says all of it.
+        return Mechanism, (self.description, self.locked)
+
+    def __copy__(self) -> Mechanism:
+        return self
+
+    def __deepcopy__(self, memo) -> Mechanism:
+        return self  # immutable
+
+    def same_as(self, other: Mechanism) -> bool:
+        """Return True where another mechanism has the same description and the same locked joints."""
+        return self is other or (self.locked == other.locked and same_description(self.description, other.description))
 
     # -- names -------------------------------------------------------------------------------------------------
 

@@ -41,6 +41,11 @@ def _second_moment(values: Values):
     return np.where(np.isnan(given), circle_second_moment(values), given)
 
 
+def _polar_moment(values: Values) -> Array:
+    """Return the torsion constant of a circle [m^4]."""
+    return values["second_moment_x"] + values["second_moment_y"]
+
+
 def _overhang(values: Values, at: ModuleGeometry) -> Array:
     """Return the length of material beyond the end that is not anchored [m]."""
     return np.maximum(values["body_length"] - at.length, 0.0)
@@ -69,7 +74,7 @@ class Beam(WrenchModule):
             "torsion_constant",
             "m^4",
             "torsion constant J; by default I_x + I_y, which holds for circles",
-            lambda v: v["second_moment_x"] + v["second_moment_y"],
+            _polar_moment,
             derived_from=("second_moment_x", "second_moment_y", *_ROUND),
         ),
         *MATERIAL,

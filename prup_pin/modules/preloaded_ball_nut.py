@@ -10,6 +10,11 @@ from .ball_nut import catalogue_stiffness
 from .module import DriveModule, ModuleGeometry, Values, diagonal, required
 
 
+def _at_rest(values: Values) -> Array:
+    """Return the catalogue's stiffness under the preload alone [N/m]."""
+    return catalogue_stiffness({**values, "working_load": np.nan})
+
+
 class PreloadedBallNut(DriveModule):
     """Two opposed rows of balls under preload: stiff while both bear, softer when one has lifted off.
 
@@ -28,7 +33,7 @@ class PreloadedBallNut(DriveModule):
             "stiffness",
             "N/m",
             "axial stiffness at rest",
-            lambda v: catalogue_stiffness({**v, "working_load": np.nan}),
+            _at_rest,
             derived_from=("rated_stiffness", "dynamic_load_rating", "preload"),
         ),
     )

@@ -21,6 +21,11 @@ def _infinite(values: Values):
     return np.full_like(values["stations"], np.inf)
 
 
+def _weightless(values: Values) -> Array:
+    """Return no mass per length at any station [kg/m]."""
+    return np.zeros_like(values["stations"])
+
+
 class SectionBeam(WrenchModule):
     """Sections at stations from root (0) to tip (1), linear in between; a repeated station is a step.
 
@@ -41,7 +46,7 @@ class SectionBeam(WrenchModule):
         _table("torsional_stiffness", "N m^2", "GJ at the stations", _infinite),
         _table("shear_stiffness_x", "N", "kappa G A along x at the stations", _infinite),
         _table("shear_stiffness_y", "N", "kappa G A along y at the stations", _infinite),
-        _table("line_density", "kg/m", "mass per length", lambda v: np.zeros_like(v["stations"]), positive=False),
+        _table("line_density", "kg/m", "mass per length", _weightless, positive=False),
         CLAMP,
     )
 

@@ -9,6 +9,11 @@ from ..spatial import Array
 from .module import DriveModule, ModuleGeometry, Values, diagonal
 
 
+def _of_the_set(values: Values) -> Array:
+    """Return the stiffness of all bearings together [N/m]."""
+    return values["stiffness_each"] * values["count"]
+
+
 class SupportBearing(DriveModule):
     """The screw's support bearings: axial stiffnesses add up (Eq. 110)."""
 
@@ -21,7 +26,7 @@ class SupportBearing(DriveModule):
             "stiffness",
             "N/m",
             "axial stiffness of the set",
-            lambda v: v["stiffness_each"] * v["count"],
+            _of_the_set,
             derived_from=("stiffness_each", "count"),
         ),
     )

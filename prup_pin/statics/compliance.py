@@ -62,6 +62,9 @@ class Compliance:
         self._parts.setflags(write=False)
         self.C.setflags(write=False)
 
+    def __reduce__(self):
+        return Compliance, (self._statics, self._scaling, self.load)
+
     # -- the whole -----------------------------------------------------------------------------------------------
 
     @cached_property

@@ -30,8 +30,9 @@ def elastic_line(statics: Statics, name: str, wrench: Array, root: Array, count:
     module = layout.mechanism.module(name)
     if not module.kind.spans_frames:
         raise InputError(f"module '{name}' is not a beam; only beams have an elastic line")
-    group = next(group for group in layout.wrench_groups if module in group.modules)
-    index = group.modules.index(module)
+    slot = layout.index[name]
+    group = next(group for group in layout.wrench_groups if group.slots.start <= slot < group.slots.stop)
+    index = slot - group.slots.start
     at = statics.geometries[layout.groups.index(group)]
     load = (statics.jacobians[0][group.slots] @ wrench) * np.where(at.inboard_is_root, 1.0, -1.0)[:, None]
     # A module's load is what the outboard side exerts: on the tip where the root is inboard, else on the root.
