@@ -71,14 +71,15 @@ class Robot:
         return Chain(self._statics)
 
     def prepared(self) -> Robot:
-        """Return this robot with all that no pose decides worked out: home, the start of Newton, the layout of modules.
+        """Return this robot with what its task coordinates need for any pose worked out: the first one costs no more.
 
-        It is worked out where it is needed otherwise; what a robot cannot do is said when it is asked.
+        Other robots need little. What a robot cannot do is said when it is asked.
         """
-        with suppress(PrupPinError):
-            self._kinematics.prepare()
-            if self.mechanism.modules and self.mechanism.tool is not None:
-                self._statics.constant_compliances  # noqa: B018
+        if self.mechanism.tasks:
+            with suppress(PrupPinError):
+                self._kinematics.prepare()
+                if self.mechanism.modules:
+                    self.compliance(self.home)
         return self
 
     @cached_property

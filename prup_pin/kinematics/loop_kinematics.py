@@ -80,8 +80,8 @@ class LoopKinematics:
 
     def prepare(self) -> None:
         """Work out what no pose decides. Raises UnreachablePoseError where the loops do not close."""
-        for _ in (self.home, self._free_factors, self._start if self.task.names else None):
-            pass
+        self._freeze(self.home, self._home, {})
+        self._start(self.task.values(self._home.placements))
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 
@@ -202,9 +202,11 @@ class LoopKinematics:
 
     def _size(self, placements: Array) -> float:
         joints = placements[1:, :3, 3]
+        if not len(joints):
+            return 1.0
         tool = self.mechanism.tool
         centre = joints.mean(axis=0) if tool is None else (placements[tool.joint] @ tool.placement)[:3, 3]
-        size = float(np.sqrt(((joints - centre) ** 2).sum(axis=1).mean())) if len(joints) else 0.0
+        size = float(np.sqrt(((joints - centre) ** 2).sum(axis=1).mean()))
         return size if size > 1e-6 else 1.0
 
     def scales(self, dofs: Array) -> tuple[Array, Array]:
