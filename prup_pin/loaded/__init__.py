@@ -1,11 +1,11 @@
 """The robot under load: equilibrium in the deformed position."""
 
-from .chain import Chain, Conditions
+from .chain import Chain, chain_of, with_values
 from .equilibrium import Equilibria, find_equilibria
 from .first_order import FirstOrder, elastic_deformation
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
-from .revalued import with_values
 from .rod import LoadedRod, loaded_rod
+from .state import Conditions, RigidSamples, State
 
 __all__ = [
     "Chain",
@@ -15,6 +15,9 @@ __all__ = [
     "FirstOrder",
     "LoadedPose",
     "LoadedRod",
+    "RigidSamples",
+    "State",
+    "chain_of",
     "elastic_deformation",
     "find_equilibria",
     "find_loaded_pose",

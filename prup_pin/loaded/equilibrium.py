@@ -13,7 +13,9 @@ import numpy as np
 
 from ..kinematics import ClosedPose
 from ..spatial import Array
-from .chain import Chain, Conditions, Evaluation, RigidSamples, State
+from .chain import Chain
+from .residual import Evaluation
+from .state import Conditions, RigidSamples, State
 
 __all__ = ["Equilibria", "find_equilibria"]
 
@@ -82,7 +84,7 @@ def find_equilibria(
     not found so is searched again from the rigid pose, with a load that grows; else it is soon given up.
     """
     rows = np.asarray(rows, int)
-    rigid = start.rigid if start is not None else RigidSamples.of(chain.layout, poses, rows)
+    rigid = start.rigid if start is not None else chain.rigid_samples(poses, rows)
     if start is not None and conditions.actuators is None and start.conditions.actuators is None:
         state = start.state
     else:
@@ -122,7 +124,6 @@ def _newton(
         shared = _inverse(chain.matrix(part, chain.evaluate(rigid.take(first), part, some), some)), which
     inverses, which = shared
     own: dict[int, Array] = {}
-    state = state.take(np.arange(n))
     best = np.full(n, np.inf)
     grown = np.zeros(n, int)
     active = np.arange(n)
@@ -150,7 +151,7 @@ def _newton(
             change[members] = -(residual[members] @ inverses[group].T)
         for place in np.flatnonzero(~common):
             change[place] = -(own[int(active[place])] @ residual[place])
-        moved = np.abs(change[:, : -chain.closure_count or None]).max(axis=1, initial=0.0)
+        moved = np.abs(change[:, : -chain.structure.closure_count or None]).max(axis=1, initial=0.0)
         best[active] = np.minimum(best[active], size[active])
         grown[active] += moved > 2 * size[active]
         size[active] = moved
@@ -159,7 +160,7 @@ def _newton(
         too_long = moved > _LONGEST
         change[too_long] *= (_LONGEST / moved[too_long])[:, None]
         part = chain.step(part, np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
-        state.put(active, part)
+        state = state.with_rows(active, part)
         left = ~(moved < TOLERANCE)
         if not left.any():
             break
@@ -171,7 +172,6 @@ def _newton(
 
 def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
     """Solve what failed again, raising the load in ever finer steps."""
-    state = State(*(array.copy() for array in (state.joints, state.travel, state.strain, state.drive, state.closure)))
     converged, steps = converged.copy(), steps.copy()
     hopeful = ~converged
     for count in _LOAD_STEPS:
@@ -190,7 +190,7 @@ def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
             reached[going] = step / count
             if not len(going):
                 break
-        state.put(going, part)
+        state = state.with_rows(going, part)
         converged[going] = True
         steps[going] = size[good]
         # one that gives way at a small part of its load bears no more in smaller steps

@@ -16,8 +16,8 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..mechanism import Frame
 from ..spatial import Array, rotation_log
-from .chain import Conditions, State
 from .equilibrium import Equilibria
+from .state import Conditions, State
 
 __all__ = ["FirstOrder", "elastic_deformation"]
 
@@ -36,14 +36,14 @@ class FirstOrder:
         nq, nd, _, _ = self.chain.sizes
         #: Rows of the equations that state each module's deformation.
         self.rows: dict[str, slice] = {}
-        for slot, name in enumerate(self.chain.names):
+        for slot, name in enumerate(self.chain.structure.names):
             self.rows[name] = slice(nq + nd + 6 * slot, nq + nd + 6 * slot + 6)
-        layout = self.chain.layout
+        layout, ratios = self.chain.structure.layout, self.chain.values.drive_ratios
         for index, name in enumerate(layout.drive_names):
             row = nq + int(layout.drive_rows[index])
             self.rows[name] = slice(row, row + 1)
         #: Load of a drive module per force along its joint.
-        self.ratio = {name: float(layout.drive_ratios[index, 0, 0]) for index, name in enumerate(layout.drive_names)}
+        self.ratio = {name: float(ratios[index, 0, 0]) for index, name in enumerate(layout.drive_names)}
         self._kept: dict[Hashable, Any] = {}
 
     def __len__(self) -> int:
@@ -73,7 +73,7 @@ class FirstOrder:
 
     def loads(self, module: str) -> Array:
         """Return a module's loads (n, k) in the axes of its law."""
-        layout = self.chain.layout
+        layout = self.chain.structure.layout
         if module in self.ratio:
             row = int(layout.drive_rows[layout.drive_names.index(module)])
             return (self.found.evaluation.drive_loads[:, row] * self.ratio[module])[:, None]
@@ -120,7 +120,7 @@ class FirstOrder:
 
     def _by_travel(self, column: int) -> Array:
         dof = int(self.chain.mechanism.actuated_dofs[column])
-        for index, (_, driven) in enumerate(self.chain.drives):
+        for index, (_, driven) in enumerate(self.chain.structure.drives):
             if driven == dof:
                 return self.by_row[:, :, self.chain.sizes[0] + index]
         step = np.zeros((len(self), len(self.chain.mechanism.actuated_dofs)))
@@ -161,10 +161,10 @@ def left_solve(matrix: Array, rows: Array) -> Array:
 
 def elastic_deformation(found: Equilibria, module: str) -> Array:
     """Return a module's elastic deformation under its present load, (n, k); of a nonlinear one as at rest."""
-    layout = found.chain.layout
+    layout, values = found.chain.structure.layout, found.chain.values
     if module in layout.wrench_names:
         slot = layout.wrench_names.index(module)
-        for index, group in enumerate(layout.wrench_groups):
+        for index, group in enumerate(values.wrench_groups):
             if group.slots.start <= slot < group.slots.stop:
                 at = found.rigid.geometries[index]
                 load = found.evaluation.loads[:, group.slots]
@@ -172,10 +172,10 @@ def elastic_deformation(found: Equilibria, module: str) -> Array:
                 whole = (np.broadcast_to(lam, (*load.shape, load.shape[-1])) @ load[..., None])[..., 0]
                 return whole[:, slot - group.slots.start]
     slot = layout.drive_names.index(module)
-    for index, group in enumerate(layout.drive_groups):
+    for index, group in enumerate(values.drive_groups):
         if group.slots.start <= slot < group.slots.stop:
-            at = found.rigid.geometries[len(layout.wrench_groups) + index]
-            ratio = layout.drive_ratios[group.slots, 0, 0]
+            at = found.rigid.geometries[len(values.wrench_groups) + index]
+            ratio = values.drive_ratios[group.slots, 0, 0]
             load = found.evaluation.drive_loads[:, layout.drive_rows[group.slots]] * ratio
             return group.kind.deformation(group.values, at, load[..., None])[:, slot - group.slots.start]
     raise UnknownNameError("module", module, layout.names)

@@ -17,8 +17,9 @@ from ..kinematics import ClosedPose
 from ..modules import CompliantModule, DriveModule
 from ..spatial import Array, as_wrench, rotation_log
 from ..statics.compliance import _direction, _Named
-from .chain import Chain, Conditions
+from .chain import Chain
 from .equilibrium import Equilibria, find_equilibria
+from .state import Conditions
 
 __all__ = ["Energy", "LoadedPose", "find_loaded_pose"]
 
@@ -142,17 +143,17 @@ class LoadedPose:
 
     def _by_name(self, wrench: Array, drive: Array) -> Mapping[str, Array]:
         each = [_frozen(value) for value in (*wrench, *drive)]
-        return _Named(self._equilibria.chain.layout.index, each.__getitem__)
+        return _Named(self._equilibria.chain.structure.layout.index, each.__getitem__)
 
     @cached_property
     def _drive_modules(self) -> tuple[Array, Array]:
         """Loads and extents of drive modules, (d, 1) both."""
         equilibria = self._equilibria
-        layout = equilibria.chain.layout
-        loads = equilibria.evaluation.drive_loads[0, layout.drive_rows, None] * layout.drive_ratios[:, 0]
+        structure, values = equilibria.chain.structure, equilibria.chain.values
+        loads = equilibria.evaluation.drive_loads[0, structure.layout.drive_rows, None] * values.drive_ratios[:, 0]
         extents = np.zeros_like(loads)
-        geometries = equilibria.rigid.take([0]).geometries[len(layout.wrench_groups) :]
-        for group, at in zip(layout.drive_groups, geometries, strict=True):
+        geometries = equilibria.rigid.take([0]).geometries[len(values.wrench_groups) :]
+        for group, at in zip(values.drive_groups, geometries, strict=True):
             extents[group.slots] = group.kind.deformation(group.values, at, loads[None, group.slots])[0]
         return loads, extents
 
@@ -194,11 +195,10 @@ class LoadedPose:
     def _stored(self) -> float:
         """Energy of all modules [J]."""
         end = self._equilibria
-        layout = end.chain.layout
         total = 0.0
-        for group, at in zip(layout.groups, end.rigid.take([0]).geometries, strict=True):
+        for group, at in zip(end.chain.values.groups, end.rigid.take([0]).geometries, strict=True):
             if group.kind.spans_frames and group.kind.bends_exactly:
-                rod, _ = end.evaluation.parts["rods"][group.slots.start]
+                rod, _ = end.evaluation.modules.rods[group.slots.start]
                 total += float(rod.energy[0].sum())
             else:
                 loads = self._drive_modules[0] if isinstance(group.kind, DriveModule) else end.evaluation.loads[0]
@@ -343,7 +343,7 @@ class _LoadPath:
         old = start.fresh
         residual = self.chain.evaluate(old.rigid, old.state, conditions).residual[0]
         change = old.inverses[0][0] @ residual  # type: ignore[index]
-        return float(np.abs(change[: len(change) - self.chain.closure_count]).max(initial=0.0))
+        return float(np.abs(change[: len(change) - self.chain.structure.closure_count]).max(initial=0.0))
 
     def is_plain(self, found: Equilibria) -> bool:
         """Return True for an equilibrium so near to rest, and so far from critical loads, that it needs no path."""
@@ -381,10 +381,10 @@ class _LoadPath:
 
     def fall(self, at: _Point) -> float:
         """Return the full weights times the way of their centres since the rigid pose [J]."""
-        placements, chain = at.equilibria.evaluation.placements[0], self.chain
-        lever = np.append(chain.levers, np.ones((chain.count, 1)), axis=1)[..., None]
+        placements, bodies = at.equilibria.evaluation.placements[0], self.chain.structure
+        lever = np.append(bodies.levers, np.ones((bodies.count, 1)), axis=1)[..., None]
         ways = ((placements - self.pose.placements) @ lever)[:, :3, 0]
-        return float((chain.masses[:, None] * ways * self.conditions.gravity).sum())
+        return float((bodies.masses[:, None] * ways * self.conditions.gravity).sum())
 
     def rate(self, at: _Point) -> Array:
         """Return the translation and spin of the tool per growing share of wrench and resistance, (6,)."""
@@ -392,14 +392,14 @@ class _LoadPath:
         inverse = found.own_inverses()[0]
         more = chain.load_columns(found.evaluation)[0] @ self.conditions.wrench[0]
         if self.conditions.torques is not None:
-            more[: len(chain.free)] -= self.conditions.torques[0]
+            more[: len(chain.structure.free)] -= self.conditions.torques[0]
         return -chain.tool_columns(found.evaluation)[0] @ (inverse @ more)
 
     def resisted(self, at: _Point) -> float:
         """Return what resists in the free joints times their travel [J]."""
         if self.conditions.torques is None:
             return 0.0
-        return float(self.conditions.torques[0] @ at.equilibria.state.travel[0, self.chain.free])
+        return float(self.conditions.torques[0] @ at.equilibria.state.travel[0, self.chain.structure.free])
 
     # -- stability -------------------------------------------------------------------------------------------------
 

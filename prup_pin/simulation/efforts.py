@@ -22,15 +22,15 @@ def static_efforts(found: Equilibria, joints: tuple[str, ...]) -> Array:
     actuated = list(mechanism.actuated)
     for column, name in enumerate(joints):
         joint = mechanism.joint_id(name)
-        placement = at.parts["moving"][:, joint]
-        axis = placement[:, :3, :3] @ chain.subspaces[joint][:, 0].reshape(2, 3).T  # (N, 3, 2): moving, turning
+        placement = at.moving[:, joint]
+        axis = placement[:, :3, :3] @ chain.structure.subspaces[joint][:, 0].reshape(2, 3).T  # (N, 3, 2): moving, turning
         moving = axis[..., 0] + np.cross(placement[:, :3, 3], axis[..., 1])
-        carried = at.parts["carried"][:, joint]
+        carried = at.carried[:, joint]
         out[:, column] = -(moving * carried[:, :3]).sum(-1) - (axis[..., 1] * carried[:, 3:]).sum(-1)
-        for slot, driven, rate in chain.pushed:
+        for slot, driven, rate in chain.structure.pushed:
             if driven == actuated.index(name):
-                rod, place = at.parts["rods"][slot]
-                if chain.root_inboard[slot]:
+                rod, place = at.modules.rods[slot]
+                if chain.structure.root_inboard[slot]:
                     stored = (rod.root_strain[:, place] * rod.root_wrench[:, place]).sum(-1)
                 else:
                     stored = -(rod.tip_strain[:, place] * at.loads[:, slot]).sum(-1)

@@ -121,7 +121,7 @@ def test_tangent_of_a_rod(kind, tilting, weighs):
 
 
 def test_slope_of_a_conjugate_moment():
-    from prup_pin.loaded.chain import conjugate_moment_slope
+    from prup_pin.loaded.derivative import conjugate_moment_slope
 
     generator = np.random.default_rng(3)
     for size in (0.0, 1e-3, 0.0999, 0.1001, 1.0, 2.5):

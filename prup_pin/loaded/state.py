@@ -1,0 +1,161 @@
+"""What acts on samples, the rigid poses from which they start, and the unknowns of their equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from ..kinematics import ClosedPose
+from ..modules import ModuleGeometry
+from ..spatial import Array, rotation_exp, rotation_tangent
+from ..statics import StaticsLayout
+from .structure import Structure
+
+__all__ = ["Conditions", "RigidSamples", "State", "rigid_state", "stepped", "with_actuators"]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What acts on the mechanism, sample by sample.
+
+    wrench (N, 6) on the tool, base axes, dead; `gravity` (3,) or None; `spread_weight`: beams carry their own weight
+    along their length (else links are weighed as rigid bodies); `torques` (N, free joints), resisting force or torque
+    along each free joint (friction); `strains` gives a module's deformation beyond its own law: by its name a function
+    of its load (N, k) that returns the deformation (N, k) and its derivative (N, k, k); `actuators` (N, actuated
+    joints) is added to the positions of the pose; `offsets` moves the origin of joints, by joint id, (3,) in the axes
+    of the parent's frame.
+    """
+
+    wrench: Array
+    gravity: Array | None = None
+    spread_weight: bool = False
+    torques: Array | None = None
+    strains: dict = field(default_factory=dict)
+    actuators: Array | None = None
+    offsets: dict = field(default_factory=dict)
+
+    def take(self, rows) -> Conditions:
+        """Return the conditions of some samples."""
+        return replace(
+            self,
+            wrench=self.wrench[rows],
+            torques=None if self.torques is None else self.torques[rows],
+            actuators=None if self.actuators is None else self.actuators[rows],
+            strains={name: _taken(strain, rows) for name, strain in self.strains.items()},
+        )
+
+
+def _taken(strain, rows):
+    return strain.take(rows) if hasattr(strain, "take") else strain
+
+
+@dataclass(frozen=True)
+class State:
+    """The unknowns: joints (N, joints, 4, 4), each joint's own motion; travel (N, nv) since the rigid pose;
+    strain (N, n, 6) of wrench modules; drive (N, d); closure (N, c)."""
+
+    joints: Array
+    travel: Array
+    strain: Array
+    drive: Array
+    closure: Array
+
+    def take(self, rows) -> State:
+        return State(self.joints[rows], self.travel[rows], self.strain[rows], self.drive[rows], self.closure[rows])
+
+    def with_rows(self, rows, other: State) -> State:
+        """Return the state with some samples from another one."""
+        arrays = []
+        for name in (item.name for item in fields(self)):
+            array = getattr(self, name).copy()
+            array[rows] = getattr(other, name)
+            arrays.append(array)
+        return State(*arrays)
+
+
+@dataclass(frozen=True)
+class RigidSamples:
+    """The rigid poses behind samples: what they tell each group of modules, (N, n) each."""
+
+    geometries: list[ModuleGeometry]
+
+    @classmethod
+    def of(cls, layout: StaticsLayout, poses: list[ClosedPose], rows: Array) -> RigidSamples:
+        """Return the geometries of samples `rows` (N,) that stand in `poses`."""
+        each = [layout.geometries(pose, layout.frames(pose)) for pose in poses]
+        gathered = []
+        for index, group in enumerate(layout.groups):
+            wide = (len(group.modules),)
+            lengths = np.array([np.broadcast_to(geometries[index].length, wide) for geometries in each])
+            positions = np.array([np.broadcast_to(geometries[index].position, wide) for geometries in each])
+            inboard = np.array([module.inboard_is_root for module in group.modules])
+            anchored = np.array([module.anchored_at_tip for module in group.modules])
+            gathered.append(ModuleGeometry(lengths[rows], positions[rows], inboard, anchored))
+        return cls(gathered)
+
+    def take(self, rows) -> RigidSamples:
+        return RigidSamples([at._replace(length=at.length[rows], position=at.position[rows]) for at in self.geometries])
+
+
+def rigid_state(structure: Structure, poses: list[ClosedPose], rows: Array) -> State:
+    """Return the undeformed state of samples `rows` (N,) that stand in `poses`."""
+    placements = np.array([pose.placements for pose in poses])
+    own = np.empty_like(placements)
+    own[:, 0] = np.eye(4)
+    for joint in range(1, structure.count):
+        before = placements[:, structure.parents[joint]] @ structure.fixed[joint]
+        own[:, joint] = np.linalg.inv(before) @ placements[:, joint]
+    n = len(rows)
+    return State(
+        own[rows],
+        np.zeros((n, structure.mechanism.model.nv)),
+        np.zeros((n, len(structure.modules), 6)),
+        np.zeros((n, len(structure.drives))),
+        np.zeros((n, structure.closure_count)),
+    )
+
+
+def stepped(structure: Structure, state: State, change: Array) -> State:
+    """Return the state moved by `change` (N, m) of all unknowns."""
+    nq, nd, ne, _ = structure.sizes
+    joints, travel = state.joints.copy(), state.travel.copy()
+    rates = np.zeros_like(travel)
+    rates[:, structure.free] = change[:, :nq]
+    for index, (_, dof) in enumerate(structure.drives):
+        rates[:, dof] = change[:, nq + index]
+    travel += rates
+    for joint in range(1, structure.count):
+        first = structure.first_dof[joint]
+        dofs = slice(first, first + structure.subspaces[joint].shape[1])
+        moved = rates[:, dofs]
+        if moved.any():
+            joints[:, joint] = joints[:, joint] @ _motion(moved @ structure.subspaces[joint].T)
+    return State(
+        joints,
+        travel,
+        state.strain + change[:, nq + nd : nq + nd + ne].reshape(state.strain.shape),
+        state.drive + change[:, nq : nq + nd],
+        state.closure + change[:, nq + nd + ne :],
+    )
+
+
+def with_actuators(structure: Structure, state: State, actuators: Array | None) -> State:
+    """Return the state with the actuated joints moved by `actuators` (N, actuated joints) [m, rad]."""
+    if actuators is None or not np.any(actuators):
+        return state
+    joints = state.joints.copy()
+    for column, dof in enumerate(structure.mechanism.actuated_dofs):
+        joint = int(structure.mechanism.dof_joint[dof])
+        joints[:, joint] = joints[:, joint] @ _motion(actuators[:, column, None] * structure.subspaces[joint][:, 0])
+    return replace(state, joints=joints)
+
+
+def _motion(twist: Array) -> Array:
+    """Return the placements exp(S v) of twists (N, 6) of a joint, (N, 4, 4)."""
+    turn = twist[:, 3:]
+    out = np.zeros((len(twist), 4, 4))
+    out[:, :3, :3] = rotation_exp(turn)
+    out[:, :3, 3] = (rotation_tangent(turn) @ twist[:, :3, None])[..., 0]
+    out[:, 3, 3] = 1.0
+    return out
