@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from .errors import InputError, PrupPinError, UnreachablePoseError
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
-from .loaded import Chain, LoadedPose, find_loaded_pose
+from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
 from .parameters import Parameter
 from .spatial import as_wrench
@@ -68,7 +68,7 @@ class Robot:
 
     @cached_property
     def _chain(self) -> Chain:
-        return Chain(self._statics)
+        return chain_of(self._statics)
 
     def prepared(self) -> Robot:
         """Return this robot with what its task coordinates need for any pose worked out: the first one costs no more.

@@ -19,8 +19,7 @@ import numpy as np
 
 import prup_pin
 from prup_pin.laws import Effect, Inputs, Place, law_at
-from prup_pin.loaded import Chain, Conditions
-from prup_pin.loaded.chain import RigidSamples
+from prup_pin.loaded import Conditions, chain_of
 from prup_pin.recordings import Recording
 from prup_pin.robot import random_poses
 from prup_pin.simulation import Simulator
@@ -53,13 +52,13 @@ def timed(robot, inputs, effects=()):
 
 def plain_newton(robot, inputs, samples):
     """Return ms a sample and tool positions of a Newton whose dense derivative comes from finite differences."""
-    chain = Chain(robot._statics)
+    chain = chain_of(robot._statics)
     begun = time.perf_counter()
     positions = []
     for sample in samples:
         pose = robot.pose_from_actuators(inputs.actuators[sample])
         rows = np.zeros(1, int)
-        rigid, state = RigidSamples.of(chain.layout, [pose], rows), chain.rigid_state([pose], rows)
+        rigid, state = chain.rigid_samples([pose], rows), chain.rigid_state([pose], rows)
         conditions = Conditions(wrench=inputs.wrench[sample][None])
         for _ in range(30):
             at = chain.evaluate(rigid, state, conditions)
@@ -67,12 +66,12 @@ def plain_newton(robot, inputs, samples):
             matrix = np.empty((size, size))
             for column in range(size):
                 step = np.zeros((1, size))
-                step[0, column] = 1e-7 if column < size - chain.closure_count else 1e-3
+                step[0, column] = 1e-7 if column < size - chain.structure.closure_count else 1e-3
                 moved = chain.evaluate(rigid, chain.step(state, step), conditions).residual
                 matrix[:, column] = (moved - at.residual)[0] / step[0, column]
             change = -np.linalg.lstsq(matrix, at.residual[0], rcond=None)[0]
             state = chain.step(state, change[None])
-            if np.abs(change[: size - chain.closure_count]).max() < 1e-10:
+            if np.abs(change[: size - chain.structure.closure_count]).max() < 1e-10:
                 break
         positions.append(chain.evaluate(rigid, state, conditions).tool[0, :3, 3])
     return 1e3 * (time.perf_counter() - begun) / len(samples), np.array(positions)

@@ -27,7 +27,7 @@ from ..statics import StaticsLayout
 from . import derivative
 from .residual import Evaluation, evaluated, is_balanced
 from .state import Conditions, RigidSamples, State, rigid_state, stepped, with_actuators
-from .structure import Pushed, Sliding, Structure, structure_of
+from .structure import Structure, structure_of
 from .values import ModuleValues, revalued, values_of
 
 __all__ = ["Chain", "chain_of", "with_values"]
@@ -59,39 +59,9 @@ class Chain:
         return self.structure.names
 
     @property
-    def drives(self) -> tuple[tuple[int, int], ...]:
-        """Driven joints: id and velocity index."""
-        return self.structure.drives
-
-    @property
     def free(self) -> np.ndarray:
         """Velocity indices of the free joints."""
         return self.structure.free
-
-    @property
-    def sliding(self) -> tuple[Sliding, ...]:
-        """Beams whose length a free slide changes."""
-        return self.structure.sliding
-
-    @property
-    def pushed(self) -> tuple[Pushed, ...]:
-        """Beams whose length an actuated slide changes."""
-        return self.structure.pushed
-
-    @property
-    def root_inboard(self) -> np.ndarray:
-        """Which wrench modules have their root on the ground's side, (n,)."""
-        return self.structure.root_inboard
-
-    @property
-    def subspaces(self) -> tuple[Array, ...]:
-        """Motion subspaces of all joints in their own frames, (6, nv) each."""
-        return self.structure.subspaces
-
-    @property
-    def closure_count(self) -> int:
-        """Number of closure equations."""
-        return self.structure.closure_count
 
     # -- states ------------------------------------------------------------------------------------------------------
 

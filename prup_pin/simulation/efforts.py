@@ -17,20 +17,22 @@ def static_efforts(found: Equilibria, joints: tuple[str, ...]) -> Array:
     is what a beam that the joint pushes out of its clamp stores in its new length.
     """
     chain, at = found.chain, found.evaluation
-    mechanism = chain.mechanism
+    mechanism, structure = chain.mechanism, chain.structure
     out = np.zeros((len(at.tool), len(joints)))
     actuated = list(mechanism.actuated)
     for column, name in enumerate(joints):
         joint = mechanism.joint_id(name)
         placement = at.moving[:, joint]
-        axis = placement[:, :3, :3] @ chain.structure.subspaces[joint][:, 0].reshape(2, 3).T  # (N, 3, 2): moving, turning
+        axis = (
+            placement[:, :3, :3] @ structure.subspaces[joint][:, 0].reshape(2, 3).T
+        )  # (N, 3, 2): moving, turning
         moving = axis[..., 0] + np.cross(placement[:, :3, 3], axis[..., 1])
         carried = at.carried[:, joint]
         out[:, column] = -(moving * carried[:, :3]).sum(-1) - (axis[..., 1] * carried[:, 3:]).sum(-1)
-        for slot, driven, rate in chain.structure.pushed:
+        for slot, driven, rate in structure.pushed:
             if driven == actuated.index(name):
                 rod, place = at.modules.rods[slot]
-                if chain.structure.root_inboard[slot]:
+                if structure.root_inboard[slot]:
                     stored = (rod.root_strain[:, place] * rod.root_wrench[:, place]).sum(-1)
                 else:
                     stored = -(rod.tip_strain[:, place] * at.loads[:, slot]).sum(-1)

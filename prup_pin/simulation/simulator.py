@@ -13,8 +13,7 @@ from ..errors import PrupPinError
 from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
 from ..laws.deeds import DEEDS, Deed, History
-from ..loaded import Chain, Conditions, Equilibria, find_equilibria, with_values
-from ..loaded.chain import RigidSamples
+from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_values
 from ..robot import Robot
 from ..spatial import Array
 
@@ -168,7 +167,7 @@ class Simulator:
             poses.append(pose)
             last = pose if robot.mechanism.loops else None
         placed = index[rows.ravel()]
-        return Geometry(robot, Chain(robot._statics), poses, placed, placed >= 0, reasons)
+        return Geometry(robot, chain_of(robot._statics), poses, placed, placed >= 0, reasons)
 
     def _begin(
         self, start: Run | None, setup: Setup, geometry: Geometry, rows: np.ndarray, samples: np.ndarray
@@ -184,7 +183,7 @@ class Simulator:
         if start.geometry is geometry:
             return old
         # other lengths: the joints start from their own rigid poses, the rest from the old solution
-        rigid = RigidSamples.of(geometry.chain.layout, geometry.poses, rows)
+        rigid = geometry.chain.rigid_samples(geometry.poses, rows)
         moved = replace(old.conditions, actuators=np.zeros((len(samples), geometry.chain.mechanism.actuated_dofs.size)))
         return replace(old, rigid=rigid, conditions=moved)
 

@@ -109,7 +109,7 @@ def difference_matrix(found: Equilibria, step: float = 1e-5) -> np.ndarray:
     """Return d(residual)/d(unknowns) (m, m) of the first sample by central differences of fourth order."""
     chain, count = found.chain, found.evaluation.residual.shape[1]
     sizes = np.full(count, step)
-    sizes[count - chain.closure_count :] = 1e-2  # forces
+    sizes[count - chain.structure.closure_count :] = 1e-2  # forces
     change = np.concatenate([factor * np.diag(sizes) for factor in (-2, -1, 1, 2)])
     rows = np.zeros(4 * count, int)
     state = chain.step(found.state.take(rows), change)

@@ -53,8 +53,8 @@ class ChangedValue(Deed):
 def _deformations(chain: Chain, names: Sequence[str], at: Solved) -> dict[str, Array]:
     """Return the deformations (n, k) of modules under their present loads, by the values of `chain`."""
     out: dict[str, Array] = {}
-    layout, found = chain.layout, at.first.found
-    for index, group in enumerate(layout.wrench_groups):
+    values, found = chain.values, at.first.found
+    for index, group in enumerate(values.wrench_groups):
         inside = [column for column, module in enumerate(group.modules) if module.name in names]
         if not inside:
             continue
@@ -62,7 +62,7 @@ def _deformations(chain: Chain, names: Sequence[str], at: Solved) -> dict[str, A
         if group.kind.spans_frames and group.kind.bends_exactly:
             # its linear law at the present length: what it changes is small beside what it is
             length = geometry.length.copy()
-            for slot, _, rate, dof in chain.sliding:
+            for slot, _, rate, dof in chain.structure.sliding:
                 if group.slots.start <= slot < group.slots.stop:
                     length[:, slot - group.slots.start] += rate * found.state.travel[:, dof]
             compliance = group.kind.compliance(group.values, geometry._replace(length=length), None)
@@ -72,8 +72,8 @@ def _deformations(chain: Chain, names: Sequence[str], at: Solved) -> dict[str, A
             strain = group.kind.deformation(group.values, geometry, load)
             for column in inside:
                 out[group.modules[column].name] = strain[:, column]
-    first = len(layout.wrench_groups)
-    for index, group in enumerate(layout.drive_groups):
+    first = len(values.wrench_groups)
+    for index, group in enumerate(values.drive_groups):
         for column, module in enumerate(group.modules):
             if module.name in names:
                 load = np.repeat(at.first.loads(module.name)[:, None], len(group.modules), axis=1)
