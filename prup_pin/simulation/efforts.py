@@ -23,9 +23,8 @@ def static_efforts(found: Equilibria, joints: tuple[str, ...]) -> Array:
     for column, name in enumerate(joints):
         joint = mechanism.joint_id(name)
         placement = at.moving[:, joint]
-        axis = (
-            placement[:, :3, :3] @ structure.subspaces[joint][:, 0].reshape(2, 3).T
-        )  # (N, 3, 2): moving, turning
+        subspace = structure.subspaces[joint][:, 0].reshape(2, 3)
+        axis = placement[:, :3, :3] @ subspace.T  # (N, 3, 2): moving, turning
         moving = axis[..., 0] + np.cross(placement[:, :3, 3], axis[..., 1])
         carried = at.carried[:, joint]
         out[:, column] = -(moving * carried[:, :3]).sum(-1) - (axis[..., 1] * carried[:, 3:]).sum(-1)
