@@ -84,7 +84,6 @@ def diagnosis() -> None:
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
     from prup_pin.views.drawing.diagnosis_figures import place_figure
-    from prup_pin.views.drawing.recovered import recovered
     from tests.reference.concealed.draw import draw, write
 
     robot, _ = three_prup()
@@ -92,7 +91,7 @@ def diagnosis() -> None:
         drawn = draw(10, ["backlash"], (15.0, 25.0), 60.0, poses=(14, 2))
         write(drawn, Path(folder), Path(folder) / "sealed", "bench")
         found = diagnose(robot, read_recording(Path(folder) / "bench.csv"))
-    place_figure(robot, found, recovered(found, robot)[0]).savefig(OUT / "diagnosis.png")
+    place_figure(robot, found, found.findings[0]).savefig(OUT / "diagnosis.png")
 
 
 def main(wanted: list[str]) -> None:

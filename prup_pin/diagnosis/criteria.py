@@ -183,6 +183,14 @@ LEAST_SPAN: Final = 1e-6
 #: A deformation that reaches the tool this much less than the best one is not seen.
 NOT_REACHING: Final = 1e-6
 
+# -- what is drawn? ----------------------------------------------------------------------------------------------------
+
+#: Means on each side of no load, and samples in each: a curve with bands that a person can read.
+MOST_BINS: Final = 8
+SAMPLES_A_BIN: Final = 6
+#: Loads below this share of their span are none.
+NO_LOAD: Final = 2e-3
+
 # -- is a law an imitation? --------------------------------------------------------------------------------------------
 
 #: A law is doubtful that gains less than so many times what is left ...

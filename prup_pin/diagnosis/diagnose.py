@@ -46,6 +46,7 @@ from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
 from .plausible import Linear, check_belongs, unused_columns, what_is_missing
+from .recovered import recovered, residuals
 from .residual import Measured, Noise, estimate_noise, scatter_of_repeats
 from .whiteness import compared, noise_of_the_rest
 
@@ -214,6 +215,11 @@ def _verdict(
     verdict = "unexplained" if unknown else named
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
     raw_after = problem.measured.residual(final.run.position, final.run.rotation)[samples]
+    if count:
+        findings = [
+            replace(finding, recovered=recovered(problem, final, raw_after, finding.effect, finding.curve))
+            for finding in findings
+        ]
     tell("the next experiment", 0.95)
     diagnosis = Diagnosis(
         verdict=verdict,
@@ -230,6 +236,7 @@ def _verdict(
         samples=samples,
         residual_before=raw_linear,
         residual_after=raw_after,
+        residuals=residuals(problem, final, raw_linear, raw_after) if count else None,
         final=final.run,
     )
     return diagnosis

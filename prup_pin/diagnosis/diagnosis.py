@@ -12,6 +12,7 @@ from ..laws import Effect
 from ..simulation import Run
 from ..spatial import Array
 from .local_curve import LocalCurve
+from .recovered import Agreement, Recovered, Residuals
 from .residual import Noise
 
 __all__ = ["Detectable", "Diagnosis", "Finding", "FittedParameter"]
@@ -35,6 +36,7 @@ class Finding:
     `candidates` are the places that these data cannot tell apart, `alternatives` other laws that fit as well;
     `heldout_gain` is the share of the held-out squared residual that this finding alone removes; `effect` is None for
     `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it has no place.
+    `recovered` is what the samples ask for, to be drawn.
     """
 
     physics: str
@@ -46,6 +48,7 @@ class Finding:
     effect: Effect | None = None
     alternatives: tuple[str, ...] = ()
     curve: LocalCurve | None = None
+    recovered: Recovered | Agreement | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,7 @@ class Diagnosis:
     samples: np.ndarray
     residual_before: Array
     residual_after: Array
+    residuals: Residuals | None = None  # in multiples of the noise; None where nothing was compared
     final: Run | None = None
 
     @property

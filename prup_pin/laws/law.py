@@ -17,7 +17,8 @@ from typing import ClassVar, NamedTuple
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .deeds import Deed
+from .deeds import Deed, Solved
+from .drawn import Drawn, against_load, against_motion
 from .inputs import Inputs
 from .setup import Setup
 
@@ -69,6 +70,22 @@ class Law(ABC):
         """Return its deeds where a fit starts, on a recording without samples: their kinds and places."""
         nothing = Setup.nominal(mechanism, Inputs.empty(len(mechanism.actuated)))
         return tuple(self.deeds(place, self.starts(place, mechanism)[0], nothing))
+
+    def drawn(self, place: Place, at: Solved) -> Drawn | None:
+        """Return what its effect is drawn against; None where no single variable drives it.
+
+        By its deeds: what resists a joint against the joint's motion, what acts through one module against the load of
+        that module's motion.
+        """
+        deeds = self.outline(place, at.setup.mechanism)
+        for joint in (deed.resisted_joint for deed in deeds):
+            if joint is not None:
+                return against_motion(at, joint)
+        modules = {deed.only_module for deed in deeds}
+        module = modules.pop() if len(modules) == 1 else None
+        if module is None:
+            return None
+        return against_load(at, module, ASPECTS.get(place.aspect, slice(None)), any(deed.memory for deed in deeds))
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         """Return the parameters at a place, with units and starts that fit it."""

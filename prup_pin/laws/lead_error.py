@@ -9,7 +9,8 @@ import numpy as np
 
 from ..mechanism import Mechanism
 from ..parameters import Quantity
-from .deeds import Deed, Travel
+from .deeds import Deed, Solved, Travel
+from .drawn import Drawn
 from .law import Law, Place
 from .modules_at import screws
 from .setup import Setup
@@ -30,6 +31,12 @@ class LeadError(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column, _ = screws(setup.mechanism)[place.name]
         yield Travel(column, values["relative"] * setup.inputs.actuators[:, column])
+
+    def drawn(self, place: Place, at: Solved) -> Drawn:
+        column, _ = screws(at.setup.mechanism)[place.name]
+        position = at.setup.inputs.actuators[at.samples, column]
+        direction = at.first.by_strain(place.name)[:, :, 0]
+        return Drawn(position, direction, ("position of the nut", "extra travel"), ("m", "m"))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} has another lead: the nut travels {1e3 * values['relative']:+.3g} µm more per millimetre"
@@ -54,6 +61,12 @@ class PeriodicLeadError(Law):
         column, lead = screws(setup.mechanism)[place.name]
         angle = 2 * np.pi * setup.inputs.actuators[:, column] / lead
         yield Travel(column, values["sine"] * np.sin(angle) + values["cosine"] * np.cos(angle))
+
+    def drawn(self, place: Place, at: Solved) -> Drawn:
+        column, lead = screws(at.setup.mechanism)[place.name]
+        within = at.setup.inputs.actuators[at.samples, column] % lead
+        direction = at.first.by_strain(place.name)[:, :, 0]
+        return Drawn(within, direction, ("position within a turn", "extra travel"), ("m", "m"))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])

@@ -11,6 +11,7 @@ from ..mechanism import Mechanism, Module
 from ..modules import DriveModule
 from ..spatial import Array
 from .deeds import ChangedValue, Deed
+from .drawn import drive_turns
 from .law import Place
 from .setup import Setup
 
@@ -55,7 +56,7 @@ def turns(mechanism: Mechanism, place: Place) -> bool:
     module = mechanism.module(place.name)
     if not isinstance(module.kind, DriveModule):
         return place.aspect == "tilting"
-    return module.kind.kind == "motor" or not mechanism.joint(module.joint).slides
+    return drive_turns(mechanism, module)
 
 
 def without_shear(module: Module) -> bool:

@@ -10,7 +10,9 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Deed, ExtraStrain, Strain, Travel
+from .deeds import Deed, ExtraStrain, Solved, Strain, Travel
+from .drawn import Drawn
+from .inputs import REFERENCE_TEMPERATURE
 from .law import Law, Place
 from .modules_at import beams, lengths_of, screws
 from .setup import Setup
@@ -41,6 +43,17 @@ class ThermalGrowth(Law):
             return
         lengths = lengths_of(setup, setup.mechanism.module(place.name))
         yield ExtraStrain(place.name, Strain(_grow, (growth * lengths,)))
+
+    def drawn(self, place: Place, at: Solved) -> Drawn:
+        found = screws(at.setup.mechanism)
+        by_strain = at.first.by_strain(place.name)
+        if place.name in found:
+            length, direction = at.setup.inputs.actuators[:, found[place.name][0]], by_strain[:, :, 0]
+        else:
+            length, direction = lengths_of(at.setup, at.setup.mechanism.module(place.name)), by_strain[:, :, 2]
+        warm = REFERENCE_TEMPERATURE + at.setup.inputs.warming[at.samples]
+        labels, units = ("temperature", "growth per length"), ("°C", "m/m")
+        return Drawn(warm, direction * length[at.samples, None], labels, units)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place} grows as it warms up, by {1e6 * values['expansion']:.3g} µm per metre and kelvin"

@@ -12,7 +12,6 @@ import pytest
 from prup_pin.diagnosis.diagnosis import Detectable
 from prup_pin.errors import MissingExtraError
 from prup_pin.simulation import read_model
-from prup_pin.views.drawing.recovered import recovered, residuals
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
@@ -79,8 +78,8 @@ def test_places_fold_their_legs():
 
 def test_the_local_curve_is_that_of_the_law(diagnosed):
     """The deformation that the samples ask for is the gap, without knowing of it."""
-    robot, _, diagnosis = diagnosed
-    response = recovered(diagnosis, robot)[0]
+    _, _, diagnosis = diagnosed
+    response = diagnosis.findings[0].recovered
     gap = diagnosis.findings[0].parameters["half_gap"].value
     far = np.abs(response.x) > 5
     assert far.sum() > 20
@@ -90,8 +89,8 @@ def test_the_local_curve_is_that_of_the_law(diagnosed):
 
 
 def test_whitened_residuals_agree_with_the_verdict(diagnosed):
-    robot, _, diagnosis = diagnosed
-    found = residuals(diagnosis, robot)
+    _, _, diagnosis = diagnosed
+    found = diagnosis.residuals
     assert np.sqrt(np.mean(found.after[found.exists] ** 2)) == pytest.approx(diagnosis.after["fit"], rel=0.02)
     assert np.sqrt(np.mean(found.before[found.exists] ** 2)) == pytest.approx(diagnosis.before["fit"], rel=0.02)
 

@@ -84,6 +84,11 @@ class Deed(ABC):
         """The module through whose deformation alone it acts; None where it acts otherwise too."""
         return None
 
+    @property
+    def resisted_joint(self) -> str | None:
+        """The joint that it resists; None where it resists none."""
+        return None
+
     @abstractmethod
     def enter(self, setup: Setup) -> None:
         """Write what it does into the setup of the simulation."""

@@ -39,6 +39,10 @@ class JointResistance(Deed):
     stiffness: float = 0.0
     damping: float = 0.0
 
+    @property
+    def resisted_joint(self) -> str | None:
+        return self.joint
+
     def enter(self, setup: Setup) -> None:
         setup.resistances.append(self)
 

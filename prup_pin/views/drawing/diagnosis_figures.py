@@ -9,6 +9,7 @@ from textwrap import wrap
 import numpy as np
 
 from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.recovered import Agreement, Recovered, Residuals
 from ...kinematics import ClosedPose
 from ...modules import DriveModule
 from ...robot import Robot
@@ -19,7 +20,6 @@ from ..text.diagnosis_words import finding_text, scaled
 from .drawing import Drawing, Labels
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, leg_colours
 from .plotting import Figure, FigureCanvasAgg, plain_words
-from .recovered import Agreement, Recovered, Residuals
 
 __all__ = ["Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
 
@@ -85,8 +85,9 @@ def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array
 
 
 @plain_words
-def place_figure(robot: Robot, diagnosis: Diagnosis, response: Recovered | None = None) -> Figure:
-    """Return a picture of the robot with the places of the findings marked; `response` is drawn beside it."""
+def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = None) -> Figure:
+    """Return a picture of the robot with the places of the findings marked; one's local response is drawn beside it."""
+    response = None if beside is None else beside.recovered
     run = diagnosis.final
     poses = [] if run is None else run.geometry.poses
     pose = poses[len(poses) // 2] if poses else robot.home
@@ -123,9 +124,9 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, response: Recovered | None 
     draw_compass(figure, camera, robot.mechanism.gravity)
     draw_legend(figure, parts, False, False, None)
     _draw_list(figure, diagnosis, found, (0.655, 0.87 if response is None else 0.965))
-    if response is not None:
+    if beside is not None and isinstance(response, Recovered):
         small = figure.add_axes((0.725, 0.49, 0.255, 0.34))
-        _draw_response(small, response, 8.0)
+        _draw_response(small, response, beside.physics, 8.0)
     figure.text(0.025, 0.95, robot.name, fontsize=16, weight="bold", va="center")
     return figure
 
@@ -180,22 +181,24 @@ def _draw_list(figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], plac
 
 
 @plain_words
-def response_figure(response: Recovered | Agreement) -> Figure:
-    """Return the local response: estimates of every sample, the curve that knows no law, and the law.
+def response_figure(finding: Finding) -> Figure:
+    """Return a finding's local response: estimates of every sample, the curve that knows no law, and the law.
 
     Of what hangs on no single load: what the recording asks for at the tool against what the law gives.
     """
+    response = finding.recovered
     if isinstance(response, Agreement):
-        return _agreement_figure(response)
+        return _agreement_figure(finding, response)
     figure = Figure(figsize=(9.5, 4.6), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.1, 0.13, 0.87, 0.75))
-    _draw_response(axes, response, 10)
-    figure.text(0.1, 0.94, finding_text(response.finding), fontsize=13, weight="bold", va="center")
+    if response is not None:
+        _draw_response(axes, response, finding.physics, 10)
+    figure.text(0.1, 0.94, finding_text(finding), fontsize=13, weight="bold", va="center")
     return figure
 
 
-def _draw_response(axes, response: Recovered, size: float) -> None:
+def _draw_response(axes, response: Recovered, physics: str, size: float) -> None:
     reach = np.abs(response.curve) + 2 * response.band
     if response.law is not None:
         reach = np.concatenate((reach, np.abs(response.law)))
@@ -217,7 +220,7 @@ def _draw_response(axes, response: Recovered, size: float) -> None:
         axes.plot(knots, curve, "o-", color=_AFTER, lw=1.4, ms=4, zorder=4, label=means)
     if response.law is not None:
         law = y_factor * response.law
-        name = response.finding.physics.replace("_", " ")
+        name = physics.replace("_", " ")
         if response.path:
             axes.scatter(x, law, s=9, color=_FOUND, linewidths=0, zorder=5, label=f"the law: {name}")
             for block in np.unique(response.blocks):
@@ -240,10 +243,10 @@ def _draw_response(axes, response: Recovered, size: float) -> None:
     axes.legend(frameon=False, fontsize=size - 1, loc="best", handlelength=1.2)
 
 
-def _agreement_figure(response: Agreement) -> Figure:
+def _agreement_figure(finding: Finding, response: Agreement) -> Figure:
     figure = Figure(figsize=(9.5, 4.6), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    figure.text(0.1, 0.94, finding_text(response.finding), fontsize=13, weight="bold", va="center")
+    figure.text(0.1, 0.94, finding_text(finding), fontsize=13, weight="bold", va="center")
     shown = [block for block in (slice(0, 3), slice(3, 6)) if np.any(response.asked[:, block])]
     for index, block in enumerate(shown):
         axes = figure.add_axes((0.1 + 0.47 * index, 0.13, 0.38, 0.73))

@@ -6,8 +6,8 @@ from typing import Any
 
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.local_curve import LocalCurve
+from ...laws.drawn import load_units
 from ...robot import Robot
-from ..drawing.recovered import curve_units
 from .as_json import plain
 
 __all__ = ["UNIT", "diagnosis_as_json"]
@@ -76,7 +76,7 @@ def _finding(finding: Finding, robot: Robot) -> dict[str, Any]:
 
 def _curve(curve: LocalCurve, robot: Robot) -> dict[str, Any]:
     module = next(item for item in robot.mechanism.modules if item.name == curve.module)
-    load, deformation = curve_units(robot.mechanism, curve.module, curve.component)
+    load, deformation = load_units(robot.mechanism, curve.module, curve.component)
     return {
         "module": curve.module,
         "component": module.kind.loads[curve.component],

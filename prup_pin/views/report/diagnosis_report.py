@@ -5,19 +5,17 @@ It holds everything, runs no script and fetches nothing; names of files and robo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ... import __version__
-from ...diagnosis import Diagnosis
+from ...diagnosis import Diagnosis, Finding
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
-from ..drawing.recovered import Agreement, Recovered, recovered, residuals
 from ..text.diagnosis_words import (
     alternative_text,
     channel_rows,
@@ -41,8 +39,7 @@ _MOST_DRAWN = 200
 def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> str:
     """Return one self-contained HTML page on a diagnosis of `recording`. Raises MissingExtraError."""
     template = page()
-    responses = recovered(diagnosis, robot)
-    white = residuals(diagnosis, robot)
+    white = diagnosis.residuals
     drawn = white is not None and bool(white.exists.any())
     plan = diagnosis.next_experiment.get("plan") or {}
     return template.render(
@@ -55,7 +52,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> 
         facts=_facts(diagnosis),
         measured=_measured(diagnosis, robot, recording),
         place=svg(lambda: figures.place_figure(robot, diagnosis)),
-        findings=[_finding(diagnosis, index, responses) for index in range(len(diagnosis.findings))],
+        findings=[_finding(diagnosis, finding) for finding in diagnosis.findings],
         channels=channel_rows(diagnosis),
         samples=svg(lambda: figures.sample_figure(diagnosis), len(diagnosis.samples) > _MOST_DRAWN) if drawn else "",
         histogram=svg(lambda: figures.histogram_figure(white)) if drawn else "",  # type: ignore[arg-type]
@@ -110,9 +107,7 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> list[
     return rows
 
 
-def _finding(diagnosis: Diagnosis, index: int, responses: Sequence[Recovered | Agreement]) -> dict[str, Any]:
-    finding = diagnosis.findings[index]
-    response = next((one for one in responses if one.finding is finding), None)
+def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
     many = len(diagnosis.samples) > _MOST_DRAWN
     return {
         "title": finding_text(finding),
@@ -120,7 +115,7 @@ def _finding(diagnosis: Diagnosis, index: int, responses: Sequence[Recovered | A
         "gain": gain_text(finding),
         "unknown": finding.physics == "unknown",
         "parameters": parameter_texts(finding.parameters),
-        "response": "" if response is None else svg(lambda: figures.response_figure(response), many),
+        "response": "" if finding.recovered is None else svg(lambda: figures.response_figure(finding), many),
         "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
     }
 
