@@ -1,0 +1,119 @@
+"""What is drawn of a finding: by the law's own word, computed once, kept with the finding."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis.candidates import candidates
+from prup_pin.diagnosis.local_curve import local_curve
+from prup_pin.diagnosis.recovered import Agreement, Recovered, recovered
+from prup_pin.simulation import Simulator, inputs_of
+
+from ..simulation.bench import inputs
+from .test_parts import problem_of, term
+
+COULOMB = "coulomb_friction at leg1/R_theta_P"
+BACKLASH = "backlash at leg2/ball_nut"
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    """A bench test in which all that laws may need was recorded."""
+    robot = prup_pin.load("3prup")
+    bench = inputs(robot, poses=5, cycle=(0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0))
+    rng = np.random.default_rng(2)
+    given = inputs_of(bench, robot)
+    object.__setattr__(given, "temperature", 20 + rng.uniform(0, 8, len(given)))
+    object.__setattr__(given, "speeds", rng.normal(size=given.actuators.shape))
+    return Simulator(robot, given)
+
+
+@pytest.fixture(scope="module")
+def library(simulator):
+    return {item.name: item for item in candidates(simulator.robot.mechanism, simulator.inputs)}
+
+
+def drawn_of(problem, fit, candidate):
+    return candidate.law.drawn(candidate.place, fit.influence.solved)
+
+
+def test_what_a_law_does_lies_along_what_it_is_drawn_against(simulator, library):
+    """To first order its change of the pose at every sample is a multiple of the direction that it names."""
+    problem = problem_of(simulator, [], scatter=0.0)
+    fit = problem.fit_at(())
+    kinds = set()
+    for candidate in library.values():
+        drawn = drawn_of(problem, fit, candidate)
+        if drawn is None or candidate.law.physics == "creep":  # creep follows the loads before, too
+            continue
+        change = fit.influence.change(simulator.setup([candidate.effect(candidate.starts()[0])]))
+        along = (change * drawn.direction).sum(1) / np.maximum((drawn.direction**2).sum(1), 1e-300)
+        rest = change - along[:, None] * drawn.direction
+        assert np.linalg.norm(rest) < 1e-6 * np.linalg.norm(change) + 1e-15, candidate.name
+        assert drawn.x.shape == (len(fit.samples),)
+        assert all(drawn.labels)
+        assert all(drawn.units)
+        assert drawn.path == candidate.remembers
+        kinds.add(candidate.law.physics)
+    assert kinds >= {"backlash", "hertzian_contact", "stiffness_changed", "thermal_growth", "lead_error"}
+    assert kinds >= {"coulomb_friction", "viscous_friction"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["geometric_offset at leg1/base", "encoder_offset at leg1/motor", "payload at moving_star", "self_weight at robot"],
+)
+def test_what_no_load_drives_is_shown_at_the_tool(simulator, library, name):
+    candidate = library[name]
+    truth = term(library, name, *candidate.values_of(candidate.starts()[0]))
+    problem = problem_of(simulator, [truth.effect])
+    fit = problem.fit_at([truth])
+    assert drawn_of(problem, fit, candidate) is None
+    after = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
+    shown = recovered(problem, fit, after, truth.effect, None)
+    assert isinstance(shown, Agreement)
+    spread = (shown.asked - shown.law) / np.repeat(shown.noise, 3)
+    assert np.sqrt(np.mean(spread**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_two_findings_are_told_apart(simulator, library):
+    """Each is shown without the other: the gap's curve has its two ends, the joint's torque its limit."""
+    truth = [term(library, BACKLASH, 3e-5, 1.0), term(library, COULOMB, 1.0, 8000.0)]
+    problem = problem_of(simulator, [item.effect for item in truth])
+    fit = problem.fit_at(truth)
+    after = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
+    gap, friction = (recovered(problem, fit, after, item.effect, None) for item in truth)
+    assert isinstance(gap, Recovered)
+    assert isinstance(friction, Recovered)
+    far = np.abs(gap.x) > 5
+    assert far.sum() > 10
+    spread = (gap.y - np.sign(gap.x) * 3e-5)[far] / gap.deviation[far]
+    assert np.sqrt(np.mean(spread**2)) < 1.4
+    assert (gap.x_unit, gap.y_unit, gap.path) == ("N", "m", False)
+    assert (friction.x_unit, friction.y_unit, friction.path) == ("rad", "N m", True)
+    assert np.abs(friction.law).max() == pytest.approx(1.0, rel=0.05)
+
+
+def test_what_is_unknown_is_shown_against_its_load(simulator, library):
+    truth = term(library, BACKLASH, 3e-5, 1.0)
+    problem = problem_of(simulator, [truth.effect])
+    fit = problem.fit_at(())
+    after = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
+    shown = recovered(problem, fit, after, None, local_curve(problem, fit, "leg2/ball_nut", 0))
+    assert shown.law is None
+    assert shown.curve.max() == pytest.approx(3e-5, rel=0.1)
+    assert recovered(problem, fit, after, None, None) is None
+
+
+def test_a_diagnosis_can_be_kept(diagnosed):
+    """Pickled and copied with all that is drawn of it; what was simulated is not needed again."""
+    _, _, diagnosis = diagnosed
+    for again in (pickle.loads(pickle.dumps(diagnosis)), copy.deepcopy(diagnosis)):
+        assert again.verdict == diagnosis.verdict
+        shown, before = again.findings[0].recovered, diagnosis.findings[0].recovered
+        np.testing.assert_array_equal(shown.y, before.y)
+        np.testing.assert_array_equal(again.residuals.after, diagnosis.residuals.after)
+        assert again.findings[0].effect.values == diagnosis.findings[0].effect.values
