@@ -1,18 +1,19 @@
 """The one place that moves frames, closes loops and decides ranks; everything takes leading axes."""
 
 from .closure import Closure, LoopForces, LoopGaps
+from .compiled import Configuration, LoopedTree, Passing
 from .rank import NEGLIGIBLE, NEGLIGIBLE_ENERGY, Rank, pseudo_inverse, rank_of, semidefinite_inverse
-from .tree import JointKinematics, Tree
 
 __all__ = [
     "NEGLIGIBLE",
     "NEGLIGIBLE_ENERGY",
     "Closure",
-    "JointKinematics",
+    "Configuration",
     "LoopForces",
     "LoopGaps",
+    "LoopedTree",
+    "Passing",
     "Rank",
-    "Tree",
     "pseudo_inverse",
     "rank_of",
     "semidefinite_inverse",

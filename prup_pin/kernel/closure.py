@@ -60,14 +60,10 @@ class Closure:
     def __init__(self, mechanism: Mechanism):
         loops = mechanism.loops
         self.count = len(loops)
-        self._first, self._second = (
-            np.array([end.joint for end in ends], int)
-            for ends in ([loop.first for loop in loops], [loop.second for loop in loops])
-        )
-        self._first_placements, self._second_placements = (
-            np.array([end.placement for end in ends]).reshape(-1, 4, 4)
-            for ends in ([loop.first for loop in loops], [loop.second for loop in loops])
-        )
+        ends = [*(loop.first for loop in loops), *(loop.second for loop in loops)]
+        self._ends = np.array([end.joint for end in ends], int)
+        self._end_placements = np.array([end.placement for end in ends]).reshape(-1, 4, 4)
+        self._first, self._second = self._ends[: self.count], self._ends[self.count :]
         # Each loop has room for three translations and three rotations; `_rows` picks those that are constrained.
         rotations = np.zeros((self.count, 3, 3, 3))
         self._aligned = np.zeros((self.count, 3, 3))
@@ -89,39 +85,55 @@ class Closure:
         support = mechanism.support
         self.incidence = support[:, second] - support[:, first]
         self.sign = self.incidence[mechanism.dof_joint].T
-        # On the relative placement [E | d] of the ends, row by row: distances and angles, then the angles' change with
-        # a turn of the second end, d(angle r)/d(axis c of the first frame) = sum_ab A_ab ([e_c]x E)_ab.
-        turning = np.einsum("lrab,cad->lrcdb", rotations, _GENERATORS).reshape(-1, 9, 3, 3)
-        linear = np.zeros((self.count, 15, 3, 4))
+        # On the relative placement [E | d] of the ends, row by row: the gap, and the map from the second end's twist
+        # as the first sees it, (v, w) about the first's origin, to the gap's change. A distance changes by v + w x d,
+        # an angle with a turn about axis c of the first frame by sum_ab A_ab ([e_c]x E)_ab.
+        turning = np.einsum("lrab,cad->lrcdb", rotations, _GENERATORS)
+        linear, constant = np.zeros((self.count, 42, 3, 4)), np.zeros((42, 1))
         linear[:, range(3), range(3), 3] = 1.0
         linear[:, 3:6, :, :3] = rotations
-        linear[:, 6:, :, :3] = turning
+        twist_map = linear[:, 6:].reshape(self.count, 6, 6, 3, 4)
+        twist_map[:, :3, 3:, :, 3] = -_GENERATORS.transpose(1, 2, 0)
+        twist_map[:, 3:, 3:, :, :3] = turning
+        constant[[6, 13, 20]] = 1.0
         self._turning = turning.reshape(-1, 9, 9)
-        self._linear = linear.reshape(self.count, 15, 12)
+        self._linear, self._constant = linear.reshape(self.count, 42, 12), constant
         # ... and with two of them, d2(angle r)/d(axis c)d(axis d)
         twice = np.einsum("cae,edf->cdaf", _GENERATORS, _GENERATORS.transpose(1, 0, 2))
         self._bending = np.einsum("lrab,cdaf->lrcdfb", rotations, twice).reshape(self.count, 27, 9)
 
     def gaps(self, placements: Array) -> LoopGaps:
         """Return how far the loops are open at joint placements (..., nj, 4, 4)."""
-        first = placements[..., self._first, :, :] @ self._first_placements
-        second = placements[..., self._second, :, :] @ self._second_placements
-        axes, point = first[..., :3, :3], second[..., :3, 3].copy()
-        second[..., :3, 3] -= first[..., :3, 3]
+        ends = placements[..., self._ends, :, :] @ self._end_placements
+        first, second = ends[..., : self.count, :3, :], ends[..., self.count :, :3, :]
+        axes, origin, point = first[..., :3], first[..., 3], second[..., 3].copy()
         to_first = axes.mT
-        relative = to_first @ second[..., :3, :]
+        second[..., 3] -= origin
+        relative = to_first @ second
+        gap, twist_map = self.of_relative(relative)
         lead = point.shape[:-1]
-        values = (self._linear @ relative.reshape(*lead, 12, 1))[..., 0]
-        # A force along an axis of the first frame through the second's origin, or the moment of an angle.
-        wrenches = np.zeros((*lead, 6, 6))
-        wrenches[..., :3, :3] = to_first
-        wrenches[..., :3, 3:] = to_first @ skew(-point)
-        wrenches[..., 3:, 3:] = values[..., 6:].reshape(*lead, 3, 3) @ to_first
-        gap = values[..., :6].reshape(*lead[:-1], 6 * self.count)
-        wrenches = wrenches.reshape(*lead[:-1], 6 * self.count, 6)
+        action = np.zeros((*lead, 6, 6))
+        action[..., :3, :3] = action[..., 3:, 3:] = to_first
+        action[..., :3, 3:] = to_first @ skew(-origin)
+        wrenches = (twist_map @ action).reshape(*lead[:-1], 6 * self.count, 6)
+        gap = gap.reshape(*lead[:-1], 6 * self.count)
         if not self._all_rows:
             gap, wrenches = gap[..., self._rows], wrenches[..., self._rows, :]
         return LoopGaps(gap, wrenches, relative[..., :3], axes, point)
+
+    def of_relative(self, relative: Array) -> tuple[Array, Array]:
+        """Return gaps (..., L, 6) and twist maps (..., L, 6, 6) of relative placements [E | d] (..., L, 3, 4).
+
+        A twist map turns the second end's twist against the first, seen by the first about its origin, into the gap's
+        change. Rows of free motions are among them: see `constrained`.
+        """
+        lead = relative.shape[:-2]
+        values = (self._linear @ relative.reshape(*lead, 12, 1) + self._constant)[..., 0]
+        return values[..., :6], values[..., 6:].reshape(*lead, 6, 6)
+
+    def constrained(self, rows: Array) -> Array:
+        """Return the rows (c, ...) of all loops' six (6 L, ...) that are constraints."""
+        return rows if self._all_rows else rows[self._rows]
 
     def jacobian(self, wrenches: Array, jacobian: Array) -> Array:
         """Return d(gap)/d(velocities) (..., c, nv) of the joints' base twists `jacobian` (..., 6, nv)."""

@@ -9,14 +9,13 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from eigenpy import PartialPivLU
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
-from ..kernel import NEGLIGIBLE, Closure, Tree, rank_of
+from ..kernel import NEGLIGIBLE, Configuration, LoopedTree, rank_of
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
@@ -36,6 +35,10 @@ _NEAR = 0.7
 #: ... or where the series about home told it as well as this.
 _SURE = 0.1
 _ITERATIONS = 40
+#: Steps are shortened to this [m, rad].
+_SHORT = 0.6
+#: After a step shorter than this [m, rad], and much shorter than the one before, the matrix is kept.
+_SAME = 1e-3
 #: A longer step [m, rad] comes from a matrix that is as good as singular.
 _LONGEST = 1e3
 
@@ -43,21 +46,6 @@ _LONGEST = 1e3
 class _NotConvergedError(Exception):
     def __init__(self, q: Array, residual: tuple[float, float]):
         self.q, self.residual = q, residual
-
-
-class Evaluation(NamedTuple):
-    """Kinematics at one configuration, on or off closure.
-
-    residual (c,) [m, rad]; wrenches (c, 6) of unit closure forces about the base's origin; closure (c, nv), the
-    residual's Jacobian; turn (loops, 3, 3), R_1^T R_2 of each loop.
-    """
-
-    placements: Array
-    jacobian: Array
-    residual: Array
-    wrenches: Array
-    closure: Array
-    turn: Array
 
 
 #: From (q, placements) to the residual of what is wanted, and to its rows as a function of the Jacobian.
@@ -70,11 +58,11 @@ class LoopKinematics:
     def __init__(self, mechanism: Mechanism):
         self.mechanism = mechanism
         self.model = mechanism.model
-        self.tree = Tree(mechanism)
+        self._tree = LoopedTree(mechanism)
         self.task = TaskFrame(
             mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
         )
-        self.closure = Closure(mechanism)
+        self.closure = self._tree.closure
         self.lower, self.upper = mechanism.limits
         self._least, self._most = self.lower - _AT_LIMIT, self.upper + _AT_LIMIT
 
@@ -85,49 +73,46 @@ class LoopKinematics:
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 
-    def evaluate(self, q: Array) -> Evaluation:
+    def evaluate(self, q: Array) -> Configuration:
         """Return placements, Jacobian and closure at a configuration."""
-        placements, jacobian = self.tree.at(q)
-        gaps = self.closure.gaps(placements)
-        rows = self.closure.jacobian(gaps.wrenches, jacobian)
-        return Evaluation(placements, jacobian, gaps.gap, gaps.wrenches, rows, gaps.turn)
+        return self._tree.at(q)
 
     def _split(self, residual: Array) -> tuple[float, float]:
         return split_residual(self.mechanism, residual)
 
-    def _newton(self, q: Array, goal: Goal, first: Evaluation | None = None) -> tuple[Array, Evaluation]:
-        """Return the solution and its evaluation. Raises _NotConvergedError.
-
-        `first` is the evaluation at the start where it is known.
-        """
-        evaluation, longest = first, np.inf
+    def _newton(self, q: Array, goal: Goal) -> tuple[Array, Configuration]:
+        """Return the solution and its kinematics. Raises _NotConvergedError."""
+        solve, longest, before = None, np.inf, np.inf
         for _ in range(_ITERATIONS):
-            if evaluation is None:
-                evaluation = self.evaluate(q)
-            wanted, wanted_rows = goal(q, evaluation.placements)
-            error = np.concatenate((evaluation.residual, wanted))
+            at = self._tree.passing(q)
+            wanted, wanted_rows = goal(q, at.placements)
+            error = np.concatenate((at.gap, wanted))
             size = sqrt(error @ error)
             if size < ROUNDING or (size < TOLERANCE and longest < _LAST_STEP):
-                return q, evaluation
+                return q, self._tree.completed(at)
             if not size < np.inf:
                 break
-            step = self._solve(np.concatenate((evaluation.closure, wanted_rows(evaluation.jacobian))), error)
-            longest = np.abs(step).max(initial=0.0)
-            if longest > 0.6:
-                step *= 0.6 / longest
+            if solve is None or longest > _SAME or longest > 0.1 * before:
+                matrix = np.concatenate((self._tree.closure_jacobian(at), wanted_rows(at.jacobian)))
+                solve = self._solver(matrix, error)
+            step = solve(error)
+            before, longest = longest, sqrt(step @ step)
+            if longest > _SHORT:
+                longest = np.abs(step).max(initial=0.0)
+                step *= min(1.0, _SHORT / longest)
             q = pin.integrate(self.model, q, -step)
-            evaluation = None
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
 
-    def _solve(self, matrix: Array, right: Array) -> Array:
-        """Return the solution, or the least one where rows are redundant or motions free."""
+    def _solver(self, matrix: Array, right: Array) -> Callable[[Array], Array]:
+        """Return what solves with the matrix, least where rows are redundant or motions free, as `right` tells."""
         if matrix.shape[0] == matrix.shape[1]:
-            step = PartialPivLU(matrix).solve(right)
+            solve = PartialPivLU(matrix).solve
+            step = solve(right)
             if step @ step < _LONGEST**2:
-                return step
-        return self._least_inverse(matrix) @ right
+                return solve
+        return self._least_inverse(matrix).__matmul__
 
     def _least_inverse(self, matrix: Array) -> Array:
         """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
@@ -182,7 +167,7 @@ class LoopKinematics:
         )
 
     @cached_property
-    def _home(self) -> Evaluation:
+    def _home(self) -> Configuration:
         """The evaluation at home, where every cold start begins."""
         return self.evaluate(self.home)
 
@@ -230,7 +215,7 @@ class LoopKinematics:
     @cached_property
     def _newton_scales(self) -> tuple[Array, Array]:
         # Home is not known while its loops are still open.
-        drawn = self.tree.at(self.mechanism.home_configuration()).placements
+        drawn = self._tree.at(self.mechanism.home_configuration()).placements
         return self._scales(self._size(drawn), np.arange(self.model.nv))
 
     @cached_property
@@ -265,8 +250,8 @@ class LoopKinematics:
         goal = task.goal(here)
 
         def error(q: Array) -> Array:
-            evaluation = self.evaluate(q)
-            return np.concatenate((evaluation.residual, goal(q, evaluation.placements)[0]))
+            at = self._tree.passing(q)
+            return np.concatenate((at.gap, goal(q, at.placements)[0]))
 
         _, rows = goal(self.home, home.placements)
         scale = np.array([self.length if task.units[name] == "m" else 1.0 for name in task.names])
@@ -337,7 +322,7 @@ class LoopKinematics:
         """
         origin = self.home if start is None else start
         try:
-            q, evaluation = self._near(origin, goal_of(target), self._home if start is None else None)
+            q, evaluation = self._near(origin, goal_of(target))
             if self._outside(q) is None:
                 return self._freeze(q, evaluation, requested)
         except _NotConvergedError:
@@ -349,13 +334,12 @@ class LoopKinematics:
             return self._finish(q, self.evaluate(q), requested)
         raise self._unreachable(requested, target, here, q, reached, failure)
 
-    def _near(
-        self, q: Array, goal: Goal, first: Evaluation | None = None, within: float = _NEAR
-    ) -> tuple[Array, Evaluation]:
+    def _near(self, q: Array, goal: Goal, within: float = _NEAR) -> tuple[Array, Configuration]:
         """Return Newton's solution where it is assembled and no joint moves far. Raises _NotConvergedError."""
-        found, evaluation = self._newton(q, goal, first)
-        farthest = np.abs(pin.difference(self.model, q, found)).max(initial=0.0)
-        if farthest > within or not self.closure.assembled(evaluation.turn):
+        found, evaluation = self._newton(q, goal)
+        moved = pin.difference(self.model, q, found)
+        far = sqrt(moved @ moved) > within and np.abs(moved).max() > within
+        if far or not self.closure.assembled(evaluation.turn):
             raise _NotConvergedError(found, self._split(evaluation.residual))
         return found, evaluation
 
@@ -437,12 +421,12 @@ class LoopKinematics:
             nearest,
         )
 
-    def _finish(self, q: Array, evaluation: Evaluation, requested: dict) -> ClosedPose:
+    def _finish(self, q: Array, evaluation: Configuration, requested: dict) -> ClosedPose:
         """Check limits and singularity, and freeze the pose."""
         self._check_limits(q, requested)
         return self._freeze(q, evaluation, requested)
 
-    def _freeze(self, q: Array, evaluation: Evaluation, requested: dict) -> ClosedPose:
+    def _freeze(self, q: Array, evaluation: Configuration, requested: dict) -> ClosedPose:
         """Return the pose as a value. Raises SingularPoseError."""
         balance = self._balance(evaluation, requested)
         coordinates = requested
@@ -460,7 +444,7 @@ class LoopKinematics:
             coordinates=coordinates,
         ).freeze()
 
-    def _balance(self, evaluation: Evaluation, requested: dict) -> PassiveBalance:
+    def _balance(self, evaluation: Configuration, requested: dict) -> PassiveBalance:
         """Return how the free joints balance. Raises SingularPoseError where the tool can still move."""
         free = self.mechanism.free_dofs
         scaled = evaluation.closure[:, free] * self._free_factors

@@ -54,9 +54,9 @@ class TaskFrame:
         return np.array(values)
 
     def pose_vector(self, placements: Array) -> tuple[float, ...]:
-        """Return (x, y, z, rx, ry, rz) of the tool."""
+        """Return (x, y, z, rx, ry, rz) of the tool; of placements (nj, 4, 4), their upper three rows will do."""
         placed = placements[self._joint] @ self._placement
-        (r00, r01, r02, x), (r10, _, r12, y), (r20, r21, r22, z), _ = placed.tolist()
+        (r00, r01, r02, x), (r10, _, r12, y), (r20, r21, r22, z), *_ = placed.tolist()
         if self.rotation == "xyz":
             return x, y, z, atan2(-r12, r22), atan2(r02, hypot(r00, r01)), atan2(-r01, r00)
         return x, y, z, atan2(r21, r22), atan2(-r20, hypot(r00, r10)), atan2(r10, r00)
