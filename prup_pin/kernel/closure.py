@@ -76,6 +76,7 @@ class Closure:
             if len(turning) < 2:
                 # E is the identity, or keeps the free axis: these entries are then 1, half a turn off -1.
                 self._aligned[index, turning or range(3), turning or range(3)] = 1.0
+        self._least_aligned = 0.9 * self._aligned
         self._rows = np.array(chosen, int)
         self._all_rows = len(chosen) == 6 * self.count
         self.size = len(chosen)
@@ -141,7 +142,7 @@ class Closure:
 
     def assembled(self, turn: Array) -> bool:
         """Return False where an angle vanishes at the wrong root: frames turned by half a turn."""
-        return not np.count_nonzero(turn * self._aligned < 0.9 * self._aligned)
+        return not np.count_nonzero(turn * self._aligned < self._least_aligned)
 
     def forces(self, at: LoopGaps, forces: Array) -> LoopForces:
         """Return what the loops carry under closure forces (..., c) [N, N m], and how it changes as bodies move."""

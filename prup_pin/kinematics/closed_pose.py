@@ -52,9 +52,16 @@ class ClosedPose:
 
     def freeze(self) -> ClosedPose:
         """Make all arrays read-only; a copy's are not by themselves."""
-        for value in (*vars(self).values(), *self.balance):
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+        for array in (
+            self.q,
+            self.placements,
+            self.jacobian,
+            self.closure_jacobian,
+            self.closure_wrenches,
+            self.closure_residual,
+            *self.balance,
+        ):
+            array.flags.writeable = False
         return self
 
     def __repr__(self) -> str:

@@ -447,15 +447,12 @@ class LoopKinematics:
     def _balance(self, evaluation: Configuration, requested: dict) -> PassiveBalance:
         """Return how the free joints balance. Raises SingularPoseError where the tool can still move."""
         free = self.mechanism.free_dofs
-        scaled = evaluation.closure[:, free] * self._free_factors
+        scaled = evaluation.closure.take(free, axis=1) * self._free_factors
         count, size = scaled.shape
         if count == size:
-            try:
-                inverse = np.linalg.inv(scaled.T)
-            except np.linalg.LinAlgError:
-                inverse = None
+            inverse = PartialPivLU(scaled.T).inverse()
             # The product of Frobenius norms bounds the condition number from above.
-            if inverse is not None and frobenius(inverse) * frobenius(scaled) < 1 / NEGLIGIBLE:
+            if frobenius(inverse) * frobenius(scaled) < 1 / NEGLIGIBLE:
                 return PassiveBalance(inverse * self._free_factors, np.zeros((count, 0)), np.zeros((size, 0)))
         rows, columns = self._free_scales
         _, idle, self_stress, inverse = rank_of(evaluation.closure[:, free].T, columns, rows)

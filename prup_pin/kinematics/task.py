@@ -96,4 +96,4 @@ class TaskFrame:
             angles = ((0, 0, 0, c * secant, s * secant, 0), (0, 0, 0, -s, c, 0), (0, 0, 0, c * t, s * t, 1))
         # velocity of the tool point: v_O + omega x p
         rows = ((1, 0, 0, 0, z, -y), (0, 1, 0, -z, 0, x), (0, 0, 1, y, -x, 0), *angles)
-        return np.array([rows[component] for component in self.components], float)
+        return np.array([rows[component] for component in self.components], float).reshape(-1, 6)

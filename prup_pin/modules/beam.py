@@ -84,7 +84,7 @@ class Beam(WrenchModule):
     )
 
     def prepare(self, values: Values) -> Values:
-        """Add the factors of l, l^2 and l^3 in the tip compliance, (3, n, 6, 6)."""
+        """Add the factors of l, l^2 and l^3 in the tip compliance, (n, 6, 6) each."""
         e, g = values["youngs_modulus"], values["shear_modulus"]
         shear = shear_flexibility(values, values["area"])
         axial, torsion = 1 / (e * values["area"]), 1 / (g * values["torsion_constant"])
@@ -94,16 +94,15 @@ class Beam(WrenchModule):
         linear = tip_compliance(axial, (shear, shear), torsion, (x, zero, zero), (y, zero, zero))
         square = tip_compliance(zero, (zero, zero), zero, (zero, x / 2, zero), (zero, y / 2, zero))
         cube = tip_compliance(zero, (zero, zero), zero, (zero, zero, x / 3), (zero, zero, y / 3))
-        return {**values, "powers_of_length": np.stack((linear, square, cube))}
+        tilts = not np.isinf(values["root_tilting_stiffness"]).all()
+        return {**values, "powers_of_length": (linear, square, cube), "clamps_tilt": tilts}
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        powers = values.get("powers_of_length")
-        linear, square, cube = self.prepare(values)["powers_of_length"] if powers is None else powers
+        values = values if "powers_of_length" in values else self.prepare(values)
+        linear, square, cube = values["powers_of_length"]
         length = at.length[..., None, None]
         bent = length * (linear + length * (square + length * cube))
-        if np.isinf(values["root_tilting_stiffness"]).all():
-            return bent
-        return bent + clamp_compliance(values, at.length)
+        return bent + clamp_compliance(values, at.length) if values["clamps_tilt"] else bent
 
     def line_density(self, values: Values, at: ModuleGeometry) -> Callable[[Array], Array]:
         return constant(mass_per_length(values["density"], values["area"]))

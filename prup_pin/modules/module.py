@@ -138,6 +138,8 @@ class DriveModule(CompliantModule):
 
 def diagonal(*entries: Array) -> Array:
     """Return (..., k, k) diagonal matrices from k arrays that broadcast together."""
+    if len(entries) == 1:
+        return entries[0][..., None, None]
     columns = np.broadcast_arrays(*entries)
     matrix = np.zeros((*columns[0].shape, len(columns), len(columns)))
     for i, column in enumerate(columns):

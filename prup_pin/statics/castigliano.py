@@ -16,13 +16,7 @@ from ..kernel import semidefinite_inverse
 from ..kinematics import ClosedPose
 from ..modules import ModuleGeometry
 from ..spatial import Array
-from .wrench_jacobians import (
-    StaticsLayout,
-    carried_from_frame,
-    module_loads,
-    self_stress_wrenches,
-    transmitted_wrenches,
-)
+from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
 __all__ = ["Statics", "solve_statics"]
 
@@ -35,12 +29,14 @@ class Statics(NamedTuple):
     """The solved statics of a pose: loads and compliances of all modules, wrench modules and drive modules apart.
 
     jacobians: (n, 6, 6) and (m, 1, 6), compatible where the mechanism is overconstrained; lambdas: (n, 6, 6) and
-    (m, 1, 1); stress: module loads per unit self-stress, or None; frames: (n, 4, 4), base_from_module.
+    (m, 1, 1); stress: module loads per unit self-stress, or None; frames: (n, 4, 4), base_from_module; maps
+    (rows, 6), see `load_maps`.
     """
 
     layout: StaticsLayout
     pose: ClosedPose
     frames: Array
+    maps: Array
     geometries: list[ModuleGeometry]
     jacobians: tuple[Array, Array]
     lambdas: tuple[Array, Array]
@@ -53,9 +49,8 @@ class Statics(NamedTuple):
         """
         virtual = self.jacobians
         if frame is not None:
-            carried = carried_from_frame(self.layout, self.pose, self.pose.mechanism.frame(frame))
-            transmitted = transmitted_wrenches(self.layout, self.pose, carried)
-            virtual = module_loads(self.layout, self.pose, self.frames, transmitted)
+            rows = loads_from_frame(self.layout, self.pose, self.maps, self.pose.mechanism.frame(frame))
+            virtual = self.layout.split(rows)
             if self.stress is not None:
                 virtual = _least_energy(virtual, self.stress, self.lambdas)
         return sum(
@@ -76,10 +71,9 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the file"
         )
-    frames = layout.frames(pose)
-    transmitted = transmitted_wrenches(layout, pose, carried_from_frame(layout, pose, mechanism.need_tool()))
-    jacobians = module_loads(layout, pose, frames, transmitted)
-    geometries = layout.geometries(pose, frames)
+    frames, geometries = layout.placed(pose)
+    maps = load_maps(layout, pose, frames)
+    jacobians = layout.split(loads_from_frame(layout, pose, maps, mechanism.need_tool()))
     for index, group in layout.varying:
         if fault := group.fault(geometries[index]):
             raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
@@ -87,7 +81,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
     if pose.balance.self_stress.shape[-1]:
         # Forces that cancel between closures leave rounding noise in the modules; it must not pass for a load.
         least = _NOISE * np.abs(pose.balance.self_stress).max()
-        wrench, drive = module_loads(layout, pose, frames, self_stress_wrenches(layout, pose))
+        wrench, drive = layout.split(self_stress_loads(layout, pose, maps))
         stress = np.where(np.abs(wrench) > least, wrench, 0.0), np.where(np.abs(drive) > least, drive, 0.0)
     loads = None
     if load is not None and any(group.kind.nonlinear for group in layout.groups):
@@ -95,7 +89,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
     lambdas = _lambdas(layout, geometries, loads)
     if stress is not None:
         jacobians = _least_energy(jacobians, stress, lambdas)
-    return Statics(layout, pose, frames, geometries, jacobians, lambdas, stress)
+    return Statics(layout, pose, frames, maps, geometries, jacobians, lambdas, stress)
 
 
 def _loads_under(layout: StaticsLayout, geometries, loads: list[Array], stress) -> list[Array]:

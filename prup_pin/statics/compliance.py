@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
+from eigenpy import PartialPivLU
 
 from ..errors import InputError, NoStiffnessError, UnknownNameError
 from ..kernel import NEGLIGIBLE_ENERGY
@@ -53,14 +54,13 @@ class Compliance:
         self.load = load
         self._statics = statics
         self._scaling = scaling
-        parts = [
-            jacobian.mT @ (lam @ jacobian) for jacobian, lam in zip(statics.jacobians, statics.lambdas, strict=True)
-        ]
-        self._parts = np.concatenate(parts)
-        c = np.add.reduce(self._parts)
+        # The sum over modules of J^T (Lambda J), as one product of all their rows.
+        wrench, drive = statics.jacobians
+        self._deformations = statics.lambdas[0] @ wrench, statics.lambdas[1] * drive
+        c = wrench.reshape(-1, 6).T @ self._deformations[0].reshape(-1, 6)
+        c += drive[:, 0].T @ self._deformations[1][:, 0]
         self.C: Array = (c + c.T) / 2
-        self._parts.setflags(write=False)
-        self.C.setflags(write=False)
+        self.C.flags.writeable = False
 
     def __reduce__(self):
         return Compliance, (self._statics, self._scaling, self.load)
@@ -79,10 +79,7 @@ class Compliance:
     def K(self) -> Array:  # noqa: N802 - the field's symbol
         """Stiffness, (6, 6). Raises NoStiffnessError where some directions are rigid."""
         scaled = self.C * self._scaling
-        try:
-            inverse = np.linalg.inv(scaled)
-        except np.linalg.LinAlgError:
-            inverse = np.full((6, 6), np.inf)
+        inverse = PartialPivLU(scaled).inverse()
         # The product of Frobenius norms bounds the condition number from above.
         if not 0 < frobenius(inverse) * frobenius(scaled) < 0.1 / NEGLIGIBLE_ENERGY:
             rigid = self.rigid_directions
@@ -134,7 +131,12 @@ class Compliance:
     @cached_property
     def parts(self) -> Mapping[str, Array]:
         """Compliance J_m^T Lambda_m J_m of each module, (6, 6); they sum to C."""
-        return _Named(self._statics.layout.index, self._parts.__getitem__)
+        statics = self._statics
+        parts = np.concatenate(
+            [jacobian.mT @ bent for jacobian, bent in zip(statics.jacobians, self._deformations, strict=True)]
+        )
+        parts.flags.writeable = False
+        return _Named(statics.layout.index, parts.__getitem__)
 
     @cached_property
     def wrench_jacobians(self) -> Mapping[str, Array]:
@@ -198,7 +200,7 @@ class Compliance:
 
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={value:.4g}" for name, value in self.pose.coordinates.items())
-        return f"<Compliance of {self.pose.mechanism.name} at {at or 'a pose'}: {len(self._parts)} modules>"
+        return f"<Compliance of {self.pose.mechanism.name} at {at or 'a pose'}: {len(self.names)} modules>"
 
 
 def _direction(vector: Array) -> str:

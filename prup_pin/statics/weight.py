@@ -14,7 +14,7 @@ import pinocchio as pin
 from ..mechanism import Mechanism, Module
 from ..spatial import Array, base_wrench_from_point, wrench_in_frame
 from .castigliano import Statics
-from .wrench_jacobians import carried_from_bodies, module_loads, transmitted_wrenches
+from .wrench_jacobians import loads_from_bodies
 
 
 def weight_strains(statics: Statics) -> tuple[Array, Array]:
@@ -46,8 +46,7 @@ def weight_strains(statics: Statics) -> tuple[Array, Array]:
                 missing[group.slots.start + index] = wrench_in_frame(frames[index], wrench[:, None])[:, 0]
     for joint, mass, lever in link_masses(mechanism, carried):
         loads[joint, :, 0] += _weight(mass * mechanism.gravity, (pose.placements[joint] @ np.append(lever, 1.0))[:3])
-    transmitted = transmitted_wrenches(layout, pose, carried_from_bodies(layout, loads))
-    wrench_loads, drive_loads = module_loads(layout, pose, statics.frames, transmitted)
+    wrench_loads, drive_loads = layout.split(loads_from_bodies(layout, pose, statics.maps, loads))
     wrench_lambdas, drive_lambdas = statics.lambdas
     wrench_strains = wrench_lambdas @ (wrench_loads + missing[..., None])
     return wrench_strains[..., 0] + own, (drive_lambdas @ drive_loads)[..., 0]

@@ -19,13 +19,21 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError, ParameterError
+from ..kernel import Closure
 from ..kinematics import ClosedPose
 from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
 from ..modules.module import Values
-from ..spatial import Array, base_wrench_from_point, wrench_in_frame
+from ..spatial import Array, base_wrench_from_point, skew
 
-__all__ = ["ModuleGroup", "StaticsLayout", "transmitted_wrenches"]
+__all__ = [
+    "ModuleGroup",
+    "StaticsLayout",
+    "load_maps",
+    "loads_from_bodies",
+    "loads_from_frame",
+    "self_stress_loads",
+]
 
 
 #: The geometry of kinds that need none.
@@ -64,8 +72,6 @@ class StaticsLayout:
         self.drive_names = tuple(module.name for module in drive)
         self.names = self.wrench_names + self.drive_names
         self.wrench_joints = np.array([module.joint for module in wrench], int)
-        self._frame_joints = np.array([module.frame.joint for module in wrench], int)
-        self._frame_placements = np.array([module.frame.placement for module in wrench]).reshape(-1, 4, 4)
         # Modules of one drive share their joint's force: computed once, then spread.
         driven = sorted({(module.joint, module.dof) for module in drive})
         self.drive_joints = np.array([joint for joint, _ in driven], int)
@@ -82,17 +88,24 @@ class StaticsLayout:
             (index, module.root) for index, module in enumerate(wrench) if module.kind.spans_frames and module.root
         ]
         self._beams = np.array([index for index, _ in beams], int)
-        self._root_joints = np.array([root.joint for _, root in beams], int)
-        self._root_points = np.array([root.placement[:, 3] for _, root in beams]).reshape(-1, 4, 1)
+        placed = [*(module.frame for module in wrench), *(root for _, root in beams)]
+        self._frame_joints = np.array([frame.joint for frame in placed], int)
+        self._frame_placements = np.array([frame.placement for frame in placed]).reshape(-1, 4, 4)
         self._beam_slots = {}
         for group in self.wrench_groups:
             if group.kind.spans_frames:
                 start = int(np.searchsorted(self._beams, group.slots.start))
                 self._beam_slots[group] = slice(start, start + len(group.modules))
-        # Closure force of row r acts on the second frame's body and, reversed, on the first's.
-        self.joint_incidence = mechanism.support @ _incidence(mechanism)
         self.free = mechanism.free_dofs
         self.free_joints = mechanism.dof_joint[self.free]
+        self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), self.drive_joints[self.drive_rows]))
+        self.drive_row_dofs = self.drive_dofs[self.drive_rows]
+        # What a row's joint carries: of loads on a joint's body, and of every closure force.
+        self.row_support = mechanism.support[self.row_joints]
+        self.free_support = mechanism.support[self.free_joints]
+        self.row_incidence = Closure(mechanism).incidence[self.row_joints]
+        #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
+        self.closed = bool(len(self.free) and self.row_incidence.shape[1])
         #: Groups that must be evaluated at every pose, with their index.
         self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
         self._nowhere = [_NOWHERE] * len(self.groups)
@@ -110,6 +123,12 @@ class StaticsLayout:
             for group, joints in self._joints.items()
             if all(joint.nq == 1 for joint in joints)
         }
+
+    def split(self, rows: Array) -> tuple[Array, Array]:
+        """Return the loads (..., rows, c) of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
+        count, lead = 6 * len(self.wrench_names), rows.shape[:-2]
+        wrench = rows[..., :count, :].reshape(*lead, len(self.wrench_names), 6, rows.shape[-1])
+        return wrench, rows[..., count:, None, :]
 
     @cached_property
     def constant_compliances(self) -> tuple[Array, Array]:
@@ -130,16 +149,29 @@ class StaticsLayout:
 
     def frames(self, pose: ClosedPose) -> Array:
         """Return base_from_module of all wrench modules, (..., n, 4, 4)."""
-        return pose.placements[..., self._frame_joints, :, :] @ self._frame_placements
+        return self._placed(pose)[0]
+
+    def _placed(self, pose: ClosedPose) -> tuple[Array, Array]:
+        """Return base_from_module of all wrench modules (..., n, 4, 4) and base_from_root of beams (..., b, 4, 4)."""
+        placed = pose.placements[..., self._frame_joints, :, :] @ self._frame_placements
+        count = len(self.wrench_names)
+        return placed[..., :count, :, :], placed[..., count:, :, :]
+
+    def placed(self, pose: ClosedPose) -> tuple[Array, list[ModuleGeometry]]:
+        """Return base_from_module of all wrench modules, (..., n, 4, 4), and what the pose tells each group."""
+        frames, roots = self._placed(pose)
+        lengths = np.zeros(0)
+        if len(self._beams):
+            tips = frames[..., self._beams, :3, 2:]
+            # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
+            lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]).sum(axis=-1)
+        return frames, self._geometries(pose, lengths)
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
         """Return what the pose tells each group of modules."""
-        lengths = np.zeros(0)
-        if len(self._beams):
-            roots = (pose.placements[..., self._root_joints, :, :] @ self._root_points)[..., :3, 0]
-            tips = frames[..., self._beams, :3, :]
-            # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
-            lengths = ((tips[..., 3] - roots)[..., None, :] @ tips[..., 2, None])[..., 0, 0]
+        return self.placed(pose)[1]
+
+    def _geometries(self, pose: ClosedPose, lengths: Array) -> list[ModuleGeometry]:
         geometries = list(self._nowhere)
         for index, group in self.varying:
             length = lengths[..., self._beam_slots[group]] if group.kind.spans_frames else _NOWHERE.length
@@ -149,9 +181,9 @@ class StaticsLayout:
 
     def check_beams(self, pose: ClosedPose) -> None:
         """Raise InputError where a beam's tip lies beside its axis: its length would be only a projection."""
-        frames = self.frames(pose)[self._beams]
-        roots = (pose.placements[self._root_joints] @ self._root_points)[:, :3, 0]
-        span = frames[:, :3, 3] - roots
+        frames, roots = self._placed(pose)
+        frames = frames[self._beams]
+        span = frames[:, :3, 3] - roots[:, :3, 3]
         beside = np.linalg.norm(np.cross(span, frames[:, :3, 2]), axis=1)
         for index, offset, size in zip(self._beams, beside, np.linalg.norm(span, axis=1), strict=True):
             if offset > 1e-6 * size:
@@ -186,57 +218,52 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
     return tuple(groups), order
 
 
-def _incidence(mechanism: Mechanism) -> Array:
-    rows = [loop for loop in mechanism.loops for _ in range(loop.size)]
-    matrix = np.zeros((mechanism.model.njoints, len(rows)))
-    for index, loop in enumerate(rows):
-        matrix[loop.second.joint, index] += 1.0
-        matrix[loop.first.joint, index] -= 1.0
-    return matrix
+def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
+    """Return what turns the base wrench that a module's joint transmits into the module's loads, (..., rows, 6).
 
-
-def carried_from_bodies(layout: StaticsLayout, loads: Array) -> Array:
-    """Return the sums over every joint's subtree of base wrenches on bodies, (..., nj, 6, c) both."""
-    flat = loads.reshape(*loads.shape[:-2], -1)
-    return (layout.mechanism.support @ flat).reshape(loads.shape)
-
-
-def carried_from_frame(layout: StaticsLayout, pose: ClosedPose, frame: Frame) -> Array:
-    """Return the same for unit wrenches about a frame's origin in base axes, (..., nj, 6, 6)."""
-    point = (pose.placements[..., frame.joint, :, :] @ frame.placement)[..., :3, 3]
-    above = layout.mechanism.support[:, frame.joint, None, None]
-    return above * base_wrench_from_point(point)[..., None, :, :]
-
-
-def transmitted_wrenches(layout: StaticsLayout, pose: ClosedPose, carried: Array) -> Array:
-    """Return the base wrench that every joint transmits from its child's side to its parent's, (..., nj, 6, c).
-
-    `carried` (..., nj, 6, c) are the sums of the loads on the joints' subtrees, c load cases at once, before the loops
-    carry any. The free joints' balance gives the closure forces.
+    Rows: six for every wrench module, then one for every drive module.
     """
-    if not len(layout.free) or not pose.closure_wrenches.shape[-2]:
-        return carried  # no closure to find forces for: a free joint off the tool's path carries nothing
+    count = len(layout.wrench_names)
+    maps = np.empty((*frames.shape[:-3], len(layout.row_joints), 6))
+    block = maps[..., : 6 * count, :].reshape(*frames.shape[:-2], 6, 6)
+    axes = frames[..., :3, :3].mT
+    block[..., :3, :3] = block[..., 3:, 3:] = axes
+    block[..., :3, 3:] = 0.0
+    block[..., 3:, :3] = axes @ skew(-frames[..., :3, 3])
+    maps[..., 6 * count :, :] = pose.jacobian.mT[..., layout.drive_row_dofs, :] * layout.drive_ratios[:, 0]
+    return maps
+
+
+def loads_from_frame(layout: StaticsLayout, pose: ClosedPose, maps: Array, frame: Frame) -> Array:
+    """Return the modules' loads under unit wrenches about a frame's origin in base axes, (..., rows, 6).
+
+    Only what carries the frame's joint is loaded before the loops carry any.
+    """
+    point = (pose.placements[..., frame.joint, :, :] @ frame.placement[:, 3])[..., :3]
+    unit = base_wrench_from_point(point)
+    loads = (maps @ unit) * layout.row_support[:, frame.joint, None]
+    if not layout.closed:
+        return loads
+    along = (pose.jacobian.mT[..., layout.free, :] @ unit) * layout.free_support[:, frame.joint, None]
+    return loads - _loads_from_closures(layout, pose, maps) @ (pose.balance.inverse @ along)
+
+
+def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodies: Array) -> Array:
+    """Return the modules' loads under base wrenches on the joints' bodies (..., nj, 6, c), (..., rows, c)."""
+    carried = (layout.mechanism.support @ bodies.reshape(*bodies.shape[:-2], -1)).reshape(bodies.shape)
+    loads = (maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :]
+    if not layout.closed:
+        return loads
     axes = pose.jacobian.mT[..., layout.free, None, :]
     along = (axes @ carried[..., layout.free_joints, :, :])[..., 0, :]
-    return carried - _closure_wrenches(layout, pose, pose.balance.inverse @ along)
+    return loads - _loads_from_closures(layout, pose, maps) @ (pose.balance.inverse @ along)
 
 
-def self_stress_wrenches(layout: StaticsLayout, pose: ClosedPose) -> Array:
-    """Return the joint wrenches of the closure forces that balance without any load, (..., nj, 6, h)."""
-    return _closure_wrenches(layout, pose, pose.balance.self_stress)
+def self_stress_loads(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
+    """Return the modules' loads under the closure forces that balance without any load, (..., rows, h)."""
+    return _loads_from_closures(layout, pose, maps) @ pose.balance.self_stress
 
 
-def _closure_wrenches(layout: StaticsLayout, pose: ClosedPose, forces: Array) -> Array:
-    """Return the subtree sums of closure forces (..., rows, c) as joint wrenches (..., nj, 6, c)."""
-    on_bodies = pose.closure_wrenches[..., :, :, None] * forces[..., :, None, :]
-    flat = on_bodies.reshape(*on_bodies.shape[:-2], -1)
-    sums = layout.joint_incidence @ flat
-    return sums.reshape(*sums.shape[:-1], *on_bodies.shape[-2:])
-
-
-def module_loads(layout: StaticsLayout, pose: ClosedPose, frames: Array, transmitted: Array) -> tuple[Array, Array]:
-    """Return the loads of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
-    wrench = wrench_in_frame(frames, transmitted[..., layout.wrench_joints, :, :])
-    axes = pose.jacobian.mT[..., layout.drive_dofs, None, :]
-    forces = axes @ transmitted[..., layout.drive_joints, :, :]
-    return wrench, forces[..., layout.drive_rows, :, :] * layout.drive_ratios
+def _loads_from_closures(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
+    """Return the modules' loads under unit closure forces, (..., rows, closures)."""
+    return (maps @ pose.closure_wrenches.mT) * layout.row_incidence
