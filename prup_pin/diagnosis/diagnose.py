@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2 as chi_squared
 from threadpoolctl import threadpool_limits
 
+from ..channels import Linear, Noise, PoseChannel, Stack, channels_of
 from ..laws import Inputs
 from ..recordings import Recording, suspicions
 from ..robot import Robot
@@ -45,9 +46,9 @@ from .fit import Fit, Problem
 from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
-from .plausible import Linear, check_belongs, unused_columns, what_is_missing
+from .plausible import check_belongs, unused_columns, what_is_missing
 from .recovered import recovered, residuals
-from .residual import Measured, Noise, estimate_noise, scatter_of_repeats
+from .sensor_noise import estimate_noise, scatter_of_repeats
 from .whiteness import compared, noise_of_the_rest
 
 __all__ = ["diagnose"]
@@ -87,36 +88,32 @@ def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
     remarks = [*recording.remarks, *suspicions(recording), *told]
     recording = _thinned(recording, remarks)
     inputs = _inputs(robot, recording)
-    measured = Measured.of(recording)
+    stack = Stack(channels_of(recording, robot.mechanism))
+    measured = stack.mainly
     remarks += what_is_missing(inputs, measured)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
     check_belongs(measured, linear, inputs)
     tell("the nominal simulation", 0.0)
     nominal = simulator.run()
-    lost = int((measured.exists.any(axis=1) & ~nominal.solved).sum())
+    lost = int((stack.exists.any(axis=1) & ~nominal.solved).sum())
     if lost:
         remarks.append(f"{lost} of {len(inputs)} samples could not be simulated, and say nothing here")
     noise = _noise(recording, measured, linear, inputs)
     remarks += _quieter(noise, recording, measured, linear, inputs)
-    problem = Problem(simulator, measured, noise)
-    first = problem.fit_at((), nominal)
-    samples = first.samples
-    raw_linear = measured.residual(linear.position, linear.rotation)[samples]
-    before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
+    problem = Problem.of(simulator, stack, noise, nominal)
+    raw_linear = stack.residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs)
-    selection = Selection.nothing(first, library)
-    if compared(problem, first):
-        selection = select(problem, library, inputs.blocks, first, tell)
+    selection = Selection.nothing(problem.first, library)
+    if compared(problem, problem.first):
+        selection = select(problem, library, inputs.blocks, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         if larger is not None:
             remarks.append(_noisier(noise, larger))
-            noise, problem = larger, Problem(simulator, measured, larger)
-            first = problem.fit_at((), nominal)
-            before = (problem.whiteners(first.influence) @ raw_linear[..., None])[..., 0]
-            selection = select(problem, library, inputs.blocks, first, tell)
+            problem = replace(problem, noise=larger)
+            selection = select(problem, library, inputs.blocks, problem.first, tell)
     tell("the verdict", 0.9)
-    return _verdict(problem, selection, inputs, noise, before, raw_linear, remarks, unused, robot, tell)
+    return _verdict(problem, selection, inputs, raw_linear, remarks, unused, robot, tell)
 
 
 def _inputs(robot: Robot, recording: Recording) -> Inputs:
@@ -147,16 +144,18 @@ def _thinned(recording: Recording, remarks: list[str]) -> Recording:
     return recording.select(rows)
 
 
-def _noise(recording: Recording, measured: Measured, linear: Linear, inputs: Inputs) -> Noise:
+def _noise(recording: Recording, measured: PoseChannel, linear: Linear, inputs: Inputs) -> Noise:
     if not linear.samples.any():
         return Noise(1e-6, 1e-5, 0.0, 0.0, "declared")
-    return estimate_noise(recording, measured, np.nan_to_num(linear.compliance), inputs.blocks, inputs.wrench)
+    return estimate_noise(
+        recording, measured, np.nan_to_num(linear.compliance(measured.frame)), inputs.blocks, inputs.wrench
+    )
 
 
-def _quieter(noise: Noise, recording, measured: Measured, linear: Linear, inputs: Inputs) -> list[str]:
+def _quieter(noise: Noise, recording, measured: PoseChannel, linear: Linear, inputs: Inputs) -> list[str]:
     """Return sentences on declared noise that is much larger than the scatter of repeats."""
     remarks = []
-    seen = scatter_of_repeats(measured, np.nan_to_num(linear.compliance), inputs.blocks, inputs.wrench)
+    seen = scatter_of_repeats(measured, np.nan_to_num(linear.compliance(measured.frame)), inputs.blocks, inputs.wrench)
     for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
         declared = getattr(recording.noise, name)
         if declared is not None and found is not None and declared > MUCH_LARGER * found:
@@ -181,8 +180,6 @@ def _verdict(
     problem: Problem,
     selection: Selection,
     inputs: Inputs,
-    noise: Noise,
-    before: Array,
     raw_linear: Array,
     remarks: list[str],
     unused: tuple[str, ...],
@@ -191,6 +188,7 @@ def _verdict(
 ) -> Diagnosis:
     last, first = selection.last, selection.first
     samples = last.samples
+    before = problem.whitened(first.influence, raw_linear)
     labels = inputs.blocks[samples]
     count = compared(problem, last)
     held = cross_validated(problem, last, labels) if count else float("nan")
@@ -214,7 +212,7 @@ def _verdict(
     named = "explained" if findings else "nothing_missing"
     verdict = "unexplained" if unknown else named
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
-    raw_after = problem.measured.residual(final.run.position, final.run.rotation)[samples]
+    raw_after = problem.stack.residual(final.run)[samples]
     if count:
         findings = [
             replace(finding, recovered=recovered(problem, final, raw_after, finding.effect, finding.curve))
@@ -223,10 +221,10 @@ def _verdict(
     tell("the next experiment", 0.95)
     diagnosis = Diagnosis(
         verdict=verdict,
-        noise=noise,
+        noise=problem.noise,
         before={"fit": white_before, "heldout": white_before},
         after={"fit": _rms(final.chi2, count), "heldout": _rms(held, count)},
-        by_channel=_channels(before, final.residual, raw_linear, raw_after, problem.measured.exists[samples]),
+        by_channel=_channels(problem.stack, samples, before, final.residual, raw_linear, raw_after),
         findings=tuple(findings),
         not_detectable=tuple(not_detectable(problem, final, selection)) if count else (),
         next_experiment=next_experiment(robot, problem, selection, findings),
@@ -234,6 +232,7 @@ def _verdict(
         unused_columns=unused,
         effects=effects,
         samples=samples,
+        columns=problem.stack.groups(),
         residual_before=raw_linear,
         residual_after=raw_after,
         residuals=residuals(problem, final, raw_linear, raw_after) if count else None,
@@ -338,9 +337,10 @@ def _nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Fi
         tried += f" were tried, and whatever deformation of {modules} module{'s' if modules > 1 else ''}"
     else:
         tried += " were tried; the robot file has no module that could yield"
-    shares = (fit.residual**2).sum(axis=0)
-    shares = shares / max(float(shares.sum()), 1e-300)
-    most, share = max((("position", shares[:3].sum()), ("rotation", shares[3:].sum())), key=lambda item: item[1])
+    squares = (fit.residual**2).sum(axis=0)
+    parts = [(name, squares[where].sum()) for name, _, where in problem.stack.groups()]
+    most, size = max(parts, key=lambda part: part[1])
+    share = size / max(float(squares.sum()), 1e-300)
     return _unknown_at_robot(
         f"what is left is {_rms(fit.chi2, count):.3g} times the noise, and nothing takes it away: {tried}. "
         f"It shows in the {most} ({100 * share:.0f} % of its square)"
@@ -349,7 +349,7 @@ def _nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Fi
 
 def _nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     """Return the finding that nobody can know whether anything is missing."""
-    measured = problem.measured.exists.any()
+    measured = problem.stack.exists.any()
     why = (
         "no sample with a measured pose could be simulated"
         if measured
@@ -461,10 +461,13 @@ def _finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = Fals
     )
 
 
-def _channels(before, after, raw_before, raw_after, exists) -> dict[str, dict[str, float]]:
+def _channels(
+    stack: Stack, samples: np.ndarray, before: Array, after: Array, raw_before: Array, raw_after: Array
+) -> dict[str, dict[str, float]]:
     out: dict[str, dict[str, float]] = {}
-    for name, unit, columns in (("position", "um", slice(0, 3)), ("rotation", "urad", slice(3, 6))):
-        here = exists[:, columns]
+    for name, si, columns in stack.groups():
+        unit = f"u{si}"
+        here = stack.exists[samples][:, columns]
         count = int(here.sum())
         if not count:
             continue

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from ..channels import Columns, Noise
 from ..laws import Effect
 from ..simulation import Run
 from ..spatial import Array
 from .local_curve import LocalCurve
 from .recovered import Agreement, Recovered, Residuals
-from .residual import Noise
 
 __all__ = ["Detectable", "Diagnosis", "Finding", "FittedParameter"]
 
@@ -85,6 +85,7 @@ class Diagnosis:
     unused_columns: tuple[str, ...]
     effects: tuple[Effect, ...]
     samples: np.ndarray
+    columns: tuple[Columns, ...]
     residual_before: Array
     residual_after: Array
     residuals: Residuals | None = None  # in multiples of the noise; None where nothing was compared

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..channels import Noise, Stack
 from ..laws import Effect
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .influence import Influence
-from .residual import Measured, Noise, whitening
 
 __all__ = ["Fit", "Problem", "Term", "without"]
 
@@ -32,7 +33,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Fit:
-    """A simulation with fitted terms: its run, influences, whitened residual (n, 6) and chi squared."""
+    """A simulation with fitted terms: its run, influences, whitened residual (n, K) and chi squared."""
 
     terms: tuple[Term, ...]
     run: Run
@@ -45,70 +46,89 @@ class Fit:
         return self.run.samples
 
 
+@dataclass(frozen=True, eq=False)
 class Problem:
-    """A recording's pose channel against a simulator."""
+    """What a recording measured against a simulator: N samples of K columns.
 
-    def __init__(self, simulator: Simulator, measured: Measured, noise: Noise):
-        self.simulator, self.measured, self.noise = simulator, measured, noise
-        self._whitening: tuple[np.ndarray, Array] | None = None
-        self._solved: np.ndarray | None = None
+    The metric is that of noise alone, taken at the robot as its file has it, so that all laws are compared alike.
+    `freed_module` deforms at every sample as it likes: what that does to the columns is projected out of all residuals
+    and changes.
+    """
+
+    simulator: Simulator
+    stack: Stack
+    noise: Noise
+    nominal: Influence
+    freed_module: str | None = None
+    freed_at: Influence | None = None
+
+    @classmethod
+    def of(cls, simulator: Simulator, stack: Stack, noise: Noise, nominal: Run | None = None) -> Problem:
+        """Return the problem; `nominal` is the run without any law where one is known."""
+        return cls(simulator, stack, noise, Influence(simulator, simulator.run((), nominal), stack))
+
+    def freed(self, influence: Influence, module: str) -> Problem:
+        """Return the same problem with a module deforming at every sample as it likes, by its reach at an influence."""
+        return replace(self, freed_module=module, freed_at=influence)
+
+    @cached_property
+    def first(self) -> Fit:
+        """The fit of the robot as its file has it."""
+        return self._fit((), self.nominal)
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
     def whiteners(self, influence: Influence) -> Array:
-        """Return W (n, 6, 6) of an influence's samples; computed once, at the first one."""
-        samples = influence.run.samples
-        if self._whitening is None or len(self._whitening[0]) != len(samples):
-            exists = self.measured.exists[samples] & influence.run.solved[samples, None]
-            self._whitening = samples, whitening(self.noise, influence.compliance, exists)
-        return self._whitening[1]
+        """Return W (n, K, K) of an influence's samples: that of the robot file where these are its samples."""
+        alike = np.array_equal(influence.run.samples, self.nominal.run.samples)
+        return self._white if alike else self._white_at(influence, influence)
+
+    def whiteners_at(self, influence: Influence) -> Array:
+        """Return W (n, K, K) at the equilibria of an influence, nothing freed."""
+        return self._white_at(influence, None)
+
+    @cached_property
+    def _white(self) -> Array:
+        return self._white_at(self.nominal, self.freed_at)
+
+    def _white_at(self, influence: Influence, freed_at: Influence | None) -> Array:
+        run = influence.run
+        exists = self.stack.exists[run.samples] & run.solved[run.samples, None]
+        white = self.stack.whiteners(self.noise, influence.first, exists)
+        if self.freed_module is None or freed_at is None:
+            return white
+        basis = _basis(white @ freed_at.signature(self.freed_module))
+        return white - basis @ (basis.mT @ white)
 
     def reach(self, influence: Influence, module: str) -> Array:
-        """Return the whitened pose changes that a module's deformations can make, (n, 6, k).
+        """Return the whitened changes that a module's deformations can make, (n, K, k).
 
-        Orthonormal columns at every sample, zero where a deformation does not reach the tool.
+        Orthonormal columns at every sample, zero where a deformation does not reach what is measured.
         """
-
-        def compute() -> Array:
-            directions = self.whiteners(influence) @ influence.signature(module)
-            basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
-            return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
-
-        return influence.first.once(("reach", module), compute)
-
-    def freed(self, influence: Influence, module: str) -> Problem:
-        """Return the same problem with a module deforming at every sample as it likes.
-
-        What its deformations do to the pose is projected out of all residuals and changes.
-        """
-        white, basis = self.whiteners(influence), self.reach(influence, module)
-        other = Problem(self.simulator, self.measured, self.noise)
-        other._whitening = influence.run.samples, white - basis @ (basis.mT @ white)
-        other._solved = self._solved
-        return other
+        return influence.first.once(
+            ("reach", self, module), lambda: _basis(self.whiteners(influence) @ influence.signature(module))
+        )
 
     def fit_at(self, terms: Sequence[Term], start: Run | None = None) -> Fit:
         """Return the simulation with these terms, without fitting."""
         run = self.simulator.run([term.effect for term in terms], start)
-        influence = Influence(self.simulator, run)
-        residual = self.residual(run, influence)
+        return self._fit(terms, Influence(self.simulator, run, self.stack))
+
+    def _fit(self, terms: Sequence[Term], influence: Influence) -> Fit:
+        run = influence.run
+        residual = self.whitened(influence, self.stack.residual(run)[run.samples])
         chi2 = float((residual**2).sum())
-        if self._solved is None:
-            self._solved = run.solved.copy()
-        elif (self._solved & ~run.solved).any():
+        if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
         return Fit(tuple(terms), run, influence, residual, chi2)
 
-    def residual(self, run: Run, influence: Influence) -> Array:
-        """Return the whitened residual of a run's samples, (n, 6)."""
-        raw = self.measured.residual(run.position, run.rotation)[run.samples]
-        return (self.whiteners(influence) @ raw[..., None])[..., 0]
+    def whitened(self, influence: Influence, values: Array) -> Array:
+        """Return values (n, K) of the columns in multiples of the noise."""
+        return (self.whiteners(influence) @ values[..., None])[..., 0]
 
     def change(self, fit: Fit, effects: Sequence[Effect]) -> Array:
-        """Return the whitened change of the pose (n, 6) from a fit to other effects, to first order."""
-        setup = self.simulator.setup(effects)
-        moved = fit.influence.change(setup)
-        return (self.whiteners(fit.influence) @ moved[..., None])[..., 0]
+        """Return the whitened change of the columns (n, K) from a fit to other effects, to first order."""
+        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects)))
 
     def module_of(self, candidate: Candidate) -> str | None:
         """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""
@@ -125,9 +145,9 @@ class Problem:
         limit: int = 25,
         beside: Array | None = None,
     ) -> tuple[float, Term, Array]:
-        """Return (chi squared, fitted term, change (n, 6)) of a candidate on top of `kept`, to first order about `fit`.
+        """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
 
-        `beside` (6 n, p): orthonormal changes by the kept terms, which are so fitted together with the candidate; the
+        `beside` (K n, p): orthonormal changes by the kept terms, which are so fitted together with the candidate; the
         change returned is what they cannot do.
         """
         effects = [term.effect for term in kept]
@@ -169,7 +189,7 @@ class Problem:
         return 2 * float(found.cost), term, without(change.ravel(), beside).reshape(change.shape)
 
     def beside(self, fit: Fit, kept: Sequence[int]) -> Array | None:
-        """Return orthonormal changes (6 n, p) by some of a fit's terms, given by their places; None for none."""
+        """Return orthonormal changes (K n, p) by some of a fit's terms, given by their places; None for none."""
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         if not columns:
@@ -214,7 +234,7 @@ class Problem:
         return fit
 
     def jacobian(self, fit: Fit) -> Array:
-        """Return d(whitened pose)/d(coordinates of all terms), (6 n, p), by differences of first-order changes."""
+        """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""
         effects = [term.effect for term in fit.terms]
         columns = []
         for index, term in enumerate(fit.terms):
@@ -229,6 +249,12 @@ class Problem:
                     ends.append(self.change(fit, changed))
                 columns.append(((ends[0] - ends[1]) / (2 * step)).ravel())
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
+
+
+def _basis(directions: Array) -> Array:
+    """Return orthonormal columns (n, K, k) that span directions (n, K, k), zero where these are none."""
+    basis, sizes, _ = np.linalg.svd(directions, full_matrices=False)
+    return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
 
 
 def without(values: Array, beside: Array | None) -> Array:

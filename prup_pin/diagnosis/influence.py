@@ -1,4 +1,4 @@
-"""What a change of the simulation does to the measured pose, to first order about a solved run.
+"""What a change of the simulation does to what was measured, to first order about a solved run.
 
 A law's effect costs a few small products here: a law that competes is judged by them, and only the one that wins is
 simulated. What each kind of deed does to first order is the deed's own (`laws/deeds/`); here they are added up.
@@ -11,21 +11,24 @@ from functools import cached_property
 
 import numpy as np
 
+from ..channels import PoseChannel, Stack
 from ..laws import Setup
 from ..laws.deeds import DEEDS, Solved
 from ..loaded import Chain, Equilibria, FirstOrder
 from ..simulation import Run, Simulator
-from ..spatial import Array, rotation_exp, rotation_log
+from ..spatial import Array
 
 __all__ = ["Influence"]
 
 
 class Influence:
-    """First-order effect of any change of `run`'s setup on the pose at its samples."""
+    """First-order effect of any change of `run`'s setup on the measured columns at its samples."""
 
-    def __init__(self, simulator: Simulator, run: Run):
+    def __init__(self, simulator: Simulator, run: Run, stack: Stack | None = None):
+        """`stack` is what was measured, N samples of K columns; without one what is reported of the tool, K = 6."""
         self.simulator, self.run = simulator, run
-        self.first = FirstOrder(run.equilibria)
+        self.stack = stack or Stack((PoseChannel.nothing(run.equilibria.chain.tool, len(simulator.inputs)),))
+        self.first = FirstOrder(run.equilibria, self.stack.frames)
 
     @property
     def found(self) -> Equilibria:
@@ -47,8 +50,8 @@ class Influence:
 
     @property
     def by_row(self) -> Array:
-        """Minus the pose's change per residual of the equations, (n, 6, m)."""
-        return self.first.by_row
+        """Minus the columns' change per residual of the equations, (n, K, m)."""
+        return self.stack.seen(self.first.by_row)
 
     @cached_property
     def solved(self) -> Solved:
@@ -66,8 +69,8 @@ class Influence:
 
     @property
     def compliance(self) -> Array:
-        """Compliance at the loaded equilibrium, (n, 6, 6)."""
-        return self.first.by_wrench
+        """The columns' change per wrench on the tool, (n, K, 6)."""
+        return self.stack.seen(self.first.by_wrench)
 
     def __len__(self) -> int:
         return len(self.run.samples)
@@ -77,26 +80,14 @@ class Influence:
         return self.first.loads(name)
 
     def signature(self, name: str) -> Array:
-        """Return the pose's change per deformation of a module, (n, 6, k): its wrench Jacobian, transposed."""
-        return self.first.by_strain(name)
+        """Return the columns' change per deformation of a module, (n, K, k): its wrench Jacobian, transposed."""
+        return self.stack.seen(self.first.by_strain(name))
 
     def change(self, setup: Setup) -> Array:
-        """Return the pose's change (n, 6) from the run's setup to another one."""
-        total = np.zeros((len(self), 6))
+        """Return the columns' change (n, K) from the run's setup to another one."""
+        moved = np.zeros((len(self), 6 * len(self.first.frames)))
         for kind in DEEDS:
             change = kind.first_order(setup, self.solved)
             if change is not None:
-                total += change
-        if setup.reports or self.run.setup.reports:
-            total = self._reported(setup, total)
-        return total
-
-    def _reported(self, setup: Setup, moved: Array) -> Array:
-        """Return the change of what the pose sensor reports, given the true pose's change."""
-        tool = self.found.tool
-        position = tool[:, :3, 3] + moved[:, :3]
-        rotation = rotation_exp(moved[:, 3:]) @ tool[:, :3, :3]
-        position, rotation = setup.reported(position, rotation)
-        samples = self.run.samples
-        before = self.run.rotation[samples]
-        return np.concatenate((position - self.run.position[samples], rotation_log(rotation @ before.mT)), axis=1)
+                moved += change
+        return self.stack.change(setup, self.solved, moved)

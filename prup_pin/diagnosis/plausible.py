@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..channels import Linear, PoseChannel
 from ..errors import InputError
 from ..laws import Inputs
 from ..mechanism import Mechanism
 from ..recordings import Recording
 from ..recordings.columns import AXES
-from ..simulation import Simulator
-from ..spatial import Array, rotation_exp, rotation_log
+from ..spatial import Array, rotation_log
 from .criteria import (
     COARSE,
     FAR,
@@ -25,51 +23,11 @@ from .criteria import (
     NO_FORCE,
     TURNED,
 )
-from .residual import Measured
 
-__all__ = ["Linear", "check_belongs", "unused_columns", "what_is_missing"]
-
-
-@dataclass(frozen=True)
-class Linear:
-    """The simulation that a user starts from: the rigid pose and C w about it.
-
-    position (N, 3), rotation (N, 3, 3) under load; rigid_position, rigid_rotation without; compliance (N, 6, 6);
-    samples (N,) tells which ones have an answer, the others hold NaN.
-    """
-
-    position: Array
-    rotation: Array
-    rigid_position: Array
-    rigid_rotation: Array
-    compliance: Array
-    samples: np.ndarray
-    reason: str
-
-    @classmethod
-    def of(cls, simulator: Simulator) -> Linear:
-        geometry = simulator.geometry({})
-        n = len(simulator.inputs)
-        samples = simulator.complete & geometry.reachable
-        position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
-        rigid_position, rigid_rotation = position.copy(), rotation.copy()
-        compliance = np.full((n, 6, 6), np.nan)
-        row, text = next(iter(sorted(geometry.reasons.items())), (0, ""))
-        reason = f"row {row + 2}: {text}" if text else ""
-        if samples.any():
-            rows = geometry.rows[samples]
-            tools = np.array([pose.base_from_tool for pose in geometry.poses])[rows]
-            rigid = not geometry.robot.mechanism.modules
-            moves = [np.zeros((6, 6)) if rigid else geometry.robot.compliance(pose).C for pose in geometry.poses]
-            compliance[samples] = np.array(moves)[rows]
-            moved = (compliance[samples] @ simulator.inputs.wrench[samples][..., None])[..., 0]
-            rigid_position[samples], rigid_rotation[samples] = tools[:, :3, 3], tools[:, :3, :3]
-            position[samples] = tools[:, :3, 3] + moved[:, :3]
-            rotation[samples] = rotation_exp(moved[:, 3:]) @ tools[:, :3, :3]
-        return cls(position, rotation, rigid_position, rigid_rotation, compliance, samples, reason)
+__all__ = ["check_belongs", "unused_columns", "what_is_missing"]
 
 
-def what_is_missing(inputs: Inputs, measured: Measured) -> list[str]:
+def what_is_missing(inputs: Inputs, measured: PoseChannel) -> list[str]:
     """Return sentences on what a recording lacks."""
     remarks = []
     if not measured.exists.any():
@@ -89,7 +47,7 @@ def what_is_missing(inputs: Inputs, measured: Measured) -> list[str]:
 #: Kinds of columns that are not compared, and what they are.
 _NOT_COMPARED = {
     "efforts": "efforts are predicted, but not compared",
-    "markers": "only the pose of the tool is compared, no marker",
+    "markers": "the robot file has no frame of that name",
     "accelerations": "accelerations are not used",
     "velocities": "speeds are used where every actuator has them, and no others",
     "positions": "only the positions of actuators are inputs",
@@ -109,6 +67,8 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
     for joint, values in recording.efforts.items():
         take("efforts", f"tau.{joint}", values)
     for marker, place in recording.markers.items():
+        if marker in mechanism.frame_names:
+            continue
         for column, axis in enumerate(AXES):
             take("markers", f"p.{marker}.{axis}", place[:, column])
     for joint, values in recording.accelerations.items():
@@ -128,7 +88,7 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
     return tuple(name for names in found.values() for name in names), told
 
 
-def check_belongs(measured: Measured, linear: Linear, inputs: Inputs) -> None:
+def check_belongs(measured: PoseChannel, linear: Linear, inputs: Inputs) -> None:
     """Raise InputError where recording and robot are worlds apart, with the likely reason."""
     for name, values in (("q", inputs.actuators), ("w", inputs.wrench)):
         if len(values) and np.isnan(values).all(axis=0).any():
@@ -141,12 +101,13 @@ def check_belongs(measured: Measured, linear: Linear, inputs: Inputs) -> None:
             "the robot reaches none of the recording's poses, or none of its samples is complete"
             f"{': ' + linear.reason if linear.reason else ''}. Check --robot, the q columns' names and units [m, rad]"
         )
+    rigid, loaded = linear.rigid(measured.frame), linear.pose_of(measured.frame)
     placed = linear.samples & measured.exists[:, :3].all(axis=1)
     turned = linear.samples & measured.exists[:, 3:].all(axis=1)
     if placed.any():
-        _check_positions(measured.position[placed], linear.rigid_position[placed], linear.position[placed])
+        _check_positions(measured.position[placed], rigid[0][placed], loaded[0][placed])
     if turned.any():
-        _check_rotations(measured.rotation[turned], linear.rigid_rotation[turned])
+        _check_rotations(measured.rotation[turned], rigid[1][turned])
     if placed.any():
         _check_loads(measured, linear, inputs, placed)
 
@@ -180,12 +141,13 @@ def _check_positions(measured: Array, rigid: Array, loaded: Array) -> None:
     )
 
 
-def _check_loads(measured: Measured, linear: Linear, inputs: Inputs, good: np.ndarray) -> None:
+def _check_loads(measured: PoseChannel, linear: Linear, inputs: Inputs, good: np.ndarray) -> None:
     """Raise InputError where forces or moments move the tool by about 10^3 or 10^6 times too much, or too little."""
-    asked = measured.residual(linear.rigid_position, linear.rigid_rotation)
+    asked = measured.less(*linear.rigid(measured.frame))
     good = good & np.isfinite(asked).all(axis=1)
-    moved = linear.compliance[good, :, :3] @ inputs.wrench[good, :3, None]
-    turned = linear.compliance[good, :, 3:] @ inputs.wrench[good, 3:, None]
+    compliance = linear.compliance(measured.frame)[good]
+    moved = compliance[:, :, :3] @ inputs.wrench[good, :3, None]
+    turned = compliance[:, :, 3:] @ inputs.wrench[good, 3:, None]
     values = np.concatenate((asked[good, :, None], moved, turned), axis=2) / np.array(COARSE)[:, None]
     values *= measured.exists[good][..., None]
     blocks = np.unique(inputs.blocks[good], return_inverse=True)[1].ravel()

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..channels import Columns, Noise
 from ..laws import Effect
 from ..laws.drawn import Drawn, against_component
 from ..spatial import Array
 from .criteria import MOST_BINS, NO_LOAD, NOT_REACHING, SAMPLES_A_BIN
 from .fit import Fit, Problem
 from .local_curve import LocalCurve
-from .residual import whitening
 
 __all__ = ["Agreement", "Recovered", "Residuals", "recovered", "residuals"]
 
@@ -47,29 +47,32 @@ class Recovered:
 
 @dataclass(frozen=True)
 class Agreement:
-    """A finding that no single load drives: the tool's displacement (n, 6) that the recording asks for, and the law's.
+    """A finding that no single load drives: what the recording asks of each column (n, K), and the law's.
 
-    [m, rad]; zero where nothing was measured. noise: of position and rotation.
+    [m, rad]; zero where nothing was measured. columns: in groups of one unit; noise: of position and rotation.
     """
 
     asked: Array
     law: Array
-    noise: tuple[float, float]
+    columns: tuple[Columns, ...]
+    noise: Noise
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals in multiples of the noise, (n, 6), whitened; zero columns where nothing was measured."""
+    """Residuals in multiples of the noise, (n, K), whitened; zero columns where nothing was measured."""
 
     before: Array
     after: Array
     exists: np.ndarray
+    columns: tuple[Columns, ...]
 
 
 def residuals(problem: Problem, fit: Fit, before: Array, after: Array) -> Residuals:
-    """Return measured less simulated poses, (n, 6) [m, rad] each, in multiples of the noise."""
+    """Return measured less simulated poses, (n, K) [m, rad] each, in multiples of the noise."""
     white, exists = _whitening(problem, fit)
-    return Residuals((white @ before[..., None])[..., 0], (white @ after[..., None])[..., 0], exists)
+    first, last = ((white @ values[..., None])[..., 0] for values in (before, after))
+    return Residuals(first, last, exists, problem.stack.groups())
 
 
 def recovered(
@@ -77,7 +80,7 @@ def recovered(
 ) -> Recovered | Agreement | None:
     """Return what the recording shows of a finding: of an effect that the fit holds, or of an unknown one's curve.
 
-    after (n, 6): measured less simulated poses of the fit [m, rad]. None where neither is known.
+    after (n, K): measured less simulated poses of the fit [m, rad]. None where neither is known.
     """
     influence = fit.influence
     white, exists = _whitening(problem, fit)
@@ -92,24 +95,28 @@ def recovered(
     if drawn is not None:
         given = None if law is None else (white @ law[..., None])[..., 0]
         blocks = problem.simulator.inputs.blocks[fit.samples]
-        made = _estimate(drawn, white, (white @ asked[..., None])[..., 0], given, blocks)
+        made = _estimate(
+            drawn, problem.stack.seen(drawn.direction), white, (white @ asked[..., None])[..., 0], given, blocks
+        )
         if made is not None:
             return made
     if law is None:
         return None
-    noise = problem.noise.position, problem.noise.rotation
-    return Agreement(np.where(exists, asked, 0.0), np.where(exists, law, 0.0), noise)
+    columns = problem.stack.groups()
+    return Agreement(np.where(exists, asked, 0.0), np.where(exists, law, 0.0), columns, problem.noise)
 
 
 def _whitening(problem: Problem, fit: Fit) -> tuple[Array, np.ndarray]:
-    """Return W (n, 6, 6) at the equilibria of the fit, and what was both measured and simulated, (n, 6)."""
-    exists = problem.measured.exists[fit.samples] & fit.run.solved[fit.samples, None]
-    return whitening(problem.noise, fit.influence.compliance, exists), exists
+    """Return W (n, K, K) at the equilibria of the fit, and what was both measured and simulated, (n, K)."""
+    exists = problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
+    return problem.whiteners_at(fit.influence), exists
 
 
-def _estimate(drawn: Drawn, white: Array, wanted: Array, given: Array | None, blocks: np.ndarray) -> Recovered | None:
+def _estimate(
+    drawn: Drawn, direction: Array, white: Array, wanted: Array, given: Array | None, blocks: np.ndarray
+) -> Recovered | None:
     """Return what each sample asks for along a direction, and means; None where they say nothing."""
-    direction = (white @ drawn.direction[..., None])[..., 0]
+    direction = (white @ direction[..., None])[..., 0]
     weight = (direction**2).sum(axis=1)
     good = (weight > NOT_REACHING * weight.max(initial=0.0)) & (weight > 0)
     if good.sum() < 3:

@@ -10,18 +10,18 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2 as chi_squared
 from scipy.stats import norm
 
+from ..channels import Noise, Stack
 from ..spatial import Array
 from .criteria import FEWEST_FOLLOWERS, FEWEST_POSES, STRUCTURE_CHANCE, chance_bound
 from .fit import Fit, Problem
 from .local_curve import strongest_curve
-from .residual import Noise
 
 __all__ = ["compared", "is_white", "noise_of_the_rest"]
 
 
 def compared(problem: Problem, fit: Fit) -> int:
     """Return how many numbers of a fit's residual were both measured and simulated."""
-    return int((problem.measured.exists[fit.samples] & fit.run.solved[fit.samples, None]).sum())
+    return int((problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]).sum())
 
 
 def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
@@ -112,21 +112,28 @@ def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise |
 
     blocks (n,): labels of the fit's samples.
     """
-    exists = problem.measured.exists[fit.samples] & fit.run.solved[fit.samples, None]
-    raw = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
+    exists = problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
+    raw = problem.stack.residual(fit.run)[fit.samples]
     count = int(exists.sum())
     if not count or fit.chi2 / count < chance_bound(count) ** 2:
         return None
     if problem.noise.source == "declared" and not could_show_structure(blocks):
         return None
+    lengths = _columns(problem.stack, "m")
+    turns = _columns(problem.stack, "rad")
     other = replace(
         problem.noise,
-        position=_size(raw[:, :3], exists[:, :3], problem.noise.position),
-        rotation=_size(raw[:, 3:], exists[:, 3:], problem.noise.rotation),
+        position=_size(raw[:, lengths], exists[:, lengths], problem.noise.position),
+        rotation=_size(raw[:, turns], exists[:, turns], problem.noise.rotation),
         source="estimated",
     )
-    again = Problem(problem.simulator, problem.measured, other)
+    again = replace(problem, noise=other)
     return other if is_white(again, again.fit_at(fit.terms, fit.run), blocks) else None
+
+
+def _columns(stack: Stack, unit: str) -> list[int]:
+    """Return the columns of one unit."""
+    return [column for _, own, where in stack.groups() if own == unit for column in range(where.start, where.stop)]
 
 
 def _size(raw: Array, exists: np.ndarray, fallback: float) -> float:

@@ -229,9 +229,7 @@ class _PartSolver:
         if self.wanted.joints:
             part.efforts[rows] = static_efforts(found, self.wanted.joints)[good]
         for column, frame in enumerate(self.frames):
-            placement = found.evaluation.placements[good][:, frame.joint] @ frame.placement
-            position, rotation = placement[:, :3, 3], placement[:, :3, :3]
-            part.markers[rows, column], _ = run.setup.reported(position, rotation)
+            part.markers[rows, column] = run.pose_of(frame)[0][run.solved]
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
 from ..laws.deeds import DEEDS, Deed, History
 from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_values
+from ..mechanism import Frame
 from ..robot import Robot
 from ..spatial import Array
 
@@ -41,7 +42,7 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Run:
-    """A simulated recording. position (N, 3) and rotation (N, 3, 3) as the pose sensor reports them.
+    """A simulated recording.
 
     `solved` (N,) tells which samples have an answer; the others hold NaN. `equilibria` are those of the samples
     `samples`, in order; `histories` by kind what deeds that remember went through.
@@ -49,12 +50,32 @@ class Run:
 
     setup: Setup
     geometry: Geometry
-    position: Array
-    rotation: Array
     solved: np.ndarray
     samples: np.ndarray
     equilibria: Equilibria
     histories: Mapping[type[Deed], History]
+
+    @cached_property
+    def _tool(self) -> tuple[Array, Array]:
+        return self.pose_of(self.equilibria.chain.tool)
+
+    @property
+    def position(self) -> Array:
+        """Position of the tool point (N, 3) [m] as the pose sensor reports it; NaN where nothing was solved."""
+        return self._tool[0]
+
+    @property
+    def rotation(self) -> Array:
+        """Orientation of the tool (N, 3, 3), likewise."""
+        return self._tool[1]
+
+    def pose_of(self, frame: Frame) -> tuple[Array, Array]:
+        """Return position (N, 3) and rotation (N, 3, 3) of a frame as the pose sensor reports them; NaN if unsolved."""
+        n, good = len(self.solved), self.equilibria.converged
+        placements = self.equilibria.evaluation.placements[good][:, frame.joint] @ frame.placement
+        position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+        position[self.samples[good]], rotation[self.samples[good]] = placements[:, :3, 3], placements[:, :3, :3]
+        return self.setup.reported(position, rotation)
 
     @property
     def memory(self) -> Memory:
@@ -117,15 +138,9 @@ class Simulator:
             kind: history for kind in DEEDS if (history := kind.history(setup, samples, chain, held.get(kind)))
         }
         found = self._followed(geometry, chain, rows, setup.conditions(samples), begin, histories.values())
-        n = len(self.inputs)
-        position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
-        solved = np.zeros(n, bool)
-        good = samples[found.converged]
-        solved[good] = True
-        position[good] = found.tool[found.converged, :3, 3]
-        rotation[good] = found.tool[found.converged, :3, :3]
-        position, rotation = setup.reported(position, rotation)
-        return Run(setup, geometry, position, rotation, solved, samples, found, histories)
+        solved = np.zeros(len(self.inputs), bool)
+        solved[samples[found.converged]] = True
+        return Run(setup, geometry, solved, samples, found, histories)
 
     # -- what is solved ----------------------------------------------------------------------------------------------
 

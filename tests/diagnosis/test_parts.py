@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.channels import Noise, PoseChannel, Stack, channels_of, whitening
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.fit import Problem, Term
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.locate import least_left, locate, yieldings
-from prup_pin.diagnosis.residual import Measured, Noise, whitening
 from prup_pin.diagnosis.whiteness import is_white, noise_of_the_rest
 from prup_pin.laws import Inputs
 from prup_pin.recordings import read_recording
@@ -45,7 +45,9 @@ def problem_of(simulator, effects, scatter=1.0, seed=0, noise=NOISE):
     shape = run.position.shape
     position = run.position + scatter * NOISE.position * rng.normal(size=shape)
     rotation = rotation_exp(scatter * NOISE.rotation * rng.normal(size=shape)) @ run.rotation
-    return Problem(simulator, Measured(position, rotation, np.ones((len(position), 6), bool)), noise)
+    tool = simulator.robot.mechanism.tool
+    pose = PoseChannel(tool, position, rotation, np.ones((len(position), 6), bool))
+    return Problem.of(simulator, Stack((pose,)), noise)
 
 
 def term(library, name, *values):
@@ -141,7 +143,8 @@ def test_it_says_what_a_strange_deformation_follows(tmp_path, robot):
     effect = {"physics": "alien", "location": "leg1/support_bearing", "kind": "coupling", "of": 2, "coefficient": 4e-6}
     write_csv(tmp_path / "device.csv", measure(Device([effect]), programme(rng, 5, 60.0), rng, SENSORS), False)
     recording = read_recording(tmp_path / "device.csv")
-    problem = Problem(Simulator(robot, inputs_of(recording, robot)), Measured.of(recording), NOISE)
+    stack = Stack(channels_of(recording, robot.mechanism))
+    problem = Problem.of(Simulator(robot, inputs_of(recording, robot)), stack, NOISE)
     found = locate(problem, problem.fit_at(()))
     assert "leg1/support_bearing" in found.candidates
     assert all(name.startswith("leg1/") for name in found.candidates)
@@ -214,7 +217,8 @@ def test_whitening_takes_the_wrench_sensors_noise_along(robot):
     n = 20_000
     sensor = rng.normal(size=(n, 6)) * np.repeat([2e-6, 1e-5], 3)
     load = rng.normal(size=(n, 6)) * np.repeat([0.3, 0.02], 3)
-    white = whitening(noise, np.repeat(compliance[None], n, axis=0), np.ones((n, 6), bool))
+    deviation = np.repeat([noise.position, noise.rotation], 3)
+    white = whitening(deviation, noise.wrench, np.repeat(compliance[None], n, axis=0), np.ones((n, 6), bool))
     seen = (white @ (sensor + load @ compliance.T)[..., None])[..., 0]
     np.testing.assert_allclose(seen.T @ seen / n, np.eye(6), atol=0.05)
     # ... and the load's share is not small here
@@ -225,7 +229,7 @@ def test_whitening_takes_the_wrench_sensors_noise_along(robot):
 def test_a_channel_that_was_not_measured_weighs_nothing(robot):
     compliance = robot.compliance(robot.pose(z=0.4, theta=0.2, phi=-0.1)).C[None]
     exists = np.array([[True, False, True, True, True, True]])
-    white = whitening(NOISE, compliance, exists)
+    white = whitening(np.repeat([NOISE.position, NOISE.rotation], 3), NOISE.wrench, compliance, exists)
     residual = np.array([1e-6, 7.0, 1e-6, 1e-6, 1e-6, 1e-6])
     assert (white[0] @ residual)[1] == 0
     assert np.abs(white[0] @ residual).max() < 10

@@ -247,26 +247,24 @@ def _agreement_figure(finding: Finding, response: Agreement) -> Figure:
     figure = Figure(figsize=(9.5, 4.6), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     figure.text(0.1, 0.94, finding_text(finding), fontsize=13, weight="bold", va="center")
-    shown = [block for block in (slice(0, 3), slice(3, 6)) if np.any(response.asked[:, block])]
-    for index, block in enumerate(shown):
+    shown = [group for group in response.columns if np.any(response.asked[:, group.where])][:2]
+    for index, (kind, si, block) in enumerate(shown):
         axes = figure.add_axes((0.1 + 0.47 * index, 0.13, 0.38, 0.73))
-        turning = block.start == 3
         asked, law = response.asked[:, block], response.law[:, block]
         largest = float(np.abs(law).max(initial=0.0)) or float(np.abs(asked).max(initial=0.0))
-        factor, unit = scaled(largest, "rad" if turning else "m")
+        factor, unit = scaled(largest, si)
         reach = 1.08 * factor * largest
-        noise = 2 * factor * response.noise[index if len(shown) == 2 else int(turning)]
+        noise = 2 * factor * response.noise.of_unit(si)
         line = np.array([-reach, reach])
         axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
         axes.plot(line, line, color=_FOUND, lw=1.6, zorder=2, label="the law")
         for column, colour in enumerate(_AXES):
-            label = _CHANNELS[block.start + column]
+            label = _AXIS_NAMES[si][column]
             axes.plot(
                 factor * law[:, column], factor * asked[:, column], ".", color=colour, ms=4, alpha=0.6, label=label
             )
         axes.set_xlim(-reach, reach)
         axes.set_ylim(-reach - 2 * noise, reach + 2 * noise)
-        kind = "rotation" if turning else "position"
         axes.set_xlabel(f"{kind} that the law gives [{unit}]", fontsize=10)
         axes.set_ylabel(f"{kind} that the recording asks for [{unit}]", fontsize=10)
         axes.tick_params(labelsize=9)
@@ -284,23 +282,23 @@ def _agreement_figure(finding: Finding, response: Agreement) -> Figure:
 @plain_words
 def sample_figure(diagnosis: Diagnosis) -> Figure:
     """Return the residual of each channel over the samples, before and after, with the band of the noise."""
-    rows = [channel for channel in range(6) if np.any(diagnosis.residual_before[:, channel])]
+    every = [(group, column) for group in diagnosis.columns for column in range(group.where.start, group.where.stop)]
+    rows = [(group, column) for group, column in every if np.any(diagnosis.residual_before[:, column])]
     figure = Figure(figsize=(11, 1.0 + 1.35 * max(len(rows), 1)), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     height = figure.get_size_inches()[1]
     each = (height - 1.0) / max(len(rows), 1)
     samples = diagnosis.samples
-    for row, channel in enumerate(rows):
+    for row, ((kind, si, block), channel) in enumerate(rows):
         bottom = (height - 0.45 - (row + 1) * each + 0.12) / height
         axes = figure.add_axes((0.1, bottom, 0.88, (each - 0.18) / height))
-        noise = diagnosis.noise.position if channel < 3 else diagnosis.noise.rotation
+        noise = diagnosis.noise.of_unit(si)
         before, after = diagnosis.residual_before[:, channel], diagnosis.residual_after[:, channel]
-        factor, unit = scaled(float(np.quantile(np.abs(before), 0.98)), "m" if channel < 3 else "rad")
+        factor, unit = scaled(float(np.quantile(np.abs(before), 0.98)), si)
         axes.axhspan(-2 * factor * noise, 2 * factor * noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
         axes.plot(samples, factor * before, ".", color=_BEFORE, ms=3.2, zorder=2, label="before")
         axes.plot(samples, factor * after, ".", color=_AFTER, ms=2.6, zorder=3, label="after")
-        kind = "position" if channel < 3 else "rotation"
-        axes.set_ylabel(f"{kind}\n{_CHANNELS[channel]} [{unit}]", fontsize=8.5)
+        axes.set_ylabel(f"{kind}\n{_AXIS_NAMES[si][channel - block.start]} [{unit}]", fontsize=8.5)
         axes.tick_params(labelsize=8)
         axes.margins(x=0.005)
         axes.grid(axis="y", color="#EDF0F2", zorder=0)
@@ -323,14 +321,15 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
 @plain_words
 def histogram_figure(found: Residuals) -> Figure:
     """Return histograms of the residuals in multiples of the noise, before and after, against the normal curve."""
-    figure = Figure(figsize=(11, 3.3), dpi=130, facecolor="white")
+    groups = [(name, block) for name, _, block in found.columns if found.exists[:, block].any()]
+    lines = max((len(groups) + 1) // 2, 1)
+    figure = Figure(figsize=(11, 3.3 * lines), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    groups = [(name, block) for name, block in (("position", slice(0, 3)), ("rotation", slice(3, 6)))]
-    groups = [(name, block) for name, block in groups if found.exists[:, block].any()]
     edges = np.linspace(-6, 6, 49).tolist()
     grid = np.linspace(-6, 6, 200)
     for index, (name, block) in enumerate(groups):
-        axes = figure.add_axes((0.1 + 0.46 * index, 0.18, 0.41, 0.64))
+        line = lines - 1 - index // 2
+        axes = figure.add_axes((0.1 + 0.46 * (index % 2), (line + 0.18) / lines, 0.41, 0.64 / lines))
         there = found.exists[:, block]
         clipped = [np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after)]
         axes.hist(clipped[0], color=_BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)

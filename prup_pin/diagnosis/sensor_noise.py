@@ -1,18 +1,13 @@
-"""What is left between recording and simulation, in multiples of the noise.
-
-A sample's residual is (position, rotation vector of R_measured R_simulated^T), base axes. It is whitened with the noise
-of the pose sensor and that of the wrench sensor, which reaches the pose through the compliance: S = S_pose + C S_w C^T.
-"""
+"""How much the sensors scatter, where a recording does not declare it: what repeats of a load show."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
 
+from ..channels import Noise, PoseChannel
 from ..recordings import Recording
-from ..spatial import Array, rotation_exp, rotation_log
+from ..spatial import Array, rotation_log
 from .criteria import (
     CLIP,
     FEWEST_NUMBERS,
@@ -23,56 +18,7 @@ from .criteria import (
     USUAL_ROTATION_NOISE,
 )
 
-__all__ = ["Measured", "Noise", "estimate_noise", "scatter_of_repeats", "whitening"]
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations: position [m], rotation [rad], force [N], moment [N m]; where they come from."""
-
-    position: float
-    rotation: float
-    force: float
-    moment: float
-    source: str
-
-
-@dataclass(frozen=True)
-class Measured:
-    """The measured pose: position (N, 3), rotation (N, 3, 3), and which of the six channels exist, (N, 6)."""
-
-    position: Array
-    rotation: Array
-    exists: np.ndarray
-
-    @classmethod
-    def of(cls, recording: Recording) -> Measured:
-        """Return the pose channel of a recording; missing cells are marked, not guessed."""
-        n = len(recording)
-        position = np.full((n, 3), np.nan) if recording.position is None else np.array(recording.position)
-        vector = np.full((n, 3), np.nan) if recording.rotation is None else np.array(recording.rotation)
-        exists = np.concatenate((np.isfinite(position), np.repeat(np.isfinite(vector).all(1)[:, None], 3, 1)), axis=1)
-        return cls(np.nan_to_num(position), rotation_exp(np.nan_to_num(vector)), exists)
-
-    def residual(self, position: Array, rotation: Array) -> Array:
-        """Return measured less simulated, (N, 6) [m, rad]; zero where nothing was measured or simulated."""
-        turn = rotation_log(self.rotation @ np.nan_to_num(rotation).mT)
-        both = np.concatenate((self.position - position, turn), axis=1)
-        return np.where(self.exists & np.isfinite(both), both, 0.0)
-
-
-def whitening(noise: Noise, compliance: Array, exists: np.ndarray) -> Array:
-    """Return W (N, 6, 6) with cov(W r) = 1 for residuals r of noise alone; rows of missing channels are zero."""
-    sensor = np.diag(3 * [noise.position**2] + 3 * [noise.rotation**2])
-    wrench = np.array(3 * [noise.force**2] + 3 * [noise.moment**2])
-    covariance = sensor + (compliance * wrench) @ compliance.mT
-    missing = ~exists
-    # A missing channel is decoupled before factoring, and weighs nothing afterwards.
-    covariance = np.where(missing[:, :, None] | missing[:, None, :], 0.0, covariance)
-    index = np.arange(6)
-    covariance[:, index, index] += missing * 1.0
-    inverse = np.linalg.inv(np.linalg.cholesky(covariance))
-    return np.where(missing[:, :, None], 0.0, inverse)
+__all__ = ["estimate_noise", "scatter_of_repeats"]
 
 
 #: What is left of the variance of normal numbers without the outliers.
@@ -80,7 +26,7 @@ _CLIPPED = 1 - 2 * CLIP * float(norm.pdf(CLIP)) / (2 * float(norm.cdf(CLIP)) - 1
 
 
 def estimate_noise(
-    recording: Recording, measured: Measured, compliance: Array, blocks: np.ndarray, wrench: Array
+    recording: Recording, measured: PoseChannel, compliance: Array, blocks: np.ndarray, wrench: Array
 ) -> Noise:
     """Return the declared noise, and that which repeats show where the recording declares none."""
     declared = recording.noise
@@ -98,7 +44,7 @@ def estimate_noise(
 
 
 def scatter_of_repeats(
-    measured: Measured, compliance: Array, blocks: np.ndarray, wrench: Array
+    measured: PoseChannel, compliance: Array, blocks: np.ndarray, wrench: Array
 ) -> tuple[float | None, float | None]:
     """Return the noise of position [m] and rotation [rad] by samples of one block under the same wrench.
 

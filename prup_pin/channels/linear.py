@@ -1,0 +1,76 @@
+"""The simulation that a user starts from: the rigid pose, and C w about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..mechanism import Frame
+from ..simulation import Simulator
+from ..simulation.simulator import Geometry
+from ..spatial import Array, rotation_exp
+from ..statics import Compliance
+
+__all__ = ["Linear"]
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Poses of frames without what the loaded simulation knows, N samples.
+
+    `samples` (N,) tells which ones have an answer, the others hold NaN; `reason` why the first of them has none.
+    """
+
+    geometry: Geometry
+    wrench: Array
+    samples: np.ndarray
+    reason: str
+
+    @classmethod
+    def of(cls, simulator: Simulator) -> Linear:
+        geometry = simulator.geometry({})
+        row, text = next(iter(sorted(geometry.reasons.items())), (0, ""))
+        samples = simulator.complete & geometry.reachable
+        return cls(geometry, simulator.inputs.wrench, samples, f"row {row + 2}: {text}" if text else "")
+
+    @cached_property
+    def _compliances(self) -> list[Compliance]:
+        robot = self.geometry.robot
+        return [robot.compliance(pose) for pose in self.geometry.poses] if robot.mechanism.modules else []
+
+    def compliance(self, frame: Frame) -> Array:
+        """Return the motion of a frame per wrench on the tool, (N, 6, 6); zero where nothing yields."""
+        out = np.full((len(self.samples), 6, 6), np.nan)
+        if self.samples.any():
+            if not self._compliances:
+                each = np.zeros((len(self.geometry.poses), 6, 6))
+            elif frame == self.geometry.robot.mechanism.tool:
+                each = np.array([compliance.C for compliance in self._compliances])
+            else:
+                each = np.array(
+                    [
+                        np.column_stack([compliance.deflection(unit, frame=frame.name) for unit in np.eye(6)])
+                        for compliance in self._compliances
+                    ]
+                )
+            out[self.samples] = each[self.geometry.rows[self.samples]]
+        return out
+
+    def rigid(self, frame: Frame) -> tuple[Array, Array]:
+        """Return position (N, 3) and rotation (N, 3, 3) of a frame before anything deforms."""
+        n = len(self.samples)
+        position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+        if self.samples.any():
+            each = np.array([pose.placements[frame.joint] @ frame.placement for pose in self.geometry.poses])
+            placed = each[self.geometry.rows[self.samples]]
+            position[self.samples], rotation[self.samples] = placed[:, :3, 3], placed[:, :3, :3]
+        return position, rotation
+
+    def pose_of(self, frame: Frame) -> tuple[Array, Array]:
+        """Return position (N, 3) and rotation (N, 3, 3) of a frame under load, weights neglected."""
+        position, rotation = self.rigid(frame)
+        moved = (self.compliance(frame) @ self.wrench[..., None])[..., 0]
+        turned = np.where(self.samples[:, None], moved[:, 3:], 0.0)
+        return position + moved[:, :3], rotation_exp(turned) @ rotation

@@ -1,0 +1,90 @@
+"""The pose of a frame, as a pose sensor reports it: the tool's, or that of a marker on any body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..laws import Setup
+from ..laws.deeds import Solved
+from ..mechanism import Frame
+from ..recordings import Recording
+from ..simulation import Run
+from ..spatial import Array, rotation_exp, rotation_log
+from .channel import Channel, Columns
+from .linear import Linear
+from .noise import Noise
+
+__all__ = ["PoseChannel"]
+
+_COLUMNS = (Columns("position", "m", slice(0, 3)), Columns("rotation", "rad", slice(3, 6)))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseChannel(Channel):
+    """Position (N, 3) [m] and orientation (N, 3, 3) of a frame in the base frame.
+
+    A sample's residual is (position, rotation vector of R_measured R_simulated^T), base axes; `exists` (N, 6).
+    """
+
+    frame: Frame
+    position: Array
+    rotation: Array
+    exists: np.ndarray
+    name: str = "pose"
+    columns: tuple[Columns, ...] = field(default=_COLUMNS)
+
+    @classmethod
+    def of_tool(cls, recording: Recording, tool: Frame) -> PoseChannel:
+        """Return the tool's pose of a recording; missing cells are marked, not guessed."""
+        return cls._of(recording.position, recording.rotation, len(recording), tool, "pose")
+
+    @classmethod
+    def of_marker(cls, recording: Recording, frame: Frame) -> PoseChannel:
+        """Return the positions of a marker of that frame's name."""
+        return cls._of(recording.markers[frame.name], None, len(recording), frame, f"marker {frame.name}")
+
+    @classmethod
+    def nothing(cls, frame: Frame, count: int) -> PoseChannel:
+        """Return the pose of a frame of which nothing was measured at so many samples."""
+        return cls._of(None, None, count, frame, "pose")
+
+    @classmethod
+    def _of(cls, position: Array | None, vector: Array | None, n: int, frame: Frame, name: str) -> PoseChannel:
+        position = np.full((n, 3), np.nan) if position is None else np.array(position)
+        vector = np.full((n, 3), np.nan) if vector is None else np.array(vector)
+        turned = np.isfinite(vector).all(axis=1, keepdims=True)
+        exists = np.concatenate((np.isfinite(position), np.repeat(turned, 3, axis=1)), axis=1)
+        return cls(frame, np.nan_to_num(position), rotation_exp(np.nan_to_num(vector)), exists, name)
+
+    @property
+    def frames(self) -> tuple[Frame, ...]:  # type: ignore[override]
+        return (self.frame,)
+
+    def deviation(self, noise: Noise) -> Array:
+        return np.array(3 * [noise.position] + 3 * [noise.rotation])
+
+    def residual(self, run: Run) -> Array:
+        return self.less(*run.pose_of(self.frame))
+
+    def residual_of_start(self, linear: Linear) -> Array:
+        return self.less(*linear.pose_of(self.frame))
+
+    def less(self, position: Array, rotation: Array) -> Array:
+        """Return measured less simulated poses, (N, 6) [m, rad]; zero where nothing was measured or simulated."""
+        turn = rotation_log(self.rotation @ np.nan_to_num(rotation).mT)
+        both = np.concatenate((self.position - position, turn), axis=1)
+        return np.where(self.exists & np.isfinite(both), both, 0.0)
+
+    def seen(self, watched: Array) -> Array:
+        return watched
+
+    def change(self, setup: Setup, at: Solved, moved: Array) -> Array:
+        if not setup.reports and not at.setup.reports:
+            return moved
+        frame, placements = self.frame, at.first.found.evaluation.placements
+        true = placements[:, frame.joint] @ frame.placement
+        before = at.setup.reported(true[:, :3, 3], true[:, :3, :3])
+        after = setup.reported(true[:, :3, 3] + moved[:, :3], rotation_exp(moved[:, 3:]) @ true[:, :3, :3])
+        return np.concatenate((after[0] - before[0], rotation_log(after[1] @ before[1].mT)), axis=1)

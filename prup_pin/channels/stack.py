@@ -1,0 +1,120 @@
+"""All that was measured, side by side: residuals, first-order changes and noise of a stack of channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..laws import Setup
+from ..laws.deeds import Solved
+from ..loaded import FirstOrder
+from ..mechanism import Frame, Mechanism
+from ..recordings import Recording
+from ..simulation import Run
+from ..spatial import Array
+from .channel import Channel, Columns
+from .linear import Linear
+from .noise import Noise
+from .pose import PoseChannel
+
+__all__ = ["Stack", "channels_of", "whitening"]
+
+
+def channels_of(recording: Recording, mechanism: Mechanism) -> tuple[Channel, ...]:
+    """Return what a recording measured of a robot: the tool's pose, and the markers that are its frames."""
+    found: list[Channel] = [PoseChannel.of_tool(recording, mechanism.need_tool())]
+    known = set(mechanism.frame_names)
+    found += [PoseChannel.of_marker(recording, mechanism.frame(name)) for name in recording.markers if name in known]
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Channels side by side: N samples of K columns."""
+
+    channels: tuple[Channel, ...]
+
+    @cached_property
+    def exists(self) -> np.ndarray:
+        """Which numbers were measured, (N, K)."""
+        return np.concatenate([channel.exists for channel in self.channels], axis=1)
+
+    @property
+    def mainly(self) -> PoseChannel:
+        """The pose that most is measured of: the tool's, else the first marker's."""
+        poses = [channel for channel in self.channels if isinstance(channel, PoseChannel)]
+        return next((channel for channel in poses if channel.exists.any()), poses[0])
+
+    @property
+    def size(self) -> int:
+        """Number of columns, K."""
+        return int(self.exists.shape[1])
+
+    @cached_property
+    def frames(self) -> tuple[Frame, ...]:
+        """The frames that first-order changes must watch; each channel's stand together."""
+        return tuple(frame for channel in self.channels for frame in channel.frames)
+
+    def _parts(self, watched: Array) -> list[Array]:
+        """Return rows (n, 6 frames, …) of each channel's frames."""
+        ends = np.cumsum([6 * len(channel.frames) for channel in self.channels])[:-1]
+        return np.split(watched, ends, axis=1)
+
+    def residual(self, run: Run) -> Array:
+        """Return measured less simulated, (N, K); zero where nothing was measured or simulated."""
+        return _joined([channel.residual(run) for channel in self.channels])
+
+    def residual_of_start(self, linear: Linear) -> Array:
+        """Return the same against the simulation that a user starts from."""
+        return _joined([channel.residual_of_start(linear) for channel in self.channels])
+
+    def seen(self, watched: Array) -> Array:
+        """Return what all columns see of small motions of `frames` (n, 6 frames, …): (n, K, …)."""
+        parts = self._parts(watched) if len(self.channels) > 1 else [watched]
+        return _joined([channel.seen(part) for channel, part in zip(self.channels, parts, strict=True)])
+
+    def change(self, setup: Setup, at: Solved, moved: Array) -> Array:
+        """Return the change of what is reported (n, K) from a solved setup to another one; see `Channel.change`."""
+        parts = self._parts(moved) if len(self.channels) > 1 else [moved]
+        return _joined([channel.change(setup, at, part) for channel, part in zip(self.channels, parts, strict=True)])
+
+    def deviation(self, noise: Noise) -> Array:
+        """Return the standard deviation of each column, (K,)."""
+        return np.concatenate([channel.deviation(noise) for channel in self.channels])
+
+    def whiteners(self, noise: Noise, first: FirstOrder, exists: np.ndarray) -> Array:
+        """Return W (n, K, K) with cov(W r) = 1 for residuals of noise alone: the sensors', and the wrench sensor's."""
+        return whitening(self.deviation(noise), noise.wrench, self.seen(first.by_wrench), exists)
+
+    def groups(self) -> tuple[Columns, ...]:
+        """Return all columns in groups of one unit: 'position', 'rotation', 'marker elbow position', …."""
+        found, start = [], 0
+        for channel in self.channels:
+            for name, unit, where in channel.columns:
+                full = name if channel is self.channels[0] else f"{channel.name} {name}"
+                found.append(Columns(full, unit, slice(start + where.start, start + where.stop)))
+            start += channel.size
+        return tuple(found)
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+
+
+def whitening(deviation: Array, wrench: Array, by_wrench: Array, exists: np.ndarray) -> Array:
+    """Return W (n, K, K) with cov(W r) = 1 for residuals r of noise alone; rows of what is missing are zero.
+
+    deviation (K,) of the columns; wrench (6,) of the wrench sensor's components, which reach the columns by
+    by_wrench (n, K, 6): S = S_columns + G S_wrench G^T; exists (n, K).
+    """
+    covariance = np.diag(deviation**2) + (by_wrench * wrench**2) @ by_wrench.mT
+    missing = ~exists
+    # A missing column is decoupled before factoring, and weighs nothing afterwards.
+    covariance = np.where(missing[:, :, None] | missing[:, None, :], 0.0, covariance)
+    index = np.arange(len(deviation))
+    covariance[:, index, index] += missing * 1.0
+    inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+    return np.where(missing[:, :, None], 0.0, inverse)
