@@ -1,4 +1,4 @@
-"""A page of the documentation, carried out: its files written, its lines put in, its scripts run, in a copy of the tree.
+"""A page of the documentation, carried out in a copy of the tree: files written, lines put in, scripts run.
 
 A comment before a block says what it is: `<!-- file: PATH -->`, `<!-- line: PATH, after: TEXT -->` (in PATH, after the
 line that begins with TEXT, or after the last line of its paragraph's table), `<!-- run -->`.
