@@ -27,6 +27,7 @@ LAYERS = [
     "robot",
     "loading",
     "simulation",
+    "channels",
     "diagnosis",
     "views",
     "cli",

@@ -72,10 +72,10 @@ def test_what_no_load_drives_is_shown_at_the_tool(simulator, library, name):
     problem = problem_of(simulator, [truth.effect])
     fit = problem.fit_at([truth])
     assert drawn_of(problem, fit, candidate) is None
-    after = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
+    after = problem.stack.residual(fit.run)[fit.samples]
     shown = recovered(problem, fit, after, truth.effect, None)
     assert isinstance(shown, Agreement)
-    spread = (shown.asked - shown.law) / np.repeat(shown.noise, 3)
+    spread = (shown.asked - shown.law) / np.repeat([shown.noise.position, shown.noise.rotation], 3)
     assert np.sqrt(np.mean(spread**2)) == pytest.approx(1.0, abs=0.15)
 
 
@@ -84,7 +84,7 @@ def test_two_findings_are_told_apart(simulator, library):
     truth = [term(library, BACKLASH, 3e-5, 1.0), term(library, COULOMB, 1.0, 8000.0)]
     problem = problem_of(simulator, [item.effect for item in truth])
     fit = problem.fit_at(truth)
-    after = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
+    after = problem.stack.residual(fit.run)[fit.samples]
     gap, friction = (recovered(problem, fit, after, item.effect, None) for item in truth)
     assert isinstance(gap, Recovered)
     assert isinstance(friction, Recovered)
@@ -101,7 +101,7 @@ def test_what_is_unknown_is_shown_against_its_load(simulator, library):
     truth = term(library, BACKLASH, 3e-5, 1.0)
     problem = problem_of(simulator, [truth.effect])
     fit = problem.fit_at(())
-    after = problem.measured.residual(fit.run.position, fit.run.rotation)[fit.samples]
+    after = problem.stack.residual(fit.run)[fit.samples]
     shown = recovered(problem, fit, after, None, local_curve(problem, fit, "leg2/ball_nut", 0))
     assert shown.law is None
     assert shown.curve.max() == pytest.approx(3e-5, rel=0.1)

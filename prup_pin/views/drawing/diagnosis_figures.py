@@ -26,7 +26,7 @@ __all__ = ["Mark", "histogram_figure", "marks", "place_figure", "response_figure
 _FOUND, _BEFORE, _AFTER, _INK, _FAINT = "#C2255C", "#9AA3AD", "#0B6AA8", "#4A5058", "#6B7280"
 _BAND = "#DCE3EA"
 _AXES = ("#D62728", "#2CA02C", "#1F5FD0")
-_CHANNELS = ("x", "y", "z", "about x", "about y", "about z")
+_AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
 
 @dataclass(frozen=True)

@@ -77,11 +77,11 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         ("Before", f"{before} ×", "the noise: recording against the robot file"),
         ("After", f"{after} ×", "the noise, on samples held out"),
     ]
-    for name, unit, shown in (("position", "um", "µm"), ("rotation", "urad", "µrad")):
+    for name, unit, _ in diagnosis.columns:
         values = diagnosis.by_channel.get(name)
         if values is not None:
-            ends = (number(values[f"{key}_{unit}"], 3) for key in ("before", "after"))
-            facts.append((f"{name.capitalize()} residual", " → ".join(ends), f"{shown}, root mean square"))
+            ends = (number(values[f"{key}_u{unit}"], 3) for key in ("before", "after"))
+            facts.append((f"{name.capitalize()} residual", " → ".join(ends), f"µ{unit}, root mean square"))
     return facts
 
 
