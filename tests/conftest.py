@@ -1,5 +1,8 @@
 """Small bench tests of concealed devices and their diagnoses, made once for all tests."""
 
+import fcntl
+import os
+import pickle
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,39 +28,62 @@ def make_bench(folder, name, seed, effects, strength, poses=(5, 3), level=60.0):
 
 
 @pytest.fixture(scope="session")
-def bench(tmp_path_factory):
+def once(tmp_path_factory):
+    """A function that makes something once for a whole run: of several workers the first that asks, the others wait."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # that of all workers
+
+    def made(name, make):
+        kept = folder / f"{name}.pickle"
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not kept.exists():
+                (folder / name).mkdir(exist_ok=True)
+                kept.write_bytes(pickle.dumps(make(folder / name)))
+            return pickle.loads(kept.read_bytes())
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def bench(once):
     """A 3-PRUP with play in the drive of one leg."""
-    return make_bench(tmp_path_factory.mktemp("bench"), "bench", 1, ["backlash"], (15.0, 25.0), (4, 2))
+    return once("bench", lambda folder: make_bench(folder, "bench", 1, ["backlash"], (15.0, 25.0), (4, 2)))
 
 
 @pytest.fixture(scope="session")
-def clean_bench(tmp_path_factory):
+def clean_bench(once):
     """A 3-PRUP with nothing missing, under loads too small to show its finite deflection."""
-    return make_bench(tmp_path_factory.mktemp("bench"), "clean", 5, [], (15.0, 25.0), (3, 2), 8.0)
+    return once("clean", lambda folder: make_bench(folder, "clean", 5, [], (15.0, 25.0), (3, 2), 8.0))
 
 
 @pytest.fixture(scope="session")
-def strange_bench(tmp_path_factory):
+def strange_bench(once):
     """A 3-PRUP in which the load of one drive moves another: no law of the library."""
-    return make_bench(tmp_path_factory.mktemp("bench"), "strange", 4, ["alien"], (15.0, 25.0), (4, 2))
+    return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (4, 2)))
 
 
-def diagnosed_of(bench):
+def diagnosed_of(once, name, bench):
     import prup_pin
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
 
-    robot, recording = prup_pin.load("3prup"), read_recording(bench.path)
-    return robot, recording, diagnose(robot, recording)
+    def make(_):
+        robot = prup_pin.load("3prup")
+        return robot, diagnose(robot, read_recording(bench.path))
+
+    robot, diagnosis = once(name, make)
+    return robot, read_recording(bench.path), diagnosis
 
 
 @pytest.fixture(scope="session")
-def diagnosed(bench):
+def diagnosed(once, bench):
     """(robot, recording, diagnosis) of `bench`."""
-    return diagnosed_of(bench)
+    return diagnosed_of(once, "diagnosed", bench)
 
 
 @pytest.fixture(scope="session")
-def diagnosed_strange(strange_bench):
+def diagnosed_strange(once, strange_bench):
     """(robot, recording, diagnosis) of `strange_bench`."""
-    return diagnosed_of(strange_bench)
+    return diagnosed_of(once, "diagnosed_strange", strange_bench)
