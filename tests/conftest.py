@@ -5,6 +5,7 @@ import os
 import pickle
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -64,26 +65,62 @@ def strange_bench(once):
     return once("strange", lambda folder: make_bench(folder, "strange", 4, ["alien"], (15.0, 25.0), (4, 2)))
 
 
-def diagnosed_of(once, name, bench):
-    import prup_pin
-    from prup_pin.diagnosis import diagnose
+@dataclass(frozen=True)
+class Answer:
+    """What `prup-pin diagnose` left in a folder and said, and the diagnosis that it made for that."""
+
+    robot: Any
+    diagnosis: Any
+    folder: Path
+    stdout: str
+
+
+def answer_on(bench, folder, *options):
+    from typer.testing import CliRunner
+
+    from prup_pin import diagnosis
+    from prup_pin.cli import app
+
+    made, out = [], folder / "new" / "folder"
+    diagnose = diagnosis.diagnose
+
+    def kept(robot, *arguments, **more):
+        made.append((robot, diagnose(robot, *arguments, **more)))
+        return made[-1][1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diagnosis, "diagnose", kept)
+        arguments = ["diagnose", str(bench.path), "--out", str(out), *options]
+        done = CliRunner(env={"COLUMNS": "100"}).invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    return Answer(*made[0], out, done.stdout)
+
+
+@pytest.fixture(scope="session")
+def answer(once, bench):
+    """What `prup-pin diagnose` says of `bench`."""
+    return once("answer", lambda folder: answer_on(bench, folder))
+
+
+@pytest.fixture(scope="session")
+def answer_strange(once, strange_bench):
+    """What `prup-pin diagnose` says of `strange_bench`, without a report."""
+    return once("answer_strange", lambda folder: answer_on(strange_bench, folder, "--no-report"))
+
+
+def diagnosed_of(answer, bench):
     from prup_pin.recordings import read_recording
 
-    def make(_):
-        robot = prup_pin.load("3prup")
-        return robot, diagnose(robot, read_recording(bench.path))
-
-    robot, diagnosis = once(name, make)
-    return robot, read_recording(bench.path), diagnosis
+    return answer.robot, read_recording(bench.path), answer.diagnosis
 
 
 @pytest.fixture(scope="session")
-def diagnosed(once, bench):
+def diagnosed(answer, bench):
     """(robot, recording, diagnosis) of `bench`."""
-    return diagnosed_of(once, "diagnosed", bench)
+    return diagnosed_of(answer, bench)
 
 
 @pytest.fixture(scope="session")
-def diagnosed_strange(once, strange_bench):
+def diagnosed_strange(answer_strange, strange_bench):
     """(robot, recording, diagnosis) of `strange_bench`."""
-    return diagnosed_of(once, "diagnosed_strange", strange_bench)
+    return diagnosed_of(answer_strange, strange_bench)

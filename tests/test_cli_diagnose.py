@@ -23,15 +23,6 @@ def run(monkeypatch):
     return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
 
 
-@pytest.fixture(scope="module")
-def answer(bench, tmp_path_factory):
-    """(folder, stdout) of the diagnosis of `bench`."""
-    folder = tmp_path_factory.mktemp("answer") / "new" / "folder"
-    done = CliRunner(env={"COLUMNS": "100"}).invoke(app, ["diagnose", str(bench.path), "--out", str(folder)])
-    assert done.exit_code == 0, done.output
-    return folder, done.stdout
-
-
 def table(path):
     with path.open(encoding="utf-8") as stream:
         rows = list(csv.reader(stream))
@@ -59,14 +50,14 @@ def read_json(path):
 
 
 def test_it_writes_four_files_and_nothing_else(answer):
-    folder, stdout = answer
+    folder, stdout = answer.folder, answer.stdout
     assert {path.name for path in folder.iterdir()} == FILES
     for name in FILES:
         assert str(folder / name) in stdout.replace("\n         ", " ")
 
 
 def test_the_verdict_has_the_documented_keys(answer, bench):
-    document = read_json(answer[0] / "diagnosis.json")
+    document = read_json(answer.folder / "diagnosis.json")
     assert document["verdict"] == "explained"
     assert document["noise"]["source"] == "declared"
     for name, value in bench.noise.items():
@@ -90,7 +81,7 @@ def test_the_verdict_has_the_documented_keys(answer, bench):
 
 
 def test_it_finds_what_is_different(answer, bench):
-    document = read_json(answer[0] / "diagnosis.json")
+    document = read_json(answer.folder / "diagnosis.json")
     true, found = bench.truth["effects"][0], document["findings"][0]
     assert found["physics"] == true["physics"]
     assert true["location"] in found["candidates"]
@@ -99,7 +90,7 @@ def test_it_finds_what_is_different(answer, bench):
 
 def test_the_corrected_model_predicts_what_was_held_out(answer, bench, run, tmp_path):
     predicted = tmp_path / "predicted.csv"
-    done = run("predict", answer[0] / "corrected_model.json", bench.held_out, "--out", predicted)
+    done = run("predict", answer.folder / "corrected_model.json", bench.held_out, "--out", predicted)
     assert done.exit_code == 0, done.output
     head, rows = table(predicted)
     values = {name: np.array(cells) for name, cells in zip(head, zip(*rows, strict=True), strict=True)}
@@ -113,14 +104,14 @@ def test_the_corrected_model_predicts_what_was_held_out(answer, bench, run, tmp_
 
 
 def test_the_next_experiment_is_a_plan_that_can_be_simulated(answer, run, tmp_path):
-    plan = read_plan(answer[0] / "next_experiment.json")
+    plan = read_plan(answer.folder / "next_experiment.json")
     assert plan.robot == "3prup"
     assert plan.pose_count >= 1
-    document = read_json(answer[0] / "diagnosis.json")
+    document = read_json(answer.folder / "diagnosis.json")
     again = tmp_path / "plan.json"
     again.write_text(json.dumps(document["next_experiment"]["plan"]))
     assert read_plan(again) == plan
-    done = run("simulate", "--plan", answer[0] / "next_experiment.json", "--out", tmp_path / "next.csv")
+    done = run("simulate", "--plan", answer.folder / "next_experiment.json", "--out", tmp_path / "next.csv")
     assert done.exit_code == 0, done.output
     recording = read_recording(tmp_path / "next.csv")
     assert recording.noise.position is not None
@@ -128,11 +119,11 @@ def test_the_next_experiment_is_a_plan_that_can_be_simulated(answer, run, tmp_pa
 
 
 def test_the_text_says_place_class_and_size(answer):
-    text = " ".join(answer[1].split())
+    text = " ".join(answer.stdout.split())
     parts = "Explained: with backlash at leg", "half gap", "µm (95 %:", "times the noise", "× noise", "cannot tell"
     for part in parts:
         assert part in text
-    assert not answer[1].startswith("\n")
+    assert not answer.stdout.startswith("\n")
 
 
 # -- other recordings --------------------------------------------------------------------------------------------------
@@ -149,10 +140,8 @@ def test_nothing_missing(clean_bench, run, tmp_path):
     assert not (tmp_path / "report.html").exists(), "the report of another recording stayed"
 
 
-def test_what_no_law_explains_has_a_curve(strange_bench, run, tmp_path):
-    done = run("diagnose", strange_bench.path, "--out", tmp_path, "--no-report")
-    assert done.exit_code == 0, done.output
-    document = read_json(tmp_path / "diagnosis.json")
+def test_what_no_law_explains_has_a_curve(answer_strange):
+    document = read_json(answer_strange.folder / "diagnosis.json")
     assert document["verdict"] == "unexplained"
     unknown = document["findings"][-1] if len(document["findings"]) == 1 else next(
         item for item in document["findings"] if item["physics"] == "unknown"
@@ -160,7 +149,7 @@ def test_what_no_law_explains_has_a_curve(strange_bench, run, tmp_path):
     curve = unknown["curve"]
     assert len(curve["load"]) == len(curve["deformation"]) == len(curve["deviation"]) > 2
     assert set(curve["units"]) == {"load", "deformation"}
-    assert "Unexplained" in done.stdout
+    assert "Unexplained" in answer_strange.stdout
 
 
 def without_load(columns):
