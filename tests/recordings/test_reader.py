@@ -449,7 +449,7 @@ def test_problems_say_file_line_and_column(write):
 
 @pytest.mark.skipif(not PRACTICE.exists(), reason=f"no practice recordings in {PRACTICE}")
 def test_practice_recordings():
-    paths = sorted(PRACTICE.glob("*.csv"))
+    paths = [path for device in range(1, 11) for path in sorted(PRACTICE.glob(f"p{device:02d}.*csv"))]
     assert len(paths) == 20
     for path in paths:
         recording = read_recording(path)
