@@ -19,11 +19,18 @@ def with_law(tmp_path_factory):
 
 
 def test_a_law_is_one_file_and_one_line(with_law):
-    _, (printed,) = with_law
+    folder, (printed,) = with_law
     assert printed.split()[:2] == ["explained", "settling"]
+    assert (folder / "settling.png").stat().st_size > 10_000
 
 
 def test_the_new_law_keeps_the_contract(with_law):
     folder, _ = with_law
     assert contract(folder, "tests/laws/test_contract.py", "-k", "Settling or compose") > 20
     assert contract(folder, "tests/diagnosis/test_influence.py", "-k", "settling") >= 1
+
+
+def test_a_module_is_one_file_and_one_line(tmp_path):
+    (printed,) = carry_out("docs/add_a_module.md", tmp_path)
+    assert printed.split()[0] == "50.000"
+    assert contract(tmp_path, "tests/modules/test_contract.py", "-k", "rubber_mount or example") > 5
