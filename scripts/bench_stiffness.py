@@ -90,8 +90,8 @@ def main() -> None:
         peer_time, beside = np.median(theirs), np.median(mine)
         difference = np.abs(robot.compliance(robot.pose(**some[0])).C - c).max() / np.abs(c).max()
         print(
-            f"{name:52s}{peer_time * 1e6:10.0f} us   {peer_time / beside:5.1f} x ours in turns, {peer_time / first:5.1f} x "
-            f"the first call; C differs by {difference:.1e}"
+            f"{name:52s}{peer_time * 1e6:10.0f} us   {peer_time / beside:5.1f} x ours in turns, "
+            f"{peer_time / first:5.1f} x the first call; C differs by {difference:.1e}"
         )
 
 
