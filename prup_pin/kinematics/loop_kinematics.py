@@ -38,7 +38,7 @@ _ITERATIONS = 40
 #: Steps are shortened to this [m, rad].
 _SHORT = 0.6
 #: After a step shorter than this [m, rad], and much shorter than the one before, the matrix is kept.
-_SAME = 1e-3
+_SAME = 3e-4
 #: A longer step [m, rad] comes from a matrix that is as good as singular.
 _LONGEST = 1e3
 

@@ -164,7 +164,7 @@ class StaticsLayout:
         if len(self._beams):
             tips = frames[..., self._beams, :3, 2:]
             # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
-            lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]).sum(axis=-1)
+            lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]) @ np.ones(3)
         return frames, self._geometries(pose, lengths)
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
@@ -224,13 +224,12 @@ def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     Rows: six for every wrench module, then one for every drive module.
     """
     count = len(layout.wrench_names)
-    maps = np.empty((*frames.shape[:-3], len(layout.row_joints), 6))
+    maps = np.zeros((*frames.shape[:-3], len(layout.row_joints), 6))
     block = maps[..., : 6 * count, :].reshape(*frames.shape[:-2], 6, 6)
     axes = frames[..., :3, :3].mT
     block[..., :3, :3] = block[..., 3:, 3:] = axes
-    block[..., :3, 3:] = 0.0
     block[..., 3:, :3] = axes @ skew(-frames[..., :3, 3])
-    maps[..., 6 * count :, :] = pose.jacobian.mT[..., layout.drive_row_dofs, :] * layout.drive_ratios[:, 0]
+    maps[..., 6 * count :, :] = pose.jacobian.take(layout.drive_row_dofs, axis=-1).mT * layout.drive_ratios[:, 0]
     return maps
 
 
@@ -244,7 +243,7 @@ def loads_from_frame(layout: StaticsLayout, pose: ClosedPose, maps: Array, frame
     loads = (maps @ unit) * layout.row_support[:, frame.joint, None]
     if not layout.closed:
         return loads
-    along = (pose.jacobian.mT[..., layout.free, :] @ unit) * layout.free_support[:, frame.joint, None]
+    along = (pose.jacobian.take(layout.free, axis=-1).mT @ unit) * layout.free_support[:, frame.joint, None]
     return loads - _loads_from_closures(layout, pose, maps) @ (pose.balance.inverse @ along)
 
 

@@ -89,7 +89,7 @@ def five_bar(folder, change, bearings):
     change(root)
     path = folder / "redrawn.urdf"
     path.write_bytes(etree.tostring(root))
-    return prup_pin.load(path, joint_stiffness={name: 1e4 for name in ("left_motor", "right_motor")})
+    return prup_pin.load(path, joint_stiffness=dict.fromkeys(("left_motor", "right_motor"), 10000.0))
 
 
 @pytest.fixture(params=[False, True], ids=["springs in the motors", "and bearings"])
