@@ -50,7 +50,7 @@ def load(
         tool = robots.EXAMPLE_TOOLS.get(str(robot))
     changes: dict[str, Any] = {}
     if tool is not None:
-        changes["tool"] = tool
+        changes.update(tool=tool, tool_part=None)
     if actuated is not None:
         changes["actuated"] = tuple(actuated)
     if home is not None:

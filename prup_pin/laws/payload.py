@@ -24,10 +24,8 @@ class Payload(Law):
     neutral: ClassVar = {"mass": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        if not np.any(mechanism.gravity) or mechanism.tool is None:
-            return []
-        names = {module.name.rpartition("/")[2] for module in mechanism.modules}
-        return [Place("moving_star" if "moving_star_branch" in names else mechanism.tool.name, self.variant)]
+        carried = mechanism.tool_part if np.any(mechanism.gravity) else None
+        return [] if carried is None else [Place(carried, self.variant)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         weight = values["mass"] * setup.mechanism.gravity

@@ -117,6 +117,7 @@ class RobotDescription:
     source: str  # the format: "URDF" or "MJCF"
     content: bytes
     tool: str | None = None
+    tool_part: str | None = None
     gravity: tuple[float, ...] = (0.0, 0.0, -9.80665)
     actuated: tuple[str, ...] | None = None
     rotation: str = "xyz"

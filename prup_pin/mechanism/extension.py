@@ -65,6 +65,8 @@ class ExtensionDocument(Document):
     def _tool(self, element, fields) -> None:
         self.lines["tool"] = element.sourceline
         fields["tool"] = self.attribute(element, "frame", "<tool>")
+        if "part" in element.attrib:
+            fields["tool_part"] = self.attribute(element, "part", "<tool>")
 
     def _actuated(self, element, fields) -> None:
         self.lines["actuated"] = element.sourceline

@@ -131,6 +131,8 @@ class Mechanism:
         self._frames = frames
         self.gravity = np.array(description.gravity)
         self.tool = self.frame(description.tool) if description.tool else None
+        #: What people call the part that carries the tool frame.
+        self.tool_part = description.tool_part or description.tool
         self.loops = tuple(self._loop(loop) for loop in description.loops)
         self.tasks: tuple[TaskDescription, ...] = description.tasks
         self.joints = joints_of(self.model)

@@ -69,7 +69,7 @@ def link_masses(mechanism: Mechanism, without: set[str]):
     model = mechanism.model
     # Pinocchio merges links on fixed joints into the joint's body and keeps their inertia on the fixed frame.
     merged = {joint: pin.Inertia(inertia) for joint, inertia in enumerate(model.inertias)}
-    for name in without:
+    for name in sorted(without):  # in an order that does not depend on the process
         frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
         parent = model.frames[frame.parentFrame]
         if parent.type == pin.FrameType.FIXED_JOINT:
