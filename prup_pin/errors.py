@@ -30,7 +30,16 @@ __all__ = [
 
 
 class PrupPinError(Exception):
-    """Root of all errors raised on purpose by this package."""
+    """Root of all errors raised on purpose by this package. They travel between processes with all their facts."""
+
+    def __reduce__(self):
+        return _travelled, (type(self), self.args, self.__dict__)
+
+
+def _travelled(kind: type[PrupPinError], args: tuple, facts: dict) -> PrupPinError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(facts)
+    return error
 
 
 @dataclass(frozen=True)

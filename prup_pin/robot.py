@@ -194,7 +194,7 @@ class Robot:
         Values that were given for the old value of what changes (an area tabulated for the old diameter) are derived
         anew. Raises UnknownNameError, ParameterError.
         """
-        return Robot(self.mechanism.with_parameters(changes))
+        return self._with(self.mechanism.with_parameters(changes))
 
     def with_locked_joints(self, names: Iterable[str]) -> Robot:
         """Return the robot with a brake on each named joint: it is locked wherever a pose puts it.
@@ -202,11 +202,17 @@ class Robot:
         Kinematics do not change; the joint then carries load along itself, which can make the mechanism
         overconstrained. Raises UnknownNameError.
         """
-        return Robot(self.mechanism.with_locked_joints([names] if isinstance(names, str) else list(names)))
+        return self._with(self.mechanism.with_locked_joints([names] if isinstance(names, str) else list(names)))
 
     def with_variant(self, name: str) -> Robot:
         """Return a variant that the robot file describes. Raises UnknownNameError."""
-        return Robot(self.mechanism.with_variant(name))
+        return self._with(self.mechanism.with_variant(name))
+
+    def _with(self, mechanism: Mechanism) -> Robot:
+        robot = Robot(mechanism)
+        if mechanism.model is self.mechanism.model and "_kinematics" in self.__dict__:
+            robot._kinematics = self._kinematics.of(mechanism)  # no length has changed
+        return robot
 
     @property
     def assumptions(self) -> tuple[str, ...]:

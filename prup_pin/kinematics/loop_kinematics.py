@@ -55,16 +55,24 @@ Goal = Callable[[Array, Array], tuple[Array, Callable[[Array], Array]]]
 class LoopKinematics:
     """Solves one mechanism's closure. An answer depends on nothing but the question."""
 
-    def __init__(self, mechanism: Mechanism):
+    def __init__(self, mechanism: Mechanism, tree: LoopedTree | None = None):
         self.mechanism = mechanism
         self.model = mechanism.model
-        self._tree = LoopedTree(mechanism)
+        self._tree = tree or LoopedTree(mechanism)
         self.task = TaskFrame(
             mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
         )
         self.closure = self._tree.closure
         self.lower, self.upper = mechanism.limits
         self._least, self._most = self.lower - _AT_LIMIT, self.upper + _AT_LIMIT
+
+    def of(self, mechanism: Mechanism) -> LoopKinematics:
+        """Return the kinematics of a mechanism that differs in its modules or brakes alone; what is known is kept."""
+        other = LoopKinematics(mechanism, self._tree)
+        for name in ("home", "_home", "length", "_newton_scales", "_start"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        return other
 
     def prepare(self) -> None:
         """Work out what no pose decides. Raises UnreachablePoseError where the loops do not close."""

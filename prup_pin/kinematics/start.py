@@ -25,10 +25,10 @@ __all__ = ["TaylorStart"]
 #: Step along a line [dimensionless] for the coefficient of each order from the second on, by central differences. A
 #: coefficient takes with it that of the next but one order, times the square of its step: hence they grow.
 _STEPS = (0.002, 0.005, 0.04, 0.06)
-#: With more coordinates the order is lower, so that no more lines than this are needed.
-_MOST_LINES = 30
+#: With more coordinates the order is lower, so that no more evaluations than this are needed.
+_MOST_EVALUATIONS = 100
 #: The series is used where its last term is shorter than this [m, rad].
-_LAST_TERM = 0.05
+_LAST_TERM = 0.1
 
 
 class TaylorStart:
@@ -49,7 +49,7 @@ class TaylorStart:
         words: list[list[tuple[int, ...]]] = [[(index,) for index in range(count)]]
         while len(words) <= len(_STEPS):
             longer = [*combinations_with_replacement(range(count), len(words) + 1)]
-            if len(longer) > _MOST_LINES:
+            if 2 * len(words) * len(longer) > _MOST_EVALUATIONS:
                 break
             words.append(longer)
         # Each monomial is a shorter one times a coordinate.

@@ -149,6 +149,36 @@ def test_a_pose_of_other_parameters_is_refused_even_unpickled():
             other.compliance(pose)
 
 
+def test_what_a_changed_robot_takes_over_changes_no_bit(cases):
+    """Home and the start of Newton are those of the robot file where no length has changed."""
+    for change in (
+        lambda robot: robot.with_parameters({"leg1/linear_rod.diameter": 0.03}),
+        lambda robot: robot.with_locked_joints(["leg1_R_phi"]),
+        lambda robot: robot.with_variant("as_published"),
+        lambda robot: robot.with_parameters({"leg1/base.radius": 1.01 * robot.parameters["leg1/base.radius"].value}),
+    ):
+        changed = change(prup_pin.load("3prup"))
+        fresh = prup_pin.robot.Robot(pickle.loads(pickle.dumps(changed.mechanism)))
+        for case in cases[:5]:
+            assert answer(changed, case) == answer(fresh, case)
+
+
 def test_a_robot_travels_together_with_its_poses():
     robot, pose = pickle.loads(pickle.dumps((prup_pin.load("3prup"), prup_pin.load("3prup").home)))
     assert robot.compliance(pose).C.tobytes() == prup_pin.load("3prup").compliance(pose).C.tobytes()
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda robot: robot.pose(z=2.0, theta=0, phi=0),
+        lambda robot: robot.pose(z=0.4, teta=0, phi=0),
+        lambda robot: prup_pin.load("no_such_robot.urdf"),
+        lambda robot: prup_pin.load("ur5", joint_stiffness=1e4).pose_from_actuators([0]),
+    ],
+)
+def test_refusals_travel_between_processes_with_all_they_say(ask):
+    with pytest.raises(prup_pin.PrupPinError) as caught:
+        ask(prup_pin.load("3prup"))
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (type(again), str(again), vars(again)) == (type(caught.value), str(caught.value), vars(caught.value))
