@@ -25,9 +25,9 @@ from .task import TaskFrame
 
 #: Residual at which the loops must be closed [m, rad].
 TOLERANCE = 1e-12
-#: Newton goes on to rounding: until the residual is below this, or the last step was so small that its square is.
+#: Newton goes on to rounding: until the residual is below this, or the last step was so small that the next one is.
 ROUNDING = 1e-14
-_LAST_STEP = 1e-7
+_LAST_STEP = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
