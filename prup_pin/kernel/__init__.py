@@ -2,7 +2,7 @@
 
 from .closure import Closure, LoopForces, LoopGaps
 from .compiled import Configuration, LoopedTree, Passing
-from .rank import NEGLIGIBLE, NEGLIGIBLE_ENERGY, Rank, pseudo_inverse, rank_of, semidefinite_inverse
+from .rank import NEGLIGIBLE, NEGLIGIBLE_ENERGY, Rank, pseudo_inverse, rank_of, semidefinite_inverse, semidefinite_null
 
 __all__ = [
     "NEGLIGIBLE",
@@ -17,4 +17,5 @@ __all__ = [
     "pseudo_inverse",
     "rank_of",
     "semidefinite_inverse",
+    "semidefinite_null",
 ]

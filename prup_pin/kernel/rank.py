@@ -12,7 +12,15 @@ import numpy as np
 
 from ..spatial import Array
 
-__all__ = ["NEGLIGIBLE", "NEGLIGIBLE_ENERGY", "Rank", "pseudo_inverse", "rank_of", "semidefinite_inverse"]
+__all__ = [
+    "NEGLIGIBLE",
+    "NEGLIGIBLE_ENERGY",
+    "Rank",
+    "pseudo_inverse",
+    "rank_of",
+    "semidefinite_inverse",
+    "semidefinite_null",
+]
 
 #: A motion or force below this share of the largest is none. Robot files place their frames to seven digits or more,
 #: and what geometry makes exactly zero comes out at 1e-12 at worst: the decision lies between.
@@ -58,9 +66,21 @@ def pseudo_inverse(matrix: Array) -> Array:
 
 def semidefinite_inverse(matrix: Array) -> Array:
     """Return the least inverse of one symmetric positive semidefinite matrix of energies, whatever its rows' units."""
-    diagonal = np.diagonal(matrix)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+    values, vectors, scale = _energies(matrix)
     kept = values > NEGLIGIBLE_ENERGY * values.max(initial=0.0)
     basis = scale[:, None] * vectors[:, kept]
     return (basis / values[kept]) @ basis.T
+
+
+def semidefinite_null(matrix: Array) -> Array:
+    """Return a basis (n, n - rank) of what has no energy, by the decision of `semidefinite_inverse`."""
+    values, vectors, scale = _energies(matrix)
+    return scale[:, None] * vectors[:, values <= NEGLIGIBLE_ENERGY * values.max(initial=0.0)]
+
+
+def _energies(matrix: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues and vectors of an energy whose rows are scaled alike, and their scale."""
+    diagonal = np.diagonal(matrix)
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+    return values, vectors, scale

@@ -4,8 +4,9 @@ from .chain import Chain, chain_of, with_values
 from .equilibrium import Equilibria, find_equilibria
 from .first_order import FirstOrder, elastic_deformation
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
+from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod
-from .state import Conditions, RigidSamples, State
+from .state import Conditions, State
 
 __all__ = [
     "Chain",

@@ -25,8 +25,10 @@ from ..mechanism import Frame, Mechanism
 from ..spatial import Array
 from ..statics import StaticsLayout
 from . import derivative
+from .border import Border, gathered, no_border, undetermined
 from .residual import Evaluation, evaluated, is_balanced
-from .state import Conditions, RigidSamples, State, rigid_state, stepped, with_actuators
+from .rigid_samples import RigidSamples, geometries_of
+from .state import Conditions, State, rigid_state, stepped, with_actuators
 from .structure import Structure, structure_of
 from .values import ModuleValues, revalued, values_of
 
@@ -65,9 +67,27 @@ class Chain:
 
     # -- states ------------------------------------------------------------------------------------------------------
 
-    def rigid_samples(self, poses: list[ClosedPose], rows: Array) -> RigidSamples:
-        """Return what samples `rows` (N,) must know of the rigid poses in which they stand."""
-        return RigidSamples.of(self.structure.layout, poses, rows)
+    def rigid_samples(self, poses: list[ClosedPose], rows: Array, strains: Conditions | None = None) -> RigidSamples:
+        """Return what samples `rows` (N,) must know of the rigid poses in which they stand.
+
+        Where these leave something undetermined, `strains` are conditions whose strains may make modules yield.
+        """
+        geometries = geometries_of(self.structure.layout, poses, rows)
+        return RigidSamples(geometries, self.border(poses, rows, strains))
+
+    def border(self, poses: list[ClosedPose], rows: Array, strains: Conditions | None = None) -> Border:
+        """Return the border of the matrices of samples `rows` (N,) that stand in `poses`."""
+        each, unknowns, first = {}, sum(self.sizes), np.zeros(1, int)
+        for index, pose in enumerate(poses):
+            members = np.flatnonzero(rows == index)[:1]
+            if not len(members) or not (pose.balance.idle.shape[1] or pose.balance.self_stress.shape[1]):
+                continue
+            rest = Conditions(np.zeros((1, 6)), strains={} if strains is None else strains.take(members).strains)
+            geometries = geometries_of(self.structure.layout, [pose], first)
+            state = self.rigid_state([pose], first)
+            at = self.evaluate(RigidSamples(geometries, no_border(1, unknowns)), state, rest)
+            each[index] = undetermined(self.structure, pose, at, self.matrix(state, at, rest)[0])
+        return gathered(each, rows, unknowns)
 
     def rigid_state(self, poses: list[ClosedPose], rows: Array) -> State:
         """Return the undeformed state of samples `rows` (N,) that stand in `poses`."""

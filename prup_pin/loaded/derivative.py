@@ -2,7 +2,7 @@
 
 A load's effect on an equation changes in three ways: the frame turns in which the equation looks at it (`seen`), a dead
 load's point of application moves (`_dead_force`, the geometric stiffness of a dead load), and a loop's wrench turns
-with its bodies (`_loop_forms`). The rest is the laws' slopes (Pinocchio's spatial algebra; Featherstone, Rigid Body
+with its bodies (`LoopForces`). The rest is the laws' slopes (Pinocchio's spatial algebra; Featherstone, Rigid Body
 Dynamics Algorithms, ch. 2).
 """
 
@@ -32,8 +32,8 @@ def matrix(structure: Structure, state: State, at: Evaluation, conditions: Condi
     for loop in structure.loops:
         rows = slice(start, start + loop.size)
         weight = structure.carries[:, loop.second.joint] - structure.carries[:, loop.first.joint]
-        by_force[:, :, rows] = (weight[:, None] * observers) @ at.closure.wrenches[:, rows].mT
-        by_motion[:, rows] = at.closure.wrenches[:, rows] @ (weight[:, None] * at.screws).mT
+        by_force[:, :, rows] = (weight[:, None] * observers) @ at.gaps.wrenches[:, rows].mT
+        by_motion[:, rows] = at.gaps.wrenches[:, rows] @ (weight[:, None] * at.screws).mT
         start += loop.size
     loads = np.concatenate((seen, by_force), axis=-1)
     out = np.zeros((n, columns + nc, columns + nc))
@@ -111,14 +111,14 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
     on_tool = carries[:, structure.tool.joint]
     left.append((on_tool[:, None] * observers) @ form)
     right.append(on_tool[:, None] * screws)
-    for force, moment, bent, point, first, second in at.closure.loops:
-        from_first, from_second = _loop_forms(force, moment, bent, point)
-        weight = carries[:, second] - carries[:, first]
+    for index, loop in enumerate(structure.loops):
+        first, second = carries[:, loop.first.joint], carries[:, loop.second.joint]
+        weight = second - first
         if not weight.any():
             continue
         held = weight[:, None] * observers
-        left += [held @ from_first, held @ from_second]
-        right += [carries[:, first, None] * screws, carries[:, second, None] * screws]
+        left += [held @ at.loops.by_first[:, index], held @ at.loops.by_second[:, index]]
+        right += [first[:, None] * screws, second[:, None] * screws]
     seen += np.concatenate(left, axis=-1) @ np.concatenate(right, axis=-1).mT
     if conditions.gravity is not None:
         seen += _weight_seen(structure, at, observers, conditions.gravity)
@@ -148,17 +148,6 @@ def _dead_force(force: Array, point: Array) -> Array:
     form[:, 3:, :3] = -cross
     form[:, 3:, 3:] = cross @ skew(point)
     return form
-
-
-def _loop_forms(force: Array, moment: Array, bent: Array, point: Array) -> tuple[Array, Array]:
-    """Return the same for a loop's wrench, as the first and as the second body moves."""
-    f, m, p = skew(force), skew(moment), skew(point)
-    first, second = np.zeros((len(force), 6, 6)), np.zeros((len(force), 6, 6))
-    first[:, :3, 3:] = -f
-    first[:, 3:, 3:] = -m - bent - p @ f
-    second[:, 3:, :3] = -f
-    second[:, 3:, 3:] = bent + f @ p
-    return first, second
 
 
 # ---------------------------------------------------------------------------------------------------------- module rows

@@ -13,9 +13,11 @@ import numpy as np
 
 from ..kinematics import ClosedPose
 from ..spatial import Array
+from .border import inverted, left_solved
 from .chain import Chain
 from .residual import Evaluation
-from .state import Conditions, RigidSamples, State
+from .rigid_samples import RigidSamples
+from .state import Conditions, State
 
 __all__ = ["Equilibria", "find_equilibria"]
 
@@ -33,8 +35,6 @@ _LOAD_STEPS = (2, 8, 32)
 _WORTHWHILE = 0.3
 #: Samples solved together: what fits a processor's cache is fastest, and memory stays bounded.
 CHUNK = 512
-#: A derivative of a greater condition number counts as singular; what is smaller than this share is then left out.
-_CONDITION, _IDLE = 1e13, 1e-11
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,19 @@ class Equilibria:
 
     def own_inverses(self) -> Array:
         """Return the inverse of every sample's own derivative, (N, m, m)."""
-        return _inverse(self.chain.matrix(self.state, self.evaluation, self.conditions))
+        return inverted(self.matrix(), self.rigid.border)
+
+    def matrix(self) -> Array:
+        """Return d(residual)/d(unknowns) of every sample, (N, m, m)."""
+        return self.chain.matrix(self.state, self.evaluation, self.conditions)
+
+    def bordered(self) -> Array:
+        """Return the same with the border of what no equation determines, (N, m + k, m + k)."""
+        return self.rigid.border.around(self.matrix())
+
+    def left_solved(self, rows: Array) -> Array:
+        """Return rows (N, r, m) times the inverse of every sample's own derivative, (N, r, m)."""
+        return left_solved(self.matrix(), self.rigid.border, rows)
 
     def tangent_compliance(self) -> Array:
         """Return d(tool's displacement)/d(wrench) at the equilibrium, (N, 6, 6), geometric stiffness included."""
@@ -84,7 +96,10 @@ def find_equilibria(
     not found so is searched again from the rigid pose, with a load that grows; else it is soon given up.
     """
     rows = np.asarray(rows, int)
-    rigid = start.rigid if start is not None else chain.rigid_samples(poses, rows)
+    if start is None:
+        rigid = chain.rigid_samples(poses, rows, conditions)
+    else:
+        rigid = replace(start.rigid, border=chain.border(poses, rows, conditions)) if poses else start.rigid
     if start is not None and conditions.actuators is None and start.conditions.actuators is None:
         state = start.state
     else:
@@ -96,6 +111,19 @@ def find_equilibria(
     state, evaluation, converged, steps, count, shared = _newton(
         chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps else _FEW
     )
+    free = rigid.border.holds & ~converged
+    if free.any():
+        # The load may determine what the rigid pose does not: an idle link that hangs, a play that opens.
+        loose = replace(rigid, border=rigid.border.without(free))
+        part, _, good, size, _, _ = _newton(
+            chain, loose.take(free), state.take(free), conditions.take(free), np.arange(free.sum()), None, _FEW
+        )
+        found = np.flatnonzero(free)[good]
+        if len(found):
+            rigid = replace(rigid, border=rigid.border.without(found))
+            state = state.with_rows(found, part.take(good))
+            converged[found], steps[found] = True, size[good]
+            evaluation = chain.evaluate(rigid, state, conditions)
     if by_steps and not converged.all():
         state, converged, steps = _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps)
         evaluation = chain.evaluate(rigid, state, conditions)
@@ -121,7 +149,9 @@ def _newton(
     if shared is None or len(shared[0]) != len(groups):
         first = np.array([np.flatnonzero(which == index)[0] for index in range(len(groups))])
         part, some = state.take(first), conditions.take(first)
-        shared = _inverse(chain.matrix(part, chain.evaluate(rigid.take(first), part, some), some)), which
+        inside = rigid.take(first)
+        matrix = chain.matrix(part, chain.evaluate(inside, part, some), some)
+        shared = inverted(matrix, inside.border), which
     inverses, which = shared
     own: dict[int, Array] = {}
     best = np.full(n, np.inf)
@@ -140,7 +170,7 @@ def _newton(
                 matrix = chain.matrix(there, chain.evaluate(inside.take(slow), there, under), under)
             else:
                 matrix = chain.matrix(part, at, some)
-            own.update(zip(active[slow].tolist(), _inverse(matrix), strict=True))
+            own.update(zip(active[slow].tolist(), inverted(matrix, inside.border.take(slow)), strict=True))
         active, part = active[kept], part.take(kept)
         if not len(active):
             break
@@ -154,6 +184,7 @@ def _newton(
         moved = np.abs(change[:, : -chain.structure.closure_count or None]).max(axis=1, initial=0.0)
         best[active] = np.minimum(best[active], size[active])
         grown[active] += moved > 2 * size[active]
+        grown[active[np.isnan(moved)]] = _DIVERGING
         size[active] = moved
         if iteration >= _WANDERING:
             grown[active[np.minimum(best[active], moved) > _FAR]] = _DIVERGING
@@ -196,30 +227,3 @@ def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):
         # one that gives way at a small part of its load bears no more in smaller steps
         hopeful &= (reached >= _WORTHWHILE) | (count == _LOAD_STEPS[0])
     return state, converged, steps
-
-
-def _inverse(matrix: Array) -> Array:
-    """Return the inverses (N, m, m), least ones where rows are redundant or motions idle, NaN of what is not finite."""
-    if not matrix.size:
-        return matrix  # nothing yields
-    finite = np.isfinite(matrix).all(axis=(1, 2))
-    if not finite.all():
-        inverse = np.full_like(matrix, np.nan)
-        if finite.any():
-            inverse[finite] = _inverse(matrix[finite])
-        return inverse
-    rows: Array = np.abs(matrix).max(axis=2, keepdims=True)
-    scaled = matrix / np.where(rows > 0, rows, 1.0)
-    columns = np.abs(scaled).max(axis=1, keepdims=True)
-    columns = np.where(columns > 0, columns, 1.0)
-    scaled = scaled / columns
-    rows = np.where(rows > 0, rows, 1.0)
-    try:
-        inverse = np.linalg.inv(scaled)  # type: ignore[assignment]
-        bound = np.linalg.norm(inverse, axis=(1, 2)) * np.linalg.norm(scaled, axis=(1, 2))
-        regular = bound < _CONDITION
-    except np.linalg.LinAlgError:
-        inverse, regular = np.empty_like(scaled), np.zeros(len(scaled), bool)
-    if not regular.all():
-        inverse[~regular] = np.linalg.pinv(scaled[~regular], rcond=_IDLE)
-    return inverse / columns.mT / rows.mT

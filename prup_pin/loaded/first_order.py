@@ -64,7 +64,7 @@ class FirstOrder:
     def by_row(self) -> Array:
         """Minus what is watched per residual of the equations, (n, R, m)."""
         columns = [self.chain.frame_columns(self.found.evaluation, frame) for frame in self.frames]
-        return left_solve(self.matrix, np.concatenate(columns, axis=1))
+        return self.found.left_solved(np.concatenate(columns, axis=1))
 
     @cached_property
     def by_wrench(self) -> Array:
@@ -93,7 +93,7 @@ class FirstOrder:
         def compute() -> Array:
             rows = np.zeros((len(self), len(places), self.matrix.shape[-1]))
             rows[:, np.arange(len(places)), list(places)] = 1.0
-            return left_solve(self.matrix, rows)[:, :, list(places)]
+            return self.found.left_solved(rows)[:, :, list(places)]
 
         return self.once(("joints", places), compute)
 
@@ -140,23 +140,6 @@ class FirstOrder:
 
 #: Step of differences at the present state [m, rad].
 _STEP = 1e-6
-
-
-def left_solve(matrix: Array, rows: Array) -> Array:
-    """Return rows @ matrix^-1, (n, r, m); the least solution where the matrix is singular."""
-    if not matrix.size:
-        return rows  # nothing yields
-    scale = np.abs(matrix).max(axis=2, keepdims=True)
-    scale = np.where(scale > 0, scale, 1.0)
-    scaled = matrix / scale
-    try:
-        found = np.linalg.solve(scaled.mT, rows.mT).mT
-        regular = bool(np.isfinite(found).all()) and float(np.abs(found @ scaled - rows).max(initial=0.0)) < 1e-6
-    except np.linalg.LinAlgError:
-        regular = False
-    if not regular:
-        found = rows @ np.linalg.pinv(scaled, rcond=1e-11)
-    return found / scale.mT
 
 
 def elastic_deformation(found: Equilibria, module: str) -> Array:

@@ -17,6 +17,7 @@ from ..kinematics import ClosedPose
 from ..modules import CompliantModule, DriveModule
 from ..spatial import Array, as_wrench, rotation_log
 from ..statics.compliance import _direction, _Named
+from .border import inverted, no_border
 from .chain import Chain
 from .equilibrium import Equilibria, find_equilibria
 from .state import Conditions
@@ -404,23 +405,14 @@ class _LoadPath:
     # -- stability -------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _reference(self) -> tuple[Array, Array]:
-        """Factors (left, right) that make the derivative at rest the identity, redundant and idle parts left out."""
-        matrix = self._derivative(self.start)
-        rows = _sizes(matrix, axis=1)
-        columns = _sizes(matrix / rows, axis=0)
-        left, values, right = np.linalg.svd(matrix / rows / columns)
-        kept = values > 1e-11 * values[0]
-        return (left[:, kept] / values[kept]).T / rows.T, right[kept].T / columns.T
-
-    def _derivative(self, at: _Point) -> Array:
-        found = at.equilibria
-        return self.chain.matrix(found.state, found.evaluation, found.conditions)[0]
+    def _reference(self) -> Array:
+        """The inverse of the bordered derivative at rest."""
+        bordered = self.start.equilibria.bordered()
+        return inverted(bordered, no_border(1, bordered.shape[-1]))[0]
 
     def relative(self, at: _Point) -> Array:
         """Return the derivative relative to that at rest: singular where the equilibrium is."""
-        left, right = self._reference
-        return left @ self._derivative(at) @ right
+        return self._reference @ at.equilibria.bordered()[0]
 
     @cached_property
     def sensitivity(self) -> float:
@@ -440,11 +432,6 @@ def _moved(start: _Point, found: Equilibria) -> float:
     old, new = start.equilibria.state, found.state
     ways = (new.travel - old.travel, new.strain - old.strain)
     return max(float(np.abs(way).max(initial=0.0)) for way in ways)
-
-
-def _sizes(matrix: Array, axis: int) -> Array:
-    sizes = np.abs(matrix).max(axis=axis, keepdims=True)
-    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _real(values: np.ndarray) -> Array:

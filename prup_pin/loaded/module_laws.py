@@ -15,8 +15,9 @@ import numpy as np
 from ..modules import ModuleGeometry
 from ..spatial import Array, rotation_log, rotation_tangent, skew
 from ..statics.wrench_jacobians import ModuleGroup
+from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod, piece_count
-from .state import Conditions, RigidSamples, State
+from .state import Conditions, State
 from .structure import Structure
 from .values import ModuleValues
 

@@ -14,18 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernel import LoopForces, LoopGaps
 from ..spatial import Array, rotation_exp, rotation_tangent, skew
 from .module_laws import DriveDeformations, ModuleDeformations, drive_deformations, module_deformations
-from .state import Conditions, RigidSamples, State
+from .rigid_samples import RigidSamples
+from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-__all__ = ["Closure", "Evaluation", "LoopWrench", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced"]
+__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced"]
 
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
 _UNBALANCED, _OPEN = 1e-6, 1e-8
-
-_GENERATORS = np.stack([skew(axis) for axis in np.eye(3)])
 
 
 class ModuleFrames(NamedTuple):
@@ -38,28 +38,6 @@ class ModuleFrames(NamedTuple):
     deformed: Array
     turn: Array
     tangent: Array
-
-
-class LoopWrench(NamedTuple):
-    """What a loop puts on its second body (on its first the opposite), about `point` in base axes, (N, 3).
-
-    `bent` (N, 3, 3): the change of the moment as the second body turns against the first.
-    """
-
-    force: Array
-    moment: Array
-    bent: Array
-    point: Array
-    first: int
-    second: int
-
-
-class Closure(NamedTuple):
-    """Gaps (N, c), base wrenches of unit closure forces on the second body (N, c, 6), and the wrenches of all loops."""
-
-    gap: Array
-    wrenches: Array
-    loops: tuple[LoopWrench, ...]
 
 
 class ModuleLoads(NamedTuple):
@@ -87,7 +65,8 @@ class Evaluation:
     drive_loads: Array  # (N, d)
     frames: ModuleFrames
     seen: ModuleLoads
-    closure: Closure
+    gaps: LoopGaps
+    loops: LoopForces
     drives: DriveDeformations
     modules: ModuleDeformations
 
@@ -104,8 +83,9 @@ def evaluated(
     placements, moving, frames = _placed(structure, state, conditions)
     screws = _screws(structure, moving, frames)
     tool = placements[:, structure.tool.joint] @ structure.tool.placement
-    closure = _closure(structure, placements, state.closure)
-    carried = _carried(structure, placements, tool, closure, conditions)
+    gaps = structure.closure.gaps(placements)
+    loops = structure.closure.forces(gaps, state.closure)
+    carried = _carried(structure, placements, tool, loops, conditions)
     nq, nd, ne, _ = structure.sizes
     along = (screws[:, : nq + nd] * carried[:, structure.column_joint[: nq + nd]]).sum(-1)
     seen = _module_loads(structure, frames, carried)
@@ -120,9 +100,9 @@ def evaluated(
         residual[:, :nq] -= conditions.torques
     residual[:, nq : nq + nd] = state.drive - drives.displacement
     residual[:, nq + nd : nq + nd + ne] = (state.strain - modules.strain).reshape(len(placements), -1)
-    residual[:, nq + nd + ne :] = closure.gap
+    residual[:, nq + nd + ne :] = gaps.gap
     return Evaluation(
-        residual, placements, moving, tool, screws, carried, along[:, nq:], frames, seen, closure, drives, modules
+        residual, placements, moving, tool, screws, carried, along[:, nq:], frames, seen, gaps, loops, drives, modules
     )
 
 
@@ -201,50 +181,17 @@ def _in_base(placement: Array, subspace: Array) -> Array:
 # --------------------------------------------------------------------------------------------------------------- loads
 
 
-def _closure(structure: Structure, placements: Array, forces: Array) -> Closure:
-    """Return the closure of all loops under closure forces (N, c)."""
-    n, count = len(placements), structure.closure_count
-    gap, wrenches = np.zeros((n, count)), np.zeros((n, count, 6))
-    loops, start = [], 0
-    for loop in structure.loops:
-        first = placements[:, loop.first.joint] @ loop.first.placement
-        second = placements[:, loop.second.joint] @ loop.second.placement
-        r1, point = first[:, :3, :3], second[:, :3, 3]
-        turn = r1.mT @ second[:, :3, :3]
-        axes = list(loop.translation_axes)
-        distance = (r1.mT @ (point - first[:, :3, 3])[..., None])[..., 0]
-        rows = slice(start, start + len(axes))
-        gap[:, rows] = distance[:, axes]
-        directions = r1.mT[:, axes]
-        wrenches[:, rows, :3] = directions
-        wrenches[:, rows, 3:] = np.cross(point[:, None], directions)
-        turning = slice(start + len(axes), start + loop.size)
-        matrices = loop.rotation_rows.reshape(-1, 3, 3)
-        gap[:, turning] = np.einsum("rab,nab->nr", matrices, turn)
-        # moment of row r about axis c of the first frame: sum A_ab ([e_c]x E)_ab
-        spun = _GENERATORS @ turn[:, None]
-        moments = np.einsum("rab,ncab->nrc", matrices, spun)
-        wrenches[:, turning, 3:] = moments @ r1.mT
-        force = (forces[:, rows, None] * directions).sum(1)
-        moment = (forces[:, turning, None] * wrenches[:, turning, 3:]).sum(1)
-        bent = np.einsum("nr,rab,ncdab->ncd", forces[:, turning], matrices, _GENERATORS[:, None] @ spun[:, None])
-        loops.append(LoopWrench(force, moment, r1 @ bent @ r1.mT, point, loop.first.joint, loop.second.joint))
-        start += loop.size
-    return Closure(gap, wrenches, tuple(loops))
-
-
-def _carried(structure: Structure, placements: Array, tool: Array, closure: Closure, conditions: Conditions) -> Array:
+def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopForces, conditions: Conditions) -> Array:
     """Return the base wrench that every joint carries, (N, joints, 6): the sum of all loads on its subtree."""
     n = len(placements)
     bodies = np.zeros((n, structure.count, 6))
     force, moment, point = conditions.wrench[:, :3], conditions.wrench[:, 3:], tool[:, :3, 3]
     bodies[:, structure.tool.joint, :3] += force
     bodies[:, structure.tool.joint, 3:] += moment + np.cross(point, force)
-    for loop in closure.loops:
+    for index, loop in enumerate(structure.loops):
         # The gap's force acts on the second body; it pulls the bodies together, so the sign is free: unknown.
-        wrench = np.concatenate((loop.force, loop.moment + np.cross(loop.point, loop.force)), axis=1)
-        bodies[:, loop.second] += wrench
-        bodies[:, loop.first] -= wrench
+        bodies[:, loop.second.joint] += loops.wrench[:, index]
+        bodies[:, loop.first.joint] -= loops.wrench[:, index]
     if conditions.gravity is not None:
         weight = structure.masses[:, None] * conditions.gravity
         centres = (placements[:, :, :3, :3] @ structure.levers[:, :, None])[..., 0] + placements[:, :, :3, 3]

@@ -1,4 +1,4 @@
-"""What acts on samples, the rigid poses from which they start, and the unknowns of their equations."""
+"""What acts on samples, and the unknowns of their equations."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from ..kinematics import ClosedPose
-from ..modules import ModuleGeometry
 from ..spatial import Array, rotation_exp, rotation_tangent
-from ..statics import StaticsLayout
 from .structure import Structure
 
-__all__ = ["Conditions", "RigidSamples", "State", "rigid_state", "stepped", "with_actuators"]
+__all__ = ["Conditions", "State", "rigid_state", "stepped", "with_actuators"]
 
 
 @dataclass(frozen=True)
@@ -72,30 +70,6 @@ class State:
             array[rows] = getattr(other, name)
             arrays.append(array)
         return State(*arrays)
-
-
-@dataclass(frozen=True)
-class RigidSamples:
-    """The rigid poses behind samples: what they tell each group of modules, (N, n) each."""
-
-    geometries: list[ModuleGeometry]
-
-    @classmethod
-    def of(cls, layout: StaticsLayout, poses: list[ClosedPose], rows: Array) -> RigidSamples:
-        """Return the geometries of samples `rows` (N,) that stand in `poses`."""
-        each = [layout.geometries(pose, layout.frames(pose)) for pose in poses]
-        gathered = []
-        for index, group in enumerate(layout.groups):
-            wide = (len(group.modules),)
-            lengths = np.array([np.broadcast_to(geometries[index].length, wide) for geometries in each])
-            positions = np.array([np.broadcast_to(geometries[index].position, wide) for geometries in each])
-            inboard = np.array([module.inboard_is_root for module in group.modules])
-            anchored = np.array([module.anchored_at_tip for module in group.modules])
-            gathered.append(ModuleGeometry(lengths[rows], positions[rows], inboard, anchored))
-        return cls(gathered)
-
-    def take(self, rows) -> RigidSamples:
-        return RigidSamples([at._replace(length=at.length[rows], position=at.position[rows]) for at in self.geometries])
 
 
 def rigid_state(structure: Structure, poses: list[ClosedPose], rows: Array) -> State:

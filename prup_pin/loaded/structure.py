@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernel import Closure
 from ..kinematics import LoopKinematics
 from ..mechanism import Frame, LoopClosure, Mechanism, Module
 from ..spatial import Array
@@ -59,6 +60,7 @@ class Structure:
     first_dof: tuple[int, ...]
     masses: Array  # (joints,) of each joint's body [kg]
     levers: Array  # (joints, 3), their centres in the joint's frame [m]
+    closure: Closure
     free: np.ndarray  # velocity indices
     drives: tuple[tuple[int, int], ...]  # (joint, velocity index)
     modules: tuple[Module, ...]
@@ -128,7 +130,7 @@ def structure_of(layout: StaticsLayout) -> Structure:
     for joint, mass, lever in link_masses(mechanism, set()):
         if joint:
             masses[joint], levers[joint] = mass, lever
-    closures = sum(loop.size for loop in mechanism.loops)
+    closure = Closure(mechanism)
     return Structure(
         layout=layout,
         mechanism=mechanism,
@@ -140,6 +142,7 @@ def structure_of(layout: StaticsLayout) -> Structure:
         first_dof=(0, *(joint.first_v for joint in mechanism.joints)),
         masses=masses,
         levers=levers,
+        closure=closure,
         free=layout.free,
         drives=drives,
         modules=modules,
@@ -153,7 +156,7 @@ def structure_of(layout: StaticsLayout) -> Structure:
         root_inboard=np.array([module.inboard_is_root for module in modules], bool),
         sliding=sliding,
         pushed=pushed,
-        sizes=(len(layout.free), len(drives), 6 * len(modules), closures),
+        sizes=(len(layout.free), len(drives), 6 * len(modules), closure.size),
         **columns,
     )
 

@@ -18,8 +18,8 @@ def turn(rpy) -> np.ndarray:
 def redrawn(source: Path, target: Path, moved: Mapping[str, np.ndarray], mount=None, reverse: bool = False) -> Path:
     """Write a URDF with the frame of each link in `moved` drawn at old_from_new (4, 4).
 
-    A joint's axis is told in its child's axes and follows. `mount` (4, 4) places all that stands on the base in a turned
-    base; `reverse` writes the joints in the opposite order.
+    A joint's axis is told in its child's axes and follows. `mount` (4, 4) places all that stands on the base in a
+    turned base; `reverse` writes the joints in the opposite order.
     """
     root = etree.parse(str(source)).getroot()
     at = {name: np.array(value, float) for name, value in moved.items()}
