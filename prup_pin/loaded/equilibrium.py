@@ -111,8 +111,8 @@ def find_equilibria(
     state, evaluation, converged, steps, count, shared = _newton(
         chain, rigid, state, conditions, rows, shared, _ITERATIONS if by_steps else _FEW
     )
-    free = rigid.border.holds & ~converged
-    if free.any():
+    free = rigid.border.holds & ~converged & (steps < TOLERANCE)
+    if by_steps and free.any():
         # The load may determine what the rigid pose does not: an idle link that hangs, a play that opens.
         loose = replace(rigid, border=rigid.border.without(free))
         part, _, good, size, _, _ = _newton(

@@ -41,6 +41,8 @@ _SMALLEST_STEP = 1e-4
 _MOST_STEPS = 200
 #: Relative accuracy of a critical load, and what is accepted where its neighbourhood cannot be entered.
 _SHARP, _BLUNT = 1e-9, 1e-5
+#: The edge of a path is estimated anew after steps of at least this share of what is left of it.
+_TELLING = 0.1
 #: A load step may not change the derivative by more, or critical loads could hide in it.
 _MUCH = 1.0
 #: Eigenvalues this close to the real axis are real but for rounding.
@@ -487,9 +489,11 @@ def _follow_until(path: _LoadPath, limit: float) -> tuple[float, _Point]:
             before, edge = edge, found.share + way * least**2 / (1 - least**2) if least < 1 else np.inf
             if found.share >= limit:
                 return np.inf, found
+            # Two estimates of the edge say something only if a good part of the way to it lies between them.
+            telling = way > _TELLING * (edge - found.share)
             low, matrix, size = found, after, _GROWTH * size
-        if failed and found is not None and abs(edge - before) < 10 * _SHARP * edge < np.inf:
-            return edge, low
+            if failed and telling and abs(edge - before) < 10 * _SHARP * edge < np.inf:
+                return edge, low
         if failed:
             size = min(size, 0.85 * (edge - low.share))
         if size <= _SHARP * max(low.share, first):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,49 +13,67 @@ from lxml import etree
 from prup_pin.spatial import placement, rotation_rpy
 
 
-def turn(rpy) -> np.ndarray:
-    return placement(rotation_rpy(*rpy), np.zeros(3))
+@dataclass(frozen=True)
+class Drawing:
+    """Another drawing of a robot file.
 
-
-def redrawn(source: Path, target: Path, moved: Mapping[str, np.ndarray], mount=None, reverse: bool = False) -> Path:
-    """Write a URDF with the frame of each link in `moved` drawn at old_from_new (4, 4).
-
-    A joint's axis is told in its child's axes and follows. `mount` (4, 4) places all that stands on the base in a
-    turned base; `reverse` writes the joints in the opposite order.
+    `moved`: old_from_new (4, 4) of links' frames; a joint's axis is told in its child's axes and follows. `ground`
+    (3, 3): the whole robot stands turned on a new ground, gravity with it. `names`: other names of joints.
     """
-    root = etree.parse(str(source)).getroot()
-    at = {name: np.array(value, float) for name, value in moved.items()}
-    for joint in root.iterfind("joint"):
-        parent, child = joint.find("parent").get("link"), joint.find("child").get("link")
-        origin = joint.find("origin")
-        if origin is None:
-            origin = etree.SubElement(joint, "origin")
-        before = at.get(parent, np.eye(4))
-        if mount is not None and parent == "base":
-            before = np.linalg.inv(mount)
-        new = np.linalg.inv(before) @ _pose(origin) @ at.get(child, np.eye(4))
-        _write(origin, new)
-        axis = joint.find("axis")
-        if axis is not None and child in at:
-            values = np.array([float(word) for word in axis.get("xyz").split()]) @ at[child][:3, :3]
-            axis.set("xyz", _words(values))
-    for link in root.iterfind("link"):
-        origin = link.find("inertial/origin")
-        if origin is not None and link.get("name") in at:
-            _write(origin, np.linalg.inv(at[link.get("name")]) @ _pose(origin))
-    if reverse:
-        joints = root.findall("joint")
-        for joint in joints:
-            root.remove(joint)
-        for joint in reversed(joints):
-            root.insert(0, joint)
-    target.write_bytes(etree.tostring(root))
-    return target
+
+    moved: Mapping[str, np.ndarray] = field(default_factory=dict)
+    ground: np.ndarray = field(default_factory=lambda: np.eye(3))
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def write(self, source: Path, folder: Path) -> Path:
+        """Write a URDF and its sidecar, if it has one, drawn this way."""
+        root = etree.parse(str(source)).getroot()
+        for joint in root.iterfind("joint"):
+            ends = [joint.find(end).get("link") for end in ("parent", "child")]
+            before, after = (self.moved.get(link, np.eye(4)) for link in ends)
+            origin = joint.find("origin")
+            if origin is None:
+                origin = etree.SubElement(joint, "origin")
+            _write(origin, np.linalg.inv(before) @ _pose(origin) @ after)
+            axis = joint.find("axis")
+            if axis is not None:
+                axis.set("xyz", _words(_numbers(axis.get("xyz")) @ after[:3, :3]))
+        for link in root.iterfind("link"):
+            origin = link.find("inertial/origin")
+            if origin is not None and link.get("name") in self.moved:
+                _write(origin, np.linalg.inv(self.moved[link.get("name")]) @ _pose(origin))
+        if not np.array_equal(self.ground, np.eye(3)):
+            etree.SubElement(root, "link", name="ground")
+            joint = etree.SubElement(root, "joint", name="mount", type="fixed")
+            etree.SubElement(joint, "parent", link="ground")
+            etree.SubElement(joint, "child", link="base")
+            _write(etree.SubElement(joint, "origin"), placement(self.ground, np.zeros(3)))
+            for gravity in root.iter("gravity"):
+                gravity.set("xyz", _words(self.ground @ _numbers(gravity.get("xyz"))))
+        text = etree.tostring(root).decode()
+        beside = source.with_suffix(".yaml")
+        sidecar = beside.read_text() if beside.exists() else ""
+        for old, new in self.names.items():
+            text, sidecar = (re.sub(rf"\b{old}\b", new, each) for each in (text, sidecar))
+        if sidecar:
+            (folder / "robot.yaml").write_text(sidecar)
+        target = folder / "robot.urdf"
+        target.write_text(text)
+        return target
+
+
+def at(rpy, xyz=(0.0, 0.0, 0.0)) -> np.ndarray:
+    """Return the placement of a frame turned by roll, pitch, yaw and moved."""
+    return placement(rotation_rpy(*rpy), np.asarray(xyz, float))
+
+
+def _numbers(text: str) -> np.ndarray:
+    return np.array([float(word) for word in text.split()])
 
 
 def _pose(origin) -> np.ndarray:
-    xyz, rpy = ([float(word) for word in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
-    return placement(rotation_rpy(*rpy), np.array(xyz))
+    xyz, rpy = (_numbers(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
+    return at(rpy, xyz)
 
 
 def _write(origin, value: np.ndarray) -> None:
