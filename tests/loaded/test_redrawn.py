@@ -191,17 +191,18 @@ def test_answers_do_not_depend_on_the_drawing(tmp_path, as_drawn, machine, drawi
     found = answers(machine, drawing, tmp_path / "robot", gravity)
     assert set(found) == set(expected)
     for name, value in found.items():
-        assert agree(value, expected[name], 1e-9), name
+        assert agree(value, expected[name], 1e-8), name
 
 
 @CASE
 def test_a_small_load_moves_the_tool_as_castigliano_says(tmp_path, machine, drawing):
     robot, pose = drawn(machine, drawing, tmp_path)
     C = robot.compliance(pose).C
-    for wrench in 1e-3 * np.eye(6):
+    for wrench in 0.1 * np.eye(6):
         linear = C @ wrench
         displacement = robot.equilibrium(pose, wrench).displacement
-        assert np.abs(displacement - linear).max() <= 1e-6 * np.abs(linear).max() + 1e-14
+        # The rigid pose itself closes its loops to 1e-12.
+        assert np.abs(displacement - linear).max() <= 2e-5 * np.abs(linear).max() + 1e-12
     assert agree(robot.equilibrium(pose, np.zeros(6)).C, C, 1e-9)
 
 
