@@ -303,7 +303,8 @@ def _with_unknown(
     begin = freed.fit_at((), selection.first.run)
     again = select(freed, selection.library, labels, begin, tell, Budget(BESIDE_WORK))
     beside = problem.fit_at(again.last.terms, again.last.run)
-    if beside.chi2 < WORSE * fit.chi2:  # else what was freed has taken what the others explain
+    # else what was freed has taken what the others explain, or they explain what it alone did
+    if beside.chi2 < WORSE * fit.chi2 and beside.chi2 <= selection.first.chi2:
         around = cross_validated(freed, again.last, labels[again.last.samples])
         kept = [_finding(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
         fit, found = beside, locate(problem, beside) or found

@@ -207,6 +207,18 @@ def test_speeds_of_all_actuators_are_used(clean_bench):
 # -- no verdict contradicts its numbers --------------------------------------------------------------------------------
 
 
+def test_no_finding_makes_it_worse():
+    """An arm that yields in every joint: some joint takes part of it, and no law beside that may add to the rest."""
+    robot = prup_pin.load("ur5", joint_stiffness=1e4)
+    diagnosis = diagnose(robot, lifted(bench_of(robot)))
+    finding = the_unknown(diagnosis)
+    assert finding.location in robot.mechanism.actuated
+    assert finding.curve is not None
+    assert diagnosis.findings == (finding,)
+    # what is before is linear: the deformed position accounts for a little
+    assert diagnosis.after["fit"] < 1.001 * diagnosis.before["fit"]
+
+
 def test_peace_has_no_residual_before_either(diagnosed, diagnosed_strange):
     for _, _, diagnosis in (diagnosed, diagnosed_strange):
         count = 6 * len(diagnosis.samples)
