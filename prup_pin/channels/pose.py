@@ -85,6 +85,7 @@ class PoseChannel(Channel):
             return moved
         frame, placements = self.frame, at.first.found.evaluation.placements
         true = placements[:, frame.joint] @ frame.placement
-        before = at.setup.reported(true[:, :3, 3], true[:, :3, :3])
-        after = setup.reported(true[:, :3, 3] + moved[:, :3], rotation_exp(moved[:, 3:]) @ true[:, :3, :3])
+        before = at.setup.reported(true[:, :3, 3], true[:, :3, :3], frame.name)
+        turned = rotation_exp(moved[:, 3:]) @ true[:, :3, :3]
+        after = setup.reported(true[:, :3, 3] + moved[:, :3], turned, frame.name)
         return np.concatenate((after[0] - before[0], rotation_log(after[1] @ before[1].mT)), axis=1)

@@ -33,6 +33,8 @@ class Setup:
     strains: dict[str, list[Strain]] = field(default_factory=dict)
     resistances: list[JointResistance] = field(default_factory=list)
     remembered: list[RememberedStrain] = field(default_factory=list)
+    offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,)
+    mass_factors: dict[int, float] = field(default_factory=dict)  # of the joints' bodies
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
     reports: list[PoseReport] = field(default_factory=list)
@@ -90,10 +92,21 @@ class Setup:
             spread_weight=self.spread_weight,
             strains={name: Strains(item.take(samples) for item in items) for name, items in self.strains.items()},
             actuators=travel if np.any(travel) else None,
+            offsets=dict(self.offsets),
+            mass_factors=self._masses(),
         )
 
-    def reported(self, position: Array, rotation: Array) -> tuple[Array, Array]:
-        """Return what the pose sensor makes of true poses, (N, 3) [m] and (N, 3, 3)."""
+    def _masses(self) -> Array | None:
+        """Return the factors of all joints' bodies, (joints,); None where the masses are the robot file's."""
+        if not self.mass_factors:
+            return None
+        factors = np.ones(self.mechanism.model.njoints)
+        factors[list(self.mass_factors)] = list(self.mass_factors.values())
+        return factors
+
+    def reported(self, position: Array, rotation: Array, frame: str) -> tuple[Array, Array]:
+        """Return what the pose sensor makes of true poses of a frame, (N, 3) [m] and (N, 3, 3)."""
         for report in self.reports:
-            position, rotation = report.reported(position, rotation)
+            if report.frame in (None, frame):
+                position, rotation = report.reported(position, rotation)
         return position, rotation

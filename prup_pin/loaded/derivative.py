@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism import Frame
 from ..spatial import Array, base_wrench_from_point, skew
-from .residual import Evaluation, ModuleLoads
+from .residual import Evaluation, ModuleLoads, masses_of
 from .rod import LoadedRod
 from .state import Conditions, State
 from .structure import Structure
@@ -121,18 +121,20 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
         right += [first[:, None] * screws, second[:, None] * screws]
     seen += np.concatenate(left, axis=-1) @ np.concatenate(right, axis=-1).mT
     if conditions.gravity is not None:
-        seen += _weight_seen(structure, at, observers, conditions.gravity)
+        seen += _weight_seen(structure, at, observers, conditions)
     return seen
 
 
-def _weight_seen(structure: Structure, at: Evaluation, observers: Array, gravity: Array) -> Array:
+def _weight_seen(structure: Structure, at: Evaluation, observers: Array, conditions: Conditions) -> Array:
     """Return what observers see more of the bodies' weights as these move, (N, k, k)."""
     screws, joint, above = at.screws, structure.column_joint, structure.above
-    mass = structure.support @ structure.masses
+    masses = masses_of(structure, conditions)
+    mass = structure.support @ masses
     centres = (at.placements[..., :3, :3] @ structure.levers[:, :, None])[..., 0] + at.placements[..., :3, 3]
-    first = structure.support @ (structure.masses[:, None] * centres)
+    first = structure.support @ (masses[:, None] * centres)
     form = np.zeros((len(screws), structure.count, 6, 6))
-    g = skew(gravity)
+    assert conditions.gravity is not None
+    g = skew(conditions.gravity)
     form[..., 3:, :3] = -mass[:, None, None] * g
     form[..., 3:, 3:] = g @ skew(first)
     column = form[:, joint]

@@ -22,7 +22,7 @@ from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced"]
+__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "masses_of"]
 
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
 _UNBALANCED, _OPEN = 1e-6, 1e-8
@@ -142,7 +142,8 @@ def _placed(structure: Structure, state: State, conditions: Conditions) -> tuple
         fixed = structure.fixed[joint]
         if joint in conditions.offsets:
             fixed = fixed.copy()
-            fixed[:3, 3] += conditions.offsets[joint]
+            fixed[:3, 3] += conditions.offsets[joint][:3]
+            fixed[:3, :3] = fixed[:3, :3] @ rotation_exp(conditions.offsets[joint][3:])
         moving[:, joint] = at @ (fixed @ state.joints[:, joint])
         placements[:, joint] = through(moving[:, joint], structure.outboard_side[joint])
     return placements, moving, ModuleFrames(inboard, deformed, turn, rotation_tangent(state.strain[..., 3:]))
@@ -193,11 +194,16 @@ def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopFo
         bodies[:, loop.second.joint] += loops.wrench[:, index]
         bodies[:, loop.first.joint] -= loops.wrench[:, index]
     if conditions.gravity is not None:
-        weight = structure.masses[:, None] * conditions.gravity
+        weight = masses_of(structure, conditions)[:, None] * conditions.gravity
         centres = (placements[:, :, :3, :3] @ structure.levers[:, :, None])[..., 0] + placements[:, :, :3, 3]
         bodies[..., :3] += weight
         bodies[..., 3:] += np.cross(centres, weight)
     return (structure.support @ bodies.reshape(n, structure.count, 6)).reshape(n, structure.count, 6)
+
+
+def masses_of(structure: Structure, conditions: Conditions) -> Array:
+    """Return the masses of the joints' bodies [kg], (joints,)."""
+    return structure.masses if conditions.mass_factors is None else structure.masses * conditions.mass_factors
 
 
 def _module_loads(structure: Structure, frames: ModuleFrames, carried: Array) -> ModuleLoads:

@@ -21,8 +21,9 @@ class Conditions:
     along their length (else links are weighed as rigid bodies); `torques` (N, free joints), resisting force or torque
     along each free joint (friction); `strains` gives a module's deformation beyond its own law: by its name a function
     of its load (N, k) that returns the deformation (N, k) and its derivative (N, k, k); `actuators` (N, actuated
-    joints) is added to the positions of the pose; `offsets` moves the origin of joints, by joint id, (3,) in the axes
-    of the parent's frame.
+    joints) is added to the positions of the pose; `offsets` moves the drawn place of joints, by joint id: (6,), a
+    translation in the axes of the parent's frame and a rotation vector in the joint's own; `mass_factors` (joints,)
+    multiplies the masses of the joints' bodies.
     """
 
     wrench: Array
@@ -32,6 +33,7 @@ class Conditions:
     strains: dict = field(default_factory=dict)
     actuators: Array | None = None
     offsets: dict = field(default_factory=dict)
+    mass_factors: Array | None = None
 
     def take(self, rows) -> Conditions:
         """Return the conditions of some samples."""

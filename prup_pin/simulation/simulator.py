@@ -75,7 +75,7 @@ class Run:
         placements = self.equilibria.evaluation.placements[good][:, frame.joint] @ frame.placement
         position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         position[self.samples[good]], rotation[self.samples[good]] = placements[:, :3, 3], placements[:, :3, :3]
-        return self.setup.reported(position, rotation)
+        return self.setup.reported(position, rotation, frame.name)
 
     @property
     def memory(self) -> Memory:

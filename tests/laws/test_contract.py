@@ -171,7 +171,7 @@ def outcome(effects):
         name: sum(strain(load[:, : wide[name]])[0] for strain in strains) for name, strains in setup.strains.items()
     }
     seen = np.zeros((len(load), 3)), np.broadcast_to(np.eye(3), (len(load), 3, 3))
-    seen = setup.reported(*seen)
+    seen = setup.reported(*seen, "tool")
     modules = {module.name: module for module in setup.mechanism.modules}
     values = {  # without those that are what the robot file says
         name: value

@@ -4,12 +4,12 @@ A deed of a new kind: a final class in a file of its own, and one line in `DEEDS
 """
 
 from .deed import BLOCK, RUN, Deed, History, Moment, Solved
-from .load import ToolLoad, Weight, WrenchReading
+from .load import ScaledMass, ToolLoad, Weight, WrenchReading
 from .remembered import RememberedStrain
 from .report import PoseReport
 from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
-from .travel import ChangedLength, Travel
+from .travel import ChangedLength, MovedJoint, Travel
 from .value import ChangedValue
 
 #: Every kind, in the order in which their first-order effects are added up.
@@ -22,7 +22,9 @@ DEEDS: tuple[type[Deed], ...] = (
     JointResistance,
     RememberedStrain,
     Weight,
+    ScaledMass,
     ChangedLength,
+    MovedJoint,
     PoseReport,
 )
 
@@ -38,8 +40,10 @@ __all__ = [
     "History",
     "JointResistance",
     "Moment",
+    "MovedJoint",
     "PoseReport",
     "RememberedStrain",
+    "ScaledMass",
     "Solved",
     "Strain",
     "Strains",

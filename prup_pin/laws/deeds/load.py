@@ -16,7 +16,7 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["ToolLoad", "Weight", "WrenchReading"]
+__all__ = ["ScaledMass", "ToolLoad", "Weight", "WrenchReading"]
 
 #: Share of the weight by which its effect is differentiated.
 _LIGHT = 1e-3
@@ -81,6 +81,41 @@ class Weight(Deed):
                 change = sign * share * whole
                 total = change if total is None else total + change
         return total
+
+
+@dataclass(frozen=True)
+class ScaledMass(Deed):
+    """The body of a joint weighs `factor` times what the robot file says, where weight acts."""
+
+    joint: str
+    factor: float
+
+    def enter(self, setup: Setup) -> None:
+        index = setup.mechanism.joint(self.joint).id
+        setup.mass_factors[index] = self.factor * setup.mass_factors.get(index, 1.0)
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        new, old = setup.mass_factors, at.setup.mass_factors
+        if new == old or not at.setup.weight:
+            return None
+        total: Array | None = None
+        for index in {**new, **old}:
+            step = new.get(index, 1.0) - old.get(index, 1.0)
+            if step:
+                change = step * at.first.once(("mass", index), partial(_by_mass, at, index))
+                total = change if total is None else total + change
+        return total
+
+
+def _by_mass(at: Solved, joint: int) -> Array:
+    """Return what is watched by the whole weight of a joint's body, (n, R)."""
+    wrench = at.setup.inputs.wrench[at.samples]
+    gravity = at.setup.weight * at.setup.mechanism.gravity
+    alone = np.zeros(at.setup.mechanism.model.njoints)
+    alone[joint] = _LIGHT
+    none = Conditions(wrench, gravity, mass_factors=np.zeros_like(alone))
+    return at.first.by_conditions(none, Conditions(wrench, gravity, mass_factors=alone)) / _LIGHT
 
 
 def _by_weight(at: Solved, spread: bool) -> Array:

@@ -19,10 +19,12 @@ __all__ = ["PoseReport"]
 class PoseReport(Deed):
     """The pose sensor makes `reported(position, rotation)` of a true pose, (N, 3) [m] and (N, 3, 3).
 
-    It moves no part of the robot; channels pass their poses through all reports in their order.
+    Of the frame of that name, or of all. It moves no part of the robot; channels pass their poses through all reports
+    in their order.
     """
 
     reported: Callable[[Array, Array], tuple[Array, Array]]
+    frame: str | None = None
 
     def enter(self, setup: Setup) -> None:
         setup.reports.append(self)
