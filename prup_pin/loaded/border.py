@@ -145,10 +145,10 @@ def left_solved(matrix: Array, border: Border, rows: Array) -> Array:
 
 def _scaled(matrix: Array) -> tuple[Array, Array, Array]:
     """Return matrices whose rows and columns have a largest entry of 1, and the factors that were divided out."""
-    rows = np.abs(matrix).max(axis=2, keepdims=True)
+    rows = np.abs(matrix).max(axis=2, keepdims=True, initial=0.0)
     rows = np.where(rows > 0, rows, 1.0)
     scaled = matrix / rows
-    columns = np.abs(scaled).max(axis=1, keepdims=True)
+    columns = np.abs(scaled).max(axis=1, keepdims=True, initial=0.0)
     columns = np.where(columns > 0, columns, 1.0)
     return scaled / columns, rows, columns
 
