@@ -1,0 +1,38 @@
+"""Links between the pages lead somewhere."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from .carried_out import ROOT
+
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+_LINK = re.compile(r"(?<!`)\[[^\]]*\]\(([^)\s]+)\)")
+_FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """Return what a page's headings are called in links, as GitHub does it."""
+    headings = re.findall(r"^#+ +(.*)$", _FENCE.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_relative_link_leads_to_a_file_and_a_heading(page):
+    for target in _LINK.findall(_FENCE.sub("", page.read_text(encoding="utf-8"))):
+        if re.match(r"\w+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        there = (page.parent / path).resolve() if path else page
+        assert there.exists(), f"{page.name}: {target} is not there"
+        if anchor:
+            assert anchor in anchors(there), f"{page.name}: {target}: {there.name} has no such heading"
+
+
+def test_links_are_found():
+    """The pattern sees links and pictures, and nothing in blocks of code."""
+    assert _LINK.findall("see [a page](a.md#b) and ![one](c.png)") == ["a.md#b", "c.png"]
+    found = [link for page in PAGES for link in _LINK.findall(_FENCE.sub("", page.read_text(encoding="utf-8")))]
+    assert len(found) > 30
+    assert any("#" in link for link in found)
