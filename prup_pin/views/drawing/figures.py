@@ -18,7 +18,7 @@ from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, best_camera, hull
 from ..scene.elastic import Deflections, nice_below
 from ..scene.skeleton import Skeleton, skeleton
-from ..text.answer import Answer, wrench_text
+from ..text.answer import Answer, ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
 from .drawing import Drawing, Labels
@@ -348,7 +348,7 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
     answer = Answer(compliance, wrench)
     if answer.shares is None:
         raise InputError("this load deflects nothing, so there are no shares to draw")
-    shares = dict(sorted(answer.shares.items(), key=lambda item: -item[1]))
+    shares = {name: answer.shares[name] for name in ranked(answer.shares)}
     shown = {name: share for name, share in shares.items() if share >= 5e-4}
     shown = dict(list(shown.items())[:24])
     rest = [name for name in shares if name not in shown]

@@ -23,7 +23,7 @@ from ...kinematics import ClosedPose
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
-from ..text.answer import Answer
+from ..text.answer import Answer, ranked
 from ..text.joints import clean, pose_text
 from ..text.quantities import fixed, length_text, number, workshop_text
 from ..text.tables import (
@@ -264,7 +264,7 @@ def _words(name: str) -> str:
 
 def _softest_names(answer: Answer) -> list[str]:
     shares = {name: share for name, share in (answer.shares or {}).items() if share > 1e-6}
-    return sorted(shares, key=lambda name: -shares[name])[:SOFTEST]
+    return ranked(shares)[:SOFTEST]
 
 
 def _levers(robot: Robot, answer: Answer) -> list[dict[str, str]]:

@@ -13,7 +13,7 @@ from ...mechanism import Module
 from ...robot import Robot
 from ...spatial import Array, as_wrench, axis_as_z, placement
 from ...statics import Compliance
-from ..text.answer import wrench_text
+from ..text.answer import ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
 from .camera import best_camera
@@ -455,12 +455,12 @@ class Painter:
             turned = "does not turn" if rigid else f"turns {number(angle * 1e3, 3)} mrad"
             if not headline:
                 lines.append(f"The tool moves {moved_text} and {turned}; drawn {number(scale or 0, 3)} times larger")
-            ranked = sorted(shares, key=lambda name: -shares[name])
-            shown = ranked[:6]
+            names = ranked(shares)
+            shown = names[:6]
             rows = [Row(map_colour(shares[name] / top), name, f"{100 * shares[name]:.1f} %") for name in shown if top]
-            rest = 100 * sum(shares[name] for name in ranked[6:])
-            if len(ranked) > 6:
-                rows.append(Row("", f"{len(ranked) - 6} others", f"{rest:.1f} %"))
+            rest = 100 * sum(shares[name] for name in names[6:])
+            if len(names) > 6:
+                rows.append(Row("", f"{len(names) - 6} others", f"{rest:.1f} %"))
             signs += [
                 Row(GHOST, "see-through: without load", sign="ghost"),
                 Row(LOAD, "load on the tool", sign="line"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,10 @@ from ...spatial import WRENCH_NAMES, Array, as_wrench
 from ...statics import Compliance
 from .quantities import number
 
-__all__ = ["Answer", "Load", "softest_load", "wrench_text"]
+__all__ = ["Answer", "Load", "ranked", "softest_load", "wrench_text"]
+
+#: Decimals of a share that are more than rounding.
+_SHARE_DIGITS = 9
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,14 @@ def wrench_text(wrench: Array) -> str:
         if value
     ]
     return ", ".join(parts) or "no load"
+
+
+def ranked(shares: Mapping[str, float]) -> list[str]:
+    """Return the names, the largest share first.
+
+    Shares that differ by rounding alone (mirrored legs, parts that carry nothing) stay as the robot file has them.
+    """
+    return sorted(shares, key=lambda name: -round(shares[name], _SHARE_DIGITS))
 
 
 class Answer:

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from ...robot import Robot
 from ...spatial import TWIST_NAMES
-from .answer import Answer
+from .answer import Answer, ranked
 from .joints import clean, pose_text
 from .quantities import fixed, number, value_text
 from .tables import (
@@ -120,7 +120,7 @@ def _print_shares(out: Console, answer: Answer) -> None:
     )
     table = make_table(("module", "left"), ("", "left"), ("%", "right"), (unit, "right"))
     shares = answer.shares
-    names = sorted(shares, key=lambda name: -shares[name])
+    names = ranked(shares)
     largest = max(shares.values())
     amounts = fixed([answer.contributions[name] * 1e6 for name in names])
     for name, amount in zip(names, amounts, strict=True):
