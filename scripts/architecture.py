@@ -85,12 +85,14 @@ def arrows(rooms: dict[str, set[str]]) -> list[tuple[str, str]]:
 
 
 def described(rooms: dict[str, set[str]]) -> str:
-    """Return all imports as the picture carries them: 'kernel: errors, mechanism, spatial; …'."""
-    return "; ".join(f"{room}: {', '.join(sorted(others)) or 'nothing'}" for room, others in sorted(rooms.items()))
+    """Return rooms and arrows as the picture carries them: 'kernel: mechanism; …'."""
+    drawn = arrows(rooms)
+    ends = {room: ", ".join(other for start, other in drawn if start == room) for room in sorted(rooms)}
+    return "; ".join(f"{room}: {others or 'no arrow'}" for room, others in ends.items())
 
 
 def carried() -> str:
-    """Return the imports of which the picture in docs/pictures was drawn."""
+    """Return the rooms and arrows of the picture in docs/pictures."""
     tree = ElementTree.parse(OUT / "architecture.svg")
     found = tree.find(".//{http://purl.org/dc/elements/1.1/}description")
     return "" if found is None else str(found.text)
@@ -193,7 +195,7 @@ def _draw_road(axes, left: float, row: float, title: str, lines: Sequence[str], 
 
 
 def draw() -> None:
-    """Write the picture as PNG and as SVG; the SVG carries all imports as its description."""
+    """Write the picture as PNG and as SVG; the SVG carries rooms and arrows as its description."""
     rooms = room_imports()
     figure = picture(rooms)
     OUT.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
-from .modules_at import bush_of, joint_places, twisting_beams
+from .modules_at import bush_of, joint_at, joint_places, twisting_beams
 from .setup import Setup
 
 
@@ -34,8 +34,7 @@ class CoulombFriction(Law):
         return [Place(name) for name in joint_places(mechanism)]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        joint = joint_places(mechanism)[place.name]
-        if not mechanism.joint(joint).slides:
+        if not joint_at(place.name, mechanism).slides:
             return self.quantities
         return (
             Quantity("limit", "N", "force at which it slides", 5.0, upper=1e4),
@@ -47,14 +46,13 @@ class CoulombFriction(Law):
         return [base, {**base, "limit": 4 * base["limit"]}]
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        joint = joint_places(mechanism)[place.name]
-        return bush_of(joint, mechanism) if mechanism.joint(joint).slides else ()
+        return bush_of(joint_at(place.name, mechanism), mechanism)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        joint = joint_places(setup.mechanism)[place.name]
+        joint = joint_at(place.name, setup.mechanism)
         yield from twisting_beams(setup)
-        yield JointResistance(joint, values["limit"], values["presliding_stiffness"])
+        yield JointResistance(joint.name, values["limit"], values["presliding_stiffness"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "N" if mechanism.joint(joint_places(mechanism)[place.name]).slides else "N m"
+        unit = "N" if joint_at(place.name, mechanism).slides else "N m"
         return f"the joint at {place.name} sticks and slips: it slides at {values['limit']:.3g} {unit}"

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import pinocchio as pin
 
-from ..mechanism import Mechanism, Module
+from ..mechanism import Joint, Mechanism, Module
 from ..modules import DriveModule
 from ..spatial import Array
 from .deeds import ChangedValue, Deed
@@ -116,6 +116,11 @@ def joint_places(mechanism: Mechanism) -> dict[str, str]:
     return found
 
 
+def joint_at(place: str, mechanism: Mechanism) -> Joint:
+    """Return the free joint of a place."""
+    return mechanism.joint(joint_places(mechanism)[place])
+
+
 def actuator_places(mechanism: Mechanism) -> dict[str, int]:
     """Return the actuated joints' columns by the place of their encoder: the motor module, else the joint."""
     found: dict[str, int] = {}
@@ -150,13 +155,12 @@ def drive_of(place: str, mechanism: Mechanism) -> list[str]:
     ]
 
 
-def bush_of(joint: str, mechanism: Mechanism) -> list[str]:
+def bush_of(own: Joint, mechanism: Mechanism) -> list[str]:
     """Return the modules of the joint that shares a slide's bush: it turns about the line that the slide follows."""
     model = mechanism.model
-    own = mechanism.joint(joint)
     parent = int(model.parents[own.id])
     fixed = model.jointPlacements[own.id]
-    if not parent or own.nv != 1 or mechanism.joint(parent).nv != 1 or np.linalg.norm(fixed.translation) > 1e-9:
+    if not own.slides or not parent or mechanism.joint(parent).nv != 1 or np.linalg.norm(fixed.translation) > 1e-9:
         return []
     if abs(abs(float(fixed.rotation @ own.axis @ mechanism.joint(parent).axis)) - 1) > 1e-9:
         return []

@@ -9,7 +9,7 @@ from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
-from .modules_at import bush_of, joint_places, twisting_beams
+from .modules_at import bush_of, joint_at, joint_places, twisting_beams
 from .setup import Setup
 
 
@@ -25,20 +25,17 @@ class ViscousFriction(Law):
         return [Place(name) for name in joint_places(mechanism)]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        if not mechanism.joint(joint_places(mechanism)[place.name]).slides:
+        if not joint_at(place.name, mechanism).slides:
             return self.quantities
         return (Quantity("damping", "N s/m", "force per speed", 1e4, upper=1e9),)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        joint = joint_places(mechanism)[place.name]
-        return bush_of(joint, mechanism) if mechanism.joint(joint).slides else ()
+        return bush_of(joint_at(place.name, mechanism), mechanism)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        joint = joint_places(setup.mechanism)[place.name]
         yield from twisting_beams(setup)
-        yield JointResistance(joint, damping=values["damping"])
+        yield JointResistance(joint_at(place.name, setup.mechanism).name, damping=values["damping"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        slides = mechanism.joint(joint_places(mechanism)[place.name]).slides
-        unit = "N s/m" if slides else "N m s/rad"
+        unit = "N s/m" if joint_at(place.name, mechanism).slides else "N m s/rad"
         return f"the joint at {place.name} resists its speed, by {values['damping']:.3g} {unit}"

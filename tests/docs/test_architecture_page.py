@@ -66,12 +66,13 @@ def test_the_picture_is_of_the_present_imports(architecture):
 
 def test_a_new_import_is_noticed(architecture, monkeypatch):
     rooms = room_imports()
-    new = {**rooms, "kernel": rooms["kernel"] | {"modules"}}
-    assert new != rooms
+    assert "modules" not in rooms["robots"]
+    new = {**rooms, "robots": rooms["robots"] | {"modules"}}
     monkeypatch.setattr(architecture, "room_imports", lambda: new)
     told = architecture.check()
     assert "draw it again" in told
-    assert "+ kernel: errors, mechanism, modules, spatial" in told
+    assert "- robots: no arrow\n" in told
+    assert told.endswith("+ robots: modules")
 
 
 def test_what_the_picture_cannot_show_is_an_error(architecture):

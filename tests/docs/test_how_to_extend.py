@@ -1,8 +1,18 @@
 """The pages on extending the package, word for word."""
 
+import re
+
 import pytest
 
-from .carried_out import carry_out, python
+from prup_pin.laws.deeds import DEEDS
+
+from .carried_out import ROOT, carry_out, python
+
+
+def test_every_kind_of_deed_is_told():
+    page = (ROOT / "docs" / "add_a_law.md").read_text(encoding="utf-8")
+    table = page.partition("| deed | what it does |")[2].partition("\n\n")[0]
+    assert set(re.findall(r"`([A-Z]\w+)\([^`]*\)`", table)) == {deed.__name__ for deed in DEEDS}
 
 
 def contract(folder, *arguments):
