@@ -13,7 +13,7 @@ import numpy as np
 
 from ..kinematics import ClosedPose
 from ..spatial import Array
-from .border import inverted, left_solved
+from .border import inverted
 from .chain import Chain
 from .residual import Evaluation
 from .rigid_samples import RigidSamples
@@ -70,10 +70,6 @@ class Equilibria:
     def bordered(self) -> Array:
         """Return the same with the border of what no equation determines, (N, m + k, m + k)."""
         return self.rigid.border.around(self.matrix())
-
-    def left_solved(self, rows: Array) -> Array:
-        """Return rows (N, r, m) times the inverse of every sample's own derivative, (N, r, m)."""
-        return left_solved(self.matrix(), self.rigid.border, rows)
 
     def tangent_compliance(self) -> Array:
         """Return d(tool's displacement)/d(wrench) at the equilibrium, (N, 6, 6), geometric stiffness included."""

@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..mechanism import Frame
 from ..spatial import Array, rotation_log
+from .border import left_solved
 from .equilibrium import Equilibria
 from .state import Conditions, State
 
@@ -58,13 +59,13 @@ class FirstOrder:
     @cached_property
     def matrix(self) -> Array:
         """d(equations)/d(unknowns), (n, m, m)."""
-        return self.chain.matrix(self.found.state, self.found.evaluation, self.found.conditions)
+        return self.found.matrix()
 
     @cached_property
     def by_row(self) -> Array:
         """Minus what is watched per residual of the equations, (n, R, m)."""
         columns = [self.chain.frame_columns(self.found.evaluation, frame) for frame in self.frames]
-        return self.found.left_solved(np.concatenate(columns, axis=1))
+        return left_solved(self.matrix, self.found.rigid.border, np.concatenate(columns, axis=1))
 
     @cached_property
     def by_wrench(self) -> Array:
@@ -93,7 +94,7 @@ class FirstOrder:
         def compute() -> Array:
             rows = np.zeros((len(self), len(places), self.matrix.shape[-1]))
             rows[:, np.arange(len(places)), list(places)] = 1.0
-            return self.found.left_solved(rows)[:, :, list(places)]
+            return left_solved(self.matrix, self.found.rigid.border, rows)[:, :, list(places)]
 
         return self.once(("joints", places), compute)
 
