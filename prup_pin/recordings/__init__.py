@@ -11,14 +11,18 @@ from .plan import (
     write_plan,
 )
 from .problems import KeyProblem, TableProblem
-from .reader import read_recording
+from .reader import read_recording, read_tolerances
 from .recording import Noise, Recording
 from .suspicions import suspicions
+from .tolerances import KINDS_OF_TOLERANCE, TYPICAL, KindOfTolerance, Tolerances
 from .writer import write_prediction, write_recording
 
 __all__ = [
+    "KINDS_OF_TOLERANCE",
+    "TYPICAL",
     "ActuatorPose",
     "KeyProblem",
+    "KindOfTolerance",
     "LoadProgramme",
     "Noise",
     "RandomPoses",
@@ -26,9 +30,11 @@ __all__ = [
     "TableProblem",
     "TaskPose",
     "TestPlan",
+    "Tolerances",
     "add_noise",
     "read_plan",
     "read_recording",
+    "read_tolerances",
     "suspicions",
     "write_plan",
     "write_prediction",

@@ -7,7 +7,7 @@ import io
 import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +29,11 @@ from .columns import (
 )
 from .problems import KeyProblem, Problems, TableProblem, is_number, json_kind, read_bytes, read_json_object, shown
 from .recording import Noise, Recording
+from .tolerances import KINDS_OF_TOLERANCE, Tolerances
 
 #: Keys of the JSON beside the table.
-KEYS = ("robot", *NOISE_KEYS, "notes")
+KEYS = ("robot", *NOISE_KEYS, "tolerances", "notes")
+_TOLERANCES = {kind.name: kind for kind in KINDS_OF_TOLERANCE}
 #: Rows that the careful reader holds as text at a time.
 _CHUNK = 20_000
 _EXPECTED = "a table of comma-separated values (.csv) with one header row"
@@ -51,6 +53,17 @@ class _Table:
     blank: Sequence[int] = ()
 
 
+@dataclass
+class _Beside:
+    """What the JSON file beside the table says."""
+
+    noise: Noise = field(default_factory=Noise)
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    robot: str | None = None
+    notes: str = ""
+    remarks: list[str] = field(default_factory=list)
+
+
 def read_recording(path: str | Path) -> Recording:
     """Return the recording of a CSV file and of the JSON file of the same stem beside it, if there is one.
 
@@ -65,9 +78,9 @@ def read_recording(path: str | Path) -> Recording:
     header = _header(content, problems)
     table = _fast(content, header) or _careful(content, header, problems)
     _check(table, header, problems)
-    noise, robot, notes, remarks = _beside(path, problems)
+    beside = _beside(path, problems)
     problems.raise_all()
-    return _recording(path, header, table, noise, robot, notes, remarks)
+    return _recording(path, header, table, beside)
 
 
 def _text(content: bytes, problems: Problems) -> bytes:
@@ -390,12 +403,13 @@ def _check(table: _Table, header: Sequence[str], problems: Problems) -> None:
     problems.cells("time", "not increasing", sorted(places))
 
 
-def _beside(path: Path, problems: Problems) -> tuple[Noise, str | None, str, list[str]]:
-    """Return noise, robot, notes and remarks from the JSON file beside the table."""
+def _beside(path: Path, problems: Problems) -> _Beside:
+    """Return what the JSON file beside the table says, with remarks."""
     beside = path.with_suffix(".json")
     if not beside.exists():
-        return Noise(), None, "", [f"There is no {beside.name} beside the table: the noise is not declared."]
+        return _Beside(remarks=[f"There is no {beside.name} beside the table: the noise is not declared."])
     remarks = []
+    tolerances = Tolerances()
     content = read_bytes(beside, "a JSON object", (".json",))
     values = read_json_object(content, beside, problems)
     noise = {}
@@ -404,6 +418,8 @@ def _beside(path: Path, problems: Problems) -> tuple[Noise, str | None, str, lis
             checked = noise_value(key, value, problems, beside.name)
             if checked is not None:
                 noise[NOISE_KEYS[key]] = checked
+        elif key == "tolerances":
+            tolerances = tolerances_value(value, problems, beside.name, f"{key}.")
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes"):
@@ -415,8 +431,9 @@ def _beside(path: Path, problems: Problems) -> tuple[Noise, str | None, str, lis
                 f"{beside.name}: the unknown key '{shown(key)}' is ignored. {nearest_names(shown(key), KEYS)}"
             )
     robot, notes = values.get("robot"), values.get("notes")
-    return (
+    return _Beside(
         Noise(**noise),
+        tolerances,
         robot if isinstance(robot, str) else None,
         notes if isinstance(notes, str) else "",
         remarks,
@@ -435,15 +452,44 @@ def noise_value(key: str, value: object, problems: Problems, file: str, at: str 
     return float(value)
 
 
-def _recording(
-    path: Path,
-    header: Sequence[str],
-    table: _Table,
-    noise: Noise,
-    robot: str | None,
-    notes: str,
-    remarks: Sequence[str],
-) -> Recording:
+def read_tolerances(path: str | Path) -> Tolerances:
+    """Return the tolerances of a JSON file: those under its key `tolerances`, as beside a recording, or its own keys.
+
+    Raises RecordingFileError with all that is wrong.
+    """
+    path = Path(path)
+    problems = Problems(path)
+    values = read_json_object(read_bytes(path, "a JSON object of tolerances", (".json",)), path, problems)
+    within = "tolerances" in values
+    found = tolerances_value(values["tolerances"] if within else values, problems, path.name, "tolerances." * within)
+    if not found.declared and not problems:
+        problems.add(KeyProblem(f"declares no tolerance; expected some of {', '.join(_TOLERANCES)}", None, path.name))
+    problems.raise_all()
+    return found
+
+
+def tolerances_value(values: object, problems: Problems, file: str, at: str = "") -> Tolerances:
+    """Return the tolerances of a JSON object; what is wrong is added, and a wrong one left out."""
+    if values is None:
+        return Tolerances()
+    if not isinstance(values, dict):
+        problems.add(KeyProblem(f"is {json_kind(values)}; expected an object", None, file, key=at.rstrip(".")))
+        return Tolerances()
+    found = {}
+    for key, value in values.items():
+        place = f"{at}{shown(key)}"
+        if key not in _TOLERANCES:
+            near = nearest_names(shown(key), list(_TOLERANCES))
+            problems.add(KeyProblem(f"no tolerance has this name. {near}", None, file, key=place))
+        elif value is not None:
+            if wrong := _TOLERANCES[key].wrong(value):
+                problems.add(KeyProblem(f"is {json_kind(value)}; {wrong}", None, file, key=place))
+            else:
+                found[key] = float(value)
+    return Tolerances(**found)
+
+
+def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside) -> Recording:
     n = len(table.lines)
     numbers = table.numbers
     groups: dict[str, dict[str, Array]] = {group: {} for group in JOINT_GROUPS.values()}
@@ -475,12 +521,13 @@ def _recording(
         temperature=numbers.get("temperature"),
         run=np.zeros(n, np.int64) if table.run is None else table.run,
         run_names=table.run_names,
-        noise=noise,
-        robot=robot,
-        notes=notes,
+        noise=beside.noise,
+        tolerances=beside.tolerances,
+        robot=beside.robot,
+        notes=beside.notes,
         path=str(path),
         ignored=tuple(name for name in header if name != "run" and not is_known(name)),
-        remarks=(*_remarks(header, numbers, table.blank), *remarks, *_undeclared(numbers, noise)),
+        remarks=(*_remarks(header, numbers, table.blank), *beside.remarks, *_undeclared(numbers, beside.noise)),
         **groups,
     )
 

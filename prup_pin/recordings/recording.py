@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UnknownNameError
 from ..spatial import WRENCH_NAMES, Array
+from .tolerances import Tolerances
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
 STANDSTILL = 1e-5
@@ -47,7 +48,7 @@ class Recording:
     markers: frame name -> (N, 3) position in the base frame [m].
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
-    noise, robot, notes: what the JSON file beside the table says.
+    noise, tolerances, robot, notes: what the JSON file beside the table says.
     path: the file that was read, or ''. ignored: its columns that the format does not know.
     remarks: sentences for a person, on what is absent or was ignored.
     """
@@ -66,6 +67,7 @@ class Recording:
     run: NDArray[np.int64] = None  # type: ignore[assignment]  # becomes zeros
     run_names: tuple[str, ...] = ("",)
     noise: Noise = field(default_factory=Noise)
+    tolerances: Tolerances = field(default_factory=Tolerances)
     robot: str | None = None
     notes: str = ""
     path: str = ""

@@ -27,7 +27,7 @@ _CHUNK = 20_000
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
-    """Write a recording as CSV, and noise, robot and notes as JSON of the same stem beside it.
+    """Write a recording as CSV, and noise, tolerances, robot and notes as JSON of the same stem beside it.
 
     Only columns that exist are written. Both files are replaced as a whole or not at all; a JSON file that was there
     before never stays, because it would speak of another table.
@@ -54,6 +54,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     for key, name in NOISE_KEYS.items():
         if getattr(recording.noise, name) is not None:
             beside[key] = float(getattr(recording.noise, name))
+    if recording.tolerances.declared:
+        beside["tolerances"] = {name: float(value) for name, value in recording.tolerances.declared.items()}
     if recording.notes:
         beside["notes"] = recording.notes
     write_whole({path: _lines(columns), path.with_suffix(".json"): json_lines(beside)})

@@ -1,0 +1,144 @@
+"""Tolerances: how far the parts of a real robot are off their drawing, as one standard deviation per kind.
+
+docs/tolerances.md describes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+from ..errors import InputError
+from .problems import is_number
+
+__all__ = ["KINDS_OF_TOLERANCE", "TYPICAL", "KindOfTolerance", "Tolerances"]
+
+#: Nothing is made better than this; squares and their inverses stay finite.
+SMALLEST = 1e-12
+
+
+@dataclass(frozen=True)
+class KindOfTolerance:
+    """One key of `tolerances`: its unit, what it is of, and the largest value that can be meant."""
+
+    name: str
+    unit: str
+    description: str
+    largest: float
+
+    def wrong(self, value: object) -> str:
+        """Return what is wrong with a standard deviation, or ''."""
+        if not (is_number(value) and value >= SMALLEST):
+            return f"expected one standard deviation above 0 [{self.unit}], or no such key where nothing is off"
+        if value > self.largest:
+            return f"expected at most {self.largest:g} [{self.unit}]: what is further off has no drawing. {self._hint}"
+        return ""
+
+    @property
+    def _hint(self) -> str:
+        if self.unit == "relative":
+            return "10 % is 0.1"
+        if self.unit in ("m", "rad", "m, rad"):
+            return "Is it in mm or degrees?"
+        return "Is the unit right?"
+
+
+_RELATIVE, _METRES, _RADIANS, _LOADS = 1.0, 0.1, 0.5, 1000.0
+
+#: Every key, in the order of the documentation. Each member of a kind is off for itself.
+KINDS_OF_TOLERANCE = (
+    KindOfTolerance(
+        "stiffness",
+        "relative",
+        "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs",
+        _RELATIVE,
+    ),
+    KindOfTolerance("bending", "relative", "EI of every beam", _RELATIVE),
+    KindOfTolerance("mass", "relative", "mass of every link", _RELATIVE),
+    KindOfTolerance("inertia", "relative", "inertia of every link", _RELATIVE),
+    KindOfTolerance("position", "m", "drawn origin of every joint, loop frame and base point, each direction", _METRES),
+    KindOfTolerance(
+        "direction", "rad", "drawn direction of every joint axis and beam, about both axes across", _RADIANS
+    ),
+    KindOfTolerance("encoder_offset", "m, rad", "zero of every actuated joint, in the joint's unit", _RADIANS),
+    KindOfTolerance(
+        "encoder_slope", "relative", "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE
+    ),
+    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _METRES),
+    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _RADIANS),
+    KindOfTolerance(
+        "target_position", "m", "measured target against the tool frame, and each marker against its frame", _METRES
+    ),
+    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _RADIANS),
+    KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE),
+    KindOfTolerance("wrench_rotation", "rad", "axes of the wrench sensor against the base frame", _RADIANS),
+    KindOfTolerance("wrench_bias_force", "N", "zero of each force of the wrench sensor", _LOADS),
+    KindOfTolerance("wrench_bias_moment", "N m", "zero of each moment of the wrench sensor", _LOADS),
+    KindOfTolerance("effort_gain", "relative", "scale of the effort of each actuated joint", _RELATIVE),
+    KindOfTolerance("effort_bias", "N or N m", "zero of the effort of each actuated joint", _LOADS),
+)
+
+
+@dataclass(frozen=True, repr=False)
+class Tolerances:
+    """One standard deviation per kind of deviation from the drawing; None: the drawing is taken at its word.
+
+    Units and meaning are those of `KINDS_OF_TOLERANCE`.
+    """
+
+    stiffness: float | None = None  # relative
+    bending: float | None = None  # relative
+    mass: float | None = None  # relative
+    inertia: float | None = None  # relative
+    position: float | None = None  # m
+    direction: float | None = None  # rad
+    encoder_offset: float | None = None  # m or rad, the joint's unit
+    encoder_slope: float | None = None  # relative
+    frame_position: float | None = None  # m
+    frame_rotation: float | None = None  # rad
+    target_position: float | None = None  # m
+    target_rotation: float | None = None  # rad
+    wrench_gain: float | None = None  # relative
+    wrench_rotation: float | None = None  # rad
+    wrench_bias_force: float | None = None  # N
+    wrench_bias_moment: float | None = None  # N m
+    effort_gain: float | None = None  # relative
+    effort_bias: float | None = None  # N or N m, the joint's unit
+
+    def __post_init__(self) -> None:
+        for kind in KINDS_OF_TOLERANCE:
+            value = getattr(self, kind.name)
+            if value is not None and (wrong := kind.wrong(value)):
+                raise InputError(f"tolerance {kind.name} = {value!r}: {wrong}")
+
+    def __repr__(self) -> str:
+        return f"Tolerances({', '.join(f'{name}={value!r}' for name, value in self.declared.items())})"
+
+    @property
+    def declared(self) -> Mapping[str, float]:
+        """The kinds that have a tolerance, by name."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+#: What machine-shop robots are ordinarily off; docs/tolerances.md gives the reason of each value.
+TYPICAL = Tolerances(
+    stiffness=0.1,
+    bending=0.03,
+    mass=0.05,
+    inertia=0.1,
+    position=5e-5,
+    direction=2e-4,
+    encoder_offset=5e-5,
+    encoder_slope=1e-4,
+    frame_position=3e-4,
+    frame_rotation=1e-3,
+    target_position=3e-4,
+    target_rotation=1e-3,
+    wrench_gain=0.01,
+    wrench_rotation=5e-3,
+    wrench_bias_force=0.5,
+    wrench_bias_moment=0.02,
+    effort_gain=0.03,
+    effort_bias=1.0,
+)
