@@ -6,7 +6,8 @@ each compliant module where it stands, t and exp(r) in the module's axes. Their 
     x = (free joint velocities, drive displacements, module deformations, closure forces).
 
 `structure.py` says which unknown belongs to what, `state.py` what they are, `module_laws.py` what modules do under
-their loads, `residual.py` which equations they obey, and `derivative.py` how these change.
+their loads, `residual.py` which equations they obey, `derivative.py` how these change, and `border.py`
+what they leave undetermined.
 
 All arrays have one leading axis, the samples.
 """
@@ -107,9 +108,9 @@ class Chain:
         """Return the equations' residual at a state, and what it is made of."""
         return evaluated(self.structure, self.values, rigid, state, conditions)
 
-    def balanced(self, at: Evaluation) -> np.ndarray:
-        """Return which samples obey all equations, (N,), also those that a least-squares step could not meet."""
-        return is_balanced(self.structure, at)
+    def balanced(self, rigid: RigidSamples, at: Evaluation) -> np.ndarray:
+        """Return which samples obey all equations, (N,), also those that Newton's steps leave out."""
+        return is_balanced(self.structure, at, rigid.border.holds)
 
     def matrix(self, state: State, at: Evaluation, conditions: Conditions) -> Array:
         """Return d(residual)/d(unknowns), (N, m, m)."""

@@ -194,7 +194,7 @@ def _newton(
         active, part = active[left], part.take(left)
         inside, some = rigid.take(active), conditions.take(active)
     evaluation = chain.evaluate(rigid, state, conditions)
-    return state, evaluation, (size < TOLERANCE) & chain.balanced(evaluation), size, iteration, shared
+    return state, evaluation, (size < TOLERANCE) & chain.balanced(rigid, evaluation), size, iteration, shared
 
 
 def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):

@@ -25,7 +25,7 @@ from .values import ModuleValues
 __all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "masses_of"]
 
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
-_UNBALANCED, _OPEN = 1e-6, 1e-8
+_UNBALANCED, _OPEN, _JAMMED = 1e-6, 1e-8, 1e-10
 
 
 class ModuleFrames(NamedTuple):
@@ -106,13 +106,16 @@ def evaluated(
     )
 
 
-def is_balanced(structure: Structure, at: Evaluation) -> np.ndarray:
-    """Return which samples obey all equations, (N,), also those that a least-squares step could not meet."""
+def is_balanced(structure: Structure, at: Evaluation, bordered: np.ndarray) -> np.ndarray:
+    """Return which samples obey all equations, (N,), also those that the steps of a bordered matrix leave out.
+
+    What these leave open is a jam, and no rounding: of samples that are `bordered` (N,) less is allowed.
+    """
     free = len(structure.free)
     carried = np.abs(at.carried).max(axis=(1, 2), initial=0.0)
     forces = np.abs(at.residual[:, :free]).max(axis=1, initial=0.0)
     gaps = np.abs(at.residual[:, free:]).max(axis=1, initial=0.0)
-    return (forces <= _UNBALANCED * (carried + _UNBALANCED)) & (gaps <= _OPEN)
+    return (forces <= _UNBALANCED * (carried + _UNBALANCED)) & (gaps <= np.where(bordered, _JAMMED, _OPEN))
 
 
 # ------------------------------------------------------------------------------------------------------------- motions
