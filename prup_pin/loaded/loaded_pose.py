@@ -49,8 +49,8 @@ _MUCH = 1.0
 _REAL = 1e-6
 #: Smallest motion that tells one equilibrium from another [m, rad].
 _APART = 1e-8
-#: Directions softer than this share of the softest one count as rigid. Loads leave more rounding than geometry does, for
-#: which the kernel's NEGLIGIBLE_ENERGY stands: a delta's three rigid directions come out at 1e-12 of the softest.
+#: Directions softer than this share of the softest one count as rigid. Loads leave more rounding than geometry does,
+#: for which NEGLIGIBLE_ENERGY stands: a delta's three rigid directions come out at 1e-12 of the softest.
 _RIGID = 1e-9
 #: Gauss points of a load step.
 _GAUSS = 4
