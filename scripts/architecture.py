@@ -16,11 +16,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
+from prup_pin.views.drawing.drawing import FAINT, INK
 from tests.reference.imports import DOOR, needed, room_imports
 
 OUT = ROOT / "docs" / "pictures"
-STIFF, LEFT_OUT, BOTH = "#0072B2", "#009E73", "#4A5058"
-INK, FAINT, GROUND = "#4A5058", "#6B7280", "#E1E5E8"
+STIFF, LEFT_OUT, BOTH = "#0072B2", "#009E73", INK  # colours of the roads
+GROUND = "#E1E5E8"
 PITCH, HEIGHT = 0.62, 0.42  # of rows and of boxes [in]
 BOTTOM = 0.42
 SIZE = (10.6, 10.1)

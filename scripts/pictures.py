@@ -9,6 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import architecture
 import numpy as np
 import render
 from _project import ROOT
@@ -106,6 +107,8 @@ def main(wanted: list[str]) -> None:
         drawings()
     if not wanted or "diagnosis" in wanted:
         diagnosis()
+    if not wanted or "architecture" in wanted:
+        architecture.draw()
     for path in sorted(OUT.glob("*.png")):
         size = path.stat().st_size
         print(f"{path.relative_to(ROOT)}  {size / 1000:.0f} kB{'  TOO LARGE' if size > LARGEST else ''}")

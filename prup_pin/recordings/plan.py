@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InputError, UnreachablePoseError, nearest_names
 from ..spatial import WRENCH_NAMES, Array, as_wrench
 from .columns import NOISE_KEYS
-from .problems import KeyProblem, Problems, is_number, json_kind, read_bytes, read_json_object, shown
+from .problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
 from .reader import noise_value
 from .recording import Noise, Recording
 from .writer import json_lines, write_whole
@@ -275,8 +275,7 @@ def read_plan(path: str | Path) -> TestPlan:
     """Return the test plan of a JSON file. Raises RecordingFileError with all problems, each with its place in it."""
     path = Path(path)
     problems = Problems(path)
-    content = read_bytes(path, "a test plan, a JSON object", (".json",))
-    values = read_json_object(content, path, problems)
+    values = read_json_object(path, "a test plan, a JSON object", problems)
     problems.raise_all()
     plan = _PlanReader(path, problems).plan(values)
     if plan is None:

@@ -134,8 +134,12 @@ def read_bytes(path: Path, what: str, endings: Iterable[str]) -> bytes:
     return content
 
 
-def read_json_object(content: bytes, path: Path, problems: Problems) -> dict[str, Any]:
-    """Return the object that a JSON file holds; what is wrong is added to `problems`, and {} returned."""
+def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any]:
+    """Return the object that a JSON file holds; what is wrong in it is added to `problems`, and {} returned.
+
+    `what` says in words what was expected. Raises RecordingFileError where there is no such file.
+    """
+    content = read_bytes(path, what, (".json",))
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         for key, count in Counter(key for key, _ in pairs).items():

@@ -410,8 +410,7 @@ def _beside(path: Path, problems: Problems) -> _Beside:
         return _Beside(remarks=[f"There is no {beside.name} beside the table: the noise is not declared."])
     remarks = []
     tolerances = Tolerances()
-    content = read_bytes(beside, "a JSON object", (".json",))
-    values = read_json_object(content, beside, problems)
+    values = read_json_object(beside, "a JSON object", problems)
     noise = {}
     for key, value in values.items():
         if key in NOISE_KEYS:

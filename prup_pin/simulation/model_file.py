@@ -12,7 +12,7 @@ from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError,
 from ..laws import LAWS, Effect, Law, Place
 from ..loading import load
 from ..mechanism import Mechanism
-from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, read_json_object, shown
+from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
 from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 
@@ -131,8 +131,7 @@ def read_model(path: str | Path) -> CorrectedModel:
     """
     path = Path(path)
     problems = Problems(path)
-    content = read_bytes(path, "a corrected model, a JSON object", (".json",))
-    values = read_json_object(content, path, problems)
+    values = read_json_object(path, "a corrected model, a JSON object", problems)
     problems.raise_all()
     model = _Reader(path, problems).model(values)
     problems.raise_all()

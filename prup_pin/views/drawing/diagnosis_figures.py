@@ -17,15 +17,14 @@ from ...spatial import Array
 from ..scene.camera import best_camera
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text, scaled
-from .drawing import Drawing, Labels
+from .drawing import AXES, INK, Drawing, Labels
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, leg_colours
 from .plotting import Figure, FigureCanvasAgg, plain_words
 
 __all__ = ["Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
 
-_FOUND, _BEFORE, _AFTER, _INK, _FAINT = "#C2255C", "#9AA3AD", "#0B6AA8", "#4A5058", "#6B7280"
+_FOUND, _BEFORE, _AFTER = "#C2255C", "#9AA3AD", "#0B6AA8"
 _BAND = "#DCE3EA"
-_AXES = ("#D62728", "#2CA02C", "#1F5FD0")
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
 
@@ -258,7 +257,7 @@ def _agreement_figure(finding: Finding, response: Agreement) -> Figure:
         line = np.array([-reach, reach])
         axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
         axes.plot(line, line, color=_FOUND, lw=1.6, zorder=2, label="the law")
-        for column, colour in enumerate(_AXES):
+        for column, colour in enumerate(AXES):
             label = _AXIS_NAMES[si][column]
             axes.plot(
                 factor * law[:, column], factor * asked[:, column], ".", color=colour, ms=4, alpha=0.6, label=label
@@ -335,9 +334,9 @@ def histogram_figure(found: Residuals) -> Figure:
         axes.hist(clipped[0], color=_BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)
         axes.hist(clipped[1], histtype="step", color=_AFTER, lw=1.8, label="after", zorder=3, bins=edges, density=True)
         normal = np.exp(-0.5 * grid**2) / np.sqrt(2 * np.pi)
-        axes.plot(grid, normal, "--", color=_INK, lw=1.2, label="noise alone", zorder=4)
+        axes.plot(grid, normal, "--", color=INK, lw=1.2, label="noise alone", zorder=4)
         axes.set_xlim(-6, 6)
-        axes.set_title(name, fontsize=11, loc="left", color=_INK)
+        axes.set_title(name, fontsize=11, loc="left", color=INK)
         axes.set_xlabel("multiples of the noise (beyond ± 6: in the outermost bars)", fontsize=8.5)
         axes.set_yticks([])
         axes.tick_params(labelsize=8.5)

@@ -8,12 +8,12 @@ from ...spatial import Array
 from ...statics import Compliance
 from ..scene.camera import Camera
 from ..text.quantities import number
-from .drawing import Drawing, Labels
+from .drawing import FAINT, Drawing, Labels
 from .plotting import Figure, PolyCollection, Polygon
 
 __all__ = ["draw_ellipsoid", "draw_small_ellipsoid"]
 
-SOFT, FAINT = "#7FB7A4", "#6B7280"
+SOFT = "#7FB7A4"
 
 
 def _principal(compliance: Compliance) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
-from .drawing import Drawing, Labels
+from .drawing import AXES, FAINT, INK, Drawing, Labels
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .plotting import Figure, FigureCanvasAgg, Line2D, Patch, Polygon, plain_words
 
@@ -36,9 +36,7 @@ __all__ = [
 ]
 
 _LEGS = ("#0072B2", "#009E73", "#CC79A7", "#8C6BB1", "#A6761D", "#56B4E9")
-_PART, _PLATE, _GHOST, _LOAD = "#4A5058", "#AEB6BF", "#E8590C", "#B5179E"
-_AXES = ("#D62728", "#2CA02C", "#1F5FD0")
-_FAINT = "#6B7280"
+_PLATE, _GHOST, _LOAD = "#AEB6BF", "#E8590C", "#B5179E"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -139,7 +137,7 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -
             ground = plate.body == 0
             order = (5 if ground else 10) + camera.depth(plate.corners) * 0.1
             axes.add_patch(
-                Polygon(outline, facecolor=_PLATE, alpha=0.35 if ground else 0.5, edgecolor=_PART, lw=1.2, zorder=order)
+                Polygon(outline, facecolor=_PLATE, alpha=0.35 if ground else 0.5, edgecolor=INK, lw=1.2, zorder=order)
             )
             drawing.labels.avoid(np.vstack((outline, outline[:1])))
     for anchor in parts.anchors:
@@ -147,11 +145,11 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -
     for segment in sorted(parts.segments, key=lambda s: camera.depth(np.array([s.start, s.end]))):
         line = np.array([segment.start, segment.end])
         if segment.kind == "beam":
-            drawing.rod(line, colours.get(segment.leg or "", _PART))
+            drawing.rod(line, colours.get(segment.leg or "", INK))
         elif segment.kind == "slide":
-            drawing.line(line, _PART, 1.6, linestyle=(0, (4, 2)))
+            drawing.line(line, INK, 1.6, linestyle=(0, (4, 2)))
         else:
-            drawing.line(line, _PART, 4.0)
+            drawing.line(line, INK, 4.0)
     marks: dict[tuple, tuple] = {}
     rank = {"passive": 0, "sprung": 1, "locked": 2, "actuated": 3}
     for joint in parts.joints:
@@ -163,23 +161,23 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -
             marks[key] = (joint.at, style, shape)
     for at, style, shape in marks.values():
         face = {"actuated": "#F2B705", "locked": "black", "sprung": "#9BD1E5"}.get(style, "white")
-        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, face, _PART)
+        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, face, INK)
     for first, second, _, _ in parts.closures:
         if np.linalg.norm(first - second) > 1e-6:
-            drawing.line(np.array([first, second]), _PART, 1.2, linestyle=":")
-        drawing.mark(second, "D", 10, "none", _PART, lift=19)
+            drawing.line(np.array([first, second]), INK, 1.2, linestyle=":")
+        drawing.mark(second, "D", 10, "none", INK, lift=19)
 
 
 def _draw_ground(drawing: Drawing, at: Array, size: float) -> None:
     """Draw the hatched symbol of a fixed point, hatched away from the mechanism."""
     flat, half = drawing.camera.flat(at), 0.028 * size
     edge = flat + np.array([[-half, 0], [half, 0]])
-    drawing.axes.plot(*edge.T, color=_PART, lw=1.8, zorder=6)
+    drawing.axes.plot(*edge.T, color=INK, lw=1.8, zorder=6)
     away = 1.0 if flat[1] > np.mean(drawing.axes.get_ylim()) else -1.0
     for step in np.linspace(-half, half, 6)[:-1]:
         start = flat + np.array([step, 0])
         end = start + np.array([0.4 * half, away * 0.45 * half])
-        drawing.axes.plot(*np.array([start, end]).T, color=_PART, lw=1.0, zorder=6)
+        drawing.axes.plot(*np.array([start, end]).T, color=INK, lw=1.0, zorder=6)
     for height in (0, 0.25, 0.5):
         drawing.labels.avoid(edge + np.array([0, away * height * half]))
 
@@ -203,7 +201,7 @@ def draw_tool(drawing: Drawing, parts: Skeleton) -> list[tuple]:
     """Draw the tool's axes; return their labels."""
     at, turn = parts.tool[:3, 3], parts.tool[:3, :3]
     texts: list[tuple] = []
-    for axis, colour, name in zip(turn.T, _AXES, "xyz", strict=True):
+    for axis, colour, name in zip(turn.T, AXES, "xyz", strict=True):
         tip = at + 0.085 * parts.size * axis
         drawing.arrow(at, tip, colour, 2.0, 9, lift=40)
         flat = drawing.camera.flat(np.array([at, tip]))
@@ -255,7 +253,7 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
     labels = Labels(figure, axes)
     drawing = Drawing(figure, axes, camera, labels)
     texts = []
-    for axis, colour, name in zip(np.eye(3), _AXES, "xyz", strict=True):
+    for axis, colour, name in zip(np.eye(3), AXES, "xyz", strict=True):
         drawing.arrow(np.zeros(3), axis, colour, 1.8, 9)
         flat = camera.flat(axis)
         texts.append((name, flat, colour, flat))
@@ -265,13 +263,13 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
             "",
             xy=end,
             xytext=start,
-            arrowprops={"arrowstyle": "-|>", "color": _FAINT, "lw": 1.6, "shrinkA": 0},
+            arrowprops={"arrowstyle": "-|>", "color": FAINT, "lw": 1.6, "shrinkA": 0},
         )
         labels.avoid(np.array([start, end]))
-        labels.put("gravity", np.array(end), _FAINT, np.array([0, -1]), 8.5)
+        labels.put("gravity", np.array(end), FAINT, np.array([0, -1]), 8.5)
     for text, at, colour, towards in texts:
         labels.put(text, at, colour, towards, 9.5)
-    labels.put("base", np.zeros(2), _FAINT, np.array([-1, -1]), 8.5)
+    labels.put("base", np.zeros(2), FAINT, np.array([-1, -1]), 8.5)
 
 
 def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, scale: float | None) -> None:
@@ -284,16 +282,16 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, 
         handles.append(Line2D([], [], label=label, **style))
 
     def mark(label: str, marker: str, face: str, size: float = 9) -> None:
-        add(label, marker=marker, ls="", mfc=face, mec=_PART, ms=size)
+        add(label, marker=marker, ls="", mfc=face, mec=INK, ms=size)
 
     if "beam" in kinds:
-        add("elastic beam" + (" (in its leg's colour)" if parts.legs else ""), color=_PART, lw=7)
+        add("elastic beam" + (" (in its leg's colour)" if parts.legs else ""), color=INK, lw=7)
     if "link" in kinds:
-        add("rigid link", color=_PART, lw=4)
+        add("rigid link", color=INK, lw=4)
     if "slide" in kinds:
-        add("slide", color=_PART, lw=1.6, ls=(0, (4, 2)))
+        add("slide", color=INK, lw=1.6, ls=(0, (4, 2)))
     if any(plate.body for plate in parts.plates) or any(not plate.body for plate in parts.plates):
-        handles.append(Patch(facecolor=_PLATE, edgecolor=_PART, alpha=0.5, label="rigid body, base"))
+        handles.append(Patch(facecolor=_PLATE, edgecolor=INK, alpha=0.5, label="rigid body, base"))
     if "actuated" in roles:
         shapes = {joint.type == "prismatic" for joint in parts.joints if "actuated" in joint.role}
         mark("actuated joint", "s" if shapes == {True} else "o", "#F2B705", 10)
@@ -325,7 +323,7 @@ def _write_title(figure: Figure, robot: Robot, pose: ClosedPose, compliance, loa
     if len(at) > 90:
         at = f"{at[:88].rpartition(',')[0]}, …"
     figure.text(0.025, 0.955, robot.name, fontsize=16, weight="bold", va="center")
-    figure.text(0.025, 0.915, at, fontsize=11, color=_PART, va="center")
+    figure.text(0.025, 0.915, at, fontsize=11, color=INK, va="center")
     if load is not None and load.any() and compliance is not None:
         moved = float(np.linalg.norm(compliance.deflection(load)[:3]))
         line = f"under {wrench_text(load)} the tool moves by {length_text(moved)}"
@@ -368,7 +366,7 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
     largest = max(share for _, share, _ in rows)
     for row, (name, share, amount) in enumerate(rows):
         leg = legs.get(name) or ""
-        axes.barh(row, 100 * share, height=0.68, color=colours.get(leg, _PART if name in legs else "#C3C9D0"), zorder=2)
+        axes.barh(row, 100 * share, height=0.68, color=colours.get(leg, INK if name in legs else "#C3C9D0"), zorder=2)
         text = f"{_percent(share)} %   {number(amount * 1e6, 3)} {unit}"
         axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=9.5, color="#222222")
     axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9.5)
@@ -397,7 +395,7 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
         f"under {wrench_text(np.round(answer.load.wrench, 3))}{per} the {what} by "
         f"{number(answer.amount * 1e6, 4)} {unit}; {unit}: the part of each module in this",
         fontsize=10,
-        color=_PART,
+        color=INK,
         va="center",
     )
     return figure

@@ -10,20 +10,10 @@ from ...spatial import Array, axis_as_z, placement
 from ...statics import Compliance
 from .skeleton import Segment
 
-__all__ = ["SECTIONS", "BentLine", "Deflections", "beam_frame", "fitting_scale", "nice_below", "rotation_of"]
+__all__ = ["SECTIONS", "BentLine", "Deflections", "beam_frame", "fitting_scale", "nice_below"]
 
 #: Sections of a bent beam from root to tip.
 SECTIONS = 25
-
-
-def rotation_of(vector: Array) -> Array:
-    """Return the rotation (3, 3) by |vector| radians about a vector."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * (k @ k)
 
 
 class BentLine:

@@ -11,14 +11,14 @@ from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...mechanism import Module
 from ...robot import Robot
-from ...spatial import Array, as_wrench, axis_as_z, placement
+from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp
 from ...statics import Compliance
 from ..text.answer import ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
 from .camera import best_camera
 from .colours import grey_of, map_colour
-from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, rotation_of
+from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below
 from .scene import INK, ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
 from .shapes import Ball, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube
 from .skeleton import Segment, skeleton
@@ -169,7 +169,7 @@ class Painter:
         if moved is None:
             return shape, at
         centre = own[:3, 3]
-        turned = rotation_of(line.rotation(centre[None])[0]) @ own[:3, :3]
+        turned = rotation_exp(line.rotation(centre[None])[0]) @ own[:3, :3]
         return shape, frame @ placement(turned, centre + line.displacement(centre[None])[0])
 
     def _skeleton(self, pose: ClosedPose, moved: Deflections | None, scale: float, put, ghost: bool) -> None:
