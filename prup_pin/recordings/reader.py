@@ -458,7 +458,7 @@ def read_tolerances(path: str | Path) -> Tolerances:
     """
     path = Path(path)
     problems = Problems(path)
-    values = read_json_object(read_bytes(path, "a JSON object of tolerances", (".json",)), path, problems)
+    values = read_json_object(path, "a JSON object of tolerances", problems)
     within = "tolerances" in values
     found = tolerances_value(values["tolerances"] if within else values, problems, path.name, "tolerances." * within)
     if not found.declared and not problems:
