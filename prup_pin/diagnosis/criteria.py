@@ -255,3 +255,14 @@ LOADS_EXPLAIN: Final = 0.7
 LOADS_MATTER: Final = 0.05
 #: A load below this is none [N].
 NO_FORCE: Final = 1e-6
+
+# -- calibration within tolerances -------------------------------------------------------------------------------------
+
+#: Gauss-Newton steps: tolerances are up to a hundred times the noise, and four or five steps settle them.
+CALIBRATION_ROUNDS: Final = 12
+#: A step that gains less chi squared than this changes nothing that is told.
+SETTLED: Final = 0.05
+#: A step that does not help is shortened down to this share.
+CALIBRATION_STEP: Final = 0.01
+#: Posterior correlation beyond which two parameters are told only together.
+TWINS: Final = 0.95

@@ -55,6 +55,8 @@ class Law(ABC):
     spread: ClassVar[float] = 2.0
     #: In units of chi squared: how much better it must fit than an explanation that is there anyway.
     cost: ClassVar[float] = 0.0
+    #: True where parameters that are not given stand at their defaults.
+    partial: ClassVar[bool] = False
     #: Kinds of modules where it is most often found; decides between places that data cannot tell apart.
     likely: ClassVar[tuple[str, ...]] = ()
 
@@ -136,7 +138,7 @@ class Effect:
             if name not in quantities:
                 raise UnknownNameError(f"parameter of {self.law.physics}", name, list(quantities))
         missing = [name for name in quantities if name not in self.values]
-        if missing:
+        if missing and not self.law.partial:
             raise InputError(f"{self.law.physics} at {self.place}: no value for {', '.join(missing)}")
         for name, value in self.values.items():
             quantities[name].check(value, f"{self.law.physics} at {self.place}")

@@ -1,0 +1,182 @@
+"""Calibration: what a recording says of everything that is a little off, within its tolerances.
+
+Each parameter has a Gaussian prior about the robot file's value. The posterior's mode is found by Gauss-Newton steps
+through the whole simulation; with x the amounts in multiples of their tolerances, J the whitened change per tolerance
+and r the whitened residual, a step solves
+
+    (J^T J + 1) dx = J^T r - x,
+
+and the posterior covariance is (J^T J + 1)^-1. What the data say nothing about stays at its prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..laws import Effect, Place
+from ..laws.deviations import Calibration, Deviation
+from ..simulation import Run
+from ..spatial import Array
+from .criteria import CALIBRATION_ROUNDS, CALIBRATION_STEP, SETTLED, TWINS
+from .influence import Influence
+
+__all__ = ["Calibrated", "Toleranced", "calibrate"]
+
+#: Share of a tolerance by which the simulation's first order is differentiated: some kinds act by a logarithm.
+_STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Toleranced:
+    """Parameters that may be off, with one standard deviation each, (p,).
+
+    A tolerance is absolute in the parameter's unit, or of its logarithm where the deviation is relative.
+    """
+
+    law: Calibration
+    tolerances: Array
+
+    @classmethod
+    def of(cls, deviations: Sequence[Deviation], tolerances: Mapping[str, float]) -> Toleranced:
+        """Return those of `deviations` that have a tolerance, by their names."""
+        kept = [item for item in deviations if tolerances.get(item.name)]
+        return cls(Calibration(kept), np.array([tolerances[item.name] for item in kept]))
+
+    def __len__(self) -> int:
+        return len(self.tolerances)
+
+    def effect(self, x: Array) -> Effect:
+        """Return all parameters at amounts x (p,) in multiples of their tolerances."""
+        amounts = x * self.tolerances
+        values = {
+            item.name: item.value(float(amount)) for item, amount in zip(self.law.deviations, amounts, strict=True)
+        }
+        return Effect(self.law, Place("robot"), values)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """A simulation at the parameters' likeliest values, and what is known of them.
+
+    x (p,) in multiples of the tolerances; jacobian (K n, p), whitened change per tolerance; residual (n, K), whitened;
+    objective: chi squared plus x^T x. `effects` act beside.
+    """
+
+    toleranced: Toleranced
+    x: Array
+    effects: tuple[Effect, ...]
+    influence: Influence
+    residual: Array
+    jacobian: Array
+    objective: float
+    rounds: int
+
+    @property
+    def run(self) -> Run:
+        return self.influence.run
+
+    @property
+    def effect(self) -> Effect:
+        """All parameters at their calibrated values."""
+        return self.toleranced.effect(self.x)
+
+    @property
+    def chi2(self) -> float:
+        return float((self.residual**2).sum())
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Posterior covariance of x, (p, p)."""
+        return np.linalg.inv(self.jacobian.T @ self.jacobian + np.eye(len(self.x)))
+
+    @property
+    def deviations(self) -> Array:
+        """Posterior standard deviations in multiples of the tolerances, (p,)."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    @property
+    def learned(self) -> Array:
+        """1 - posterior over prior standard deviation, (p,)."""
+        return 1 - self.deviations
+
+    @property
+    def twins(self) -> tuple[tuple[str, ...], ...]:
+        """Parameters that these data tell only together: groups of strong posterior correlation, by their names."""
+        deviations = self.deviations
+        correlation = np.abs(self.covariance / deviations / deviations[:, None])
+        names = [item.name for item in self.toleranced.law.deviations]
+        groups, seen = [], set[int]()
+        for index in range(len(names)):
+            if index in seen:
+                continue
+            members, front = {index}, [index]
+            while front:
+                near = np.flatnonzero(correlation[front.pop()] > TWINS).tolist()
+                front += [other for other in near if other not in members]
+                members |= set(near)
+            seen |= members
+            if len(members) > 1:
+                groups.append(tuple(names[member] for member in sorted(members)))
+        return tuple(groups)
+
+
+def calibrate(
+    problem,
+    toleranced: Toleranced,
+    effects: Sequence[Effect] = (),
+    x: Array | None = None,
+    start: Run | None = None,
+) -> Calibrated:
+    """Return the posterior's mode of all toleranced parameters, with `effects` beside them.
+
+    problem: a `fit.Problem`. x (p,) and `start`: amounts, and a run like it, from which the search begins.
+    """
+    x = np.zeros(len(toleranced)) if x is None else x
+    now = _at(problem, toleranced, x, effects, start)
+    for rounds in range(CALIBRATION_ROUNDS):
+        jacobian = _jacobian(problem, now)
+        now = _with(now, jacobian, rounds)
+        normal = jacobian.T @ jacobian + np.eye(len(x))
+        step = np.linalg.solve(normal, jacobian.T @ now.residual.ravel() - now.x)
+        if float(step @ normal @ step) < SETTLED:
+            return now
+        share, better = 1.0, None
+        while better is None and share > CALIBRATION_STEP:
+            trial = _at(problem, toleranced, now.x + share * step, effects, now.run)
+            better = trial if trial.objective < now.objective else None
+            share /= 3
+        if better is None:
+            return now
+        now = better
+    return _with(now, _jacobian(problem, now), CALIBRATION_ROUNDS)
+
+
+def _at(problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None) -> Calibrated:
+    run = problem.simulator.run([toleranced.effect(x), *effects], start)
+    influence = Influence(problem.simulator, run, problem.stack)
+    residual = problem.whitened(influence, problem.stack.residual(run)[run.samples])
+    lost = bool((problem.nominal.run.solved & ~run.solved).any())
+    objective = np.inf if lost else float((residual**2).sum() + x @ x)
+    none = np.zeros((residual.size, len(x)))
+    return Calibrated(toleranced, x, tuple(effects), influence, residual, none, objective, 0)
+
+
+def _with(found: Calibrated, jacobian: Array, rounds: int) -> Calibrated:
+    return Calibrated(
+        found.toleranced, found.x, found.effects, found.influence, found.residual, jacobian, found.objective, rounds
+    )
+
+
+def _jacobian(problem, found: Calibrated) -> Array:
+    """Return d(whitened columns)/d(x), (K n, p), to first order about a calibrated run."""
+    columns = []
+    for index in range(len(found.x)):
+        moved = found.x.copy()
+        moved[index] += _STEP
+        setup = problem.simulator.setup([found.toleranced.effect(moved), *found.effects])
+        columns.append(problem.whitened(found.influence, found.influence.change(setup)).ravel() / _STEP)
+    return np.array(columns).T if columns else np.zeros((found.residual.size, 0))

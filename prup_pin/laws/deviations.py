@@ -1,0 +1,288 @@
+"""What is a little off in every real robot: each parameter that the robot file gives a value to, and what it does.
+
+A deviation is no law: nobody left it out, it is there within a tolerance. All of them together act as one law,
+`Calibration`, whose parameters are the values that a calibration found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism, Module
+from ..modules import DriveModule
+from ..parameters import Quantity
+from ..spatial import WRENCH_NAMES, Array, axis_as_z, rotation_exp
+from .deeds import ChangedValue, Deed, MovedJoint, PoseReport, ScaledMass, Travel, WrenchReading
+from .law import Law, Place
+from .setup import Setup
+
+__all__ = ["Calibration", "Deviation", "deviations_of"]
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A parameter that may be a little off.
+
+    `kind` is the key under which a tolerance of all its like is declared. `act(value, setup)` returns what another
+    value does. `relative`: its tolerance is a share of the nominal value, and it stays positive. Beyond its tolerance
+    it is a finding, of `physics` at `place`.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    nominal: float
+    relative: bool
+    physics: str
+    place: str
+    act: Callable[[float, Setup], Iterable[Deed]]
+
+    def value(self, amount: float) -> float:
+        """Return the value that is off by `amount`: absolute [unit], or of the logarithm where it is relative."""
+        return float(self.nominal * np.exp(amount)) if self.relative else self.nominal + amount
+
+    def amount(self, value: float) -> float:
+        """Return by how much a value is off, likewise."""
+        return float(np.log(value / self.nominal)) if self.relative else value - self.nominal
+
+    def per_amount(self, value: float) -> float:
+        """Return d(value)/d(amount)."""
+        return value if self.relative else 1.0
+
+
+class Calibration(Law):
+    """Every parameter of the robot file, its sensors and frames at the value that a calibration found."""
+
+    physics = "calibration"
+    summary = "parameters at their calibrated values"
+    quantities = ()
+    neutral: ClassVar = {}
+    partial = True
+
+    def __init__(self, deviations: Sequence[Deviation]):
+        self.deviations = tuple(deviations)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("robot")]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return tuple(
+            Quantity(item.name, item.unit, item.kind, item.nominal, item.relative, 0.0 if item.relative else -np.inf)
+            for item in self.deviations
+        )
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        for item in self.deviations:
+            value = values.get(item.name, item.nominal)
+            if value != item.nominal:
+                yield from item.act(value, setup)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"{len(values)} parameters stand at their calibrated values"
+
+
+def deviations_of(mechanism: Mechanism, markers: Sequence[str] = ()) -> tuple[Deviation, ...]:
+    """Return all parameters of a robot, of its sensors, and of the frames of its tool and of `markers`.
+
+    What acts on a pose's report comes last, the targets before the frame in which they are reported.
+    """
+    return (
+        *_values(mechanism),
+        *_masses(mechanism),
+        *_joint_places(mechanism),
+        *_encoders(mechanism),
+        *_wrench_sensor(),
+        *_targets(mechanism, markers),
+        *_frame(),
+    )
+
+
+# -- modules and bodies ------------------------------------------------------------------------------------------------
+
+
+def _values(mechanism: Mechanism) -> Iterator[Deviation]:
+    for module in mechanism.modules:
+        for quantity in module.kind.quantities:
+            kind = kind_of_value(module, quantity)
+            value = module.values[quantity.name]
+            if kind is not None and np.ndim(value) == 0 and np.isfinite(value) and value > 0:
+                yield Deviation(
+                    f"{module.name}.{quantity.name}",
+                    kind,
+                    _unit(mechanism, module, quantity),
+                    float(value),
+                    True,
+                    "stiffness_changed",
+                    module.name,
+                    partial(_other_value, module.name, quantity.name, float(value)),
+                )
+
+
+def kind_of_value(module: Module, quantity: Quantity) -> str | None:
+    """Return under which key the tolerance of a module's quantity is declared, or None for what has none."""
+    if quantity.shape:
+        return None
+    if module.kind.bends_exactly:
+        return "bending" if quantity.name == "youngs_modulus" else None
+    if quantity.name == "youngs_modulus" or quantity.unit in ("N/m", "N m/rad", "N/m or N m/rad"):
+        return "stiffness"
+    return None
+
+
+def _unit(mechanism: Mechanism, module: Module, quantity: Quantity) -> str:
+    if " or " not in quantity.unit:
+        return quantity.unit
+    slides = isinstance(module.kind, DriveModule) and mechanism.joint(module.joint).slides
+    return quantity.unit.split(" or ")[0 if slides else 1]
+
+
+def _other_value(module: str, quantity: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
+    yield ChangedValue(module, quantity, setup.module_value(module, quantity) * (value / nominal))
+
+
+def _masses(mechanism: Mechanism) -> Iterator[Deviation]:
+    names: dict[int, str] = {}
+    for name in mechanism.frame_names:
+        names.setdefault(mechanism.frame(name).joint, name)
+    for joint in mechanism.joints:
+        mass = float(mechanism.model.inertias[joint.id].mass)
+        if mass > 0:
+            body = names.get(joint.id, joint.name)
+            act = partial(_other_mass, joint.name, mass)
+            yield Deviation(f"{body}.mass", "mass", "kg", mass, True, "inertial_parameters", body, act)
+
+
+def _other_mass(joint: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
+    yield ScaledMass(joint, value / nominal)
+
+
+# -- geometry ----------------------------------------------------------------------------------------------------------
+
+
+def _joint_places(mechanism: Mechanism) -> Iterator[Deviation]:
+    for joint in mechanism.joints:
+        for column, axis in enumerate(_AXES):
+            act = partial(_moved, joint.name, _column(column))
+            yield _geometric(f"{joint.name}.{axis}", "position", "m", joint.name, act)
+        if joint.nv == 1:
+            for name, across in _across(joint.axis):
+                act = partial(_moved, joint.name, np.concatenate((np.zeros(3), across)))
+                yield _geometric(f"{joint.name}.{name}", "direction", "rad", joint.name, act)
+
+
+def _geometric(name: str, kind: str, unit: str, place: str, act) -> Deviation:
+    return Deviation(name, kind, unit, 0.0, False, "geometric_offset", place, act)
+
+
+def _across(axis: Array) -> Iterator[tuple[str, Array]]:
+    """Yield names and unit vectors of the two rotations that tilt an axis: about the frame's own axes where it can."""
+    drawn = np.flatnonzero(np.abs(axis) > 1 - 1e-9)
+    if len(drawn):
+        yield from ((f"r{name}", np.eye(3)[index]) for index, name in enumerate(_AXES) if index != drawn[0])
+    else:
+        turn = axis_as_z(axis)
+        yield from (("tilt_1", turn[:, 0]), ("tilt_2", turn[:, 1]))
+
+
+def _column(index: int) -> Array:
+    return np.eye(6)[index]
+
+
+def _moved(joint: str, unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
+    yield MovedJoint(joint, tuple((value * unit).tolist()))
+
+
+def _encoders(mechanism: Mechanism) -> Iterator[Deviation]:
+    for column, name in enumerate(mechanism.actuated):
+        unit = mechanism.joint(name).unit or "rad"
+        offset, slope = partial(_encoder_offset, column), partial(_encoder_slope, column)
+        yield Deviation(f"{name}.encoder_offset", "encoder_offset", unit, 0.0, False, "encoder_offset", name, offset)
+        yield Deviation(f"{name}.encoder_slope", "encoder_slope", "1", 0.0, False, "lead_error", name, slope)
+
+
+def _encoder_offset(column: int, value: float, setup: Setup) -> Iterator[Deed]:
+    yield Travel(column, value)
+
+
+def _encoder_slope(column: int, value: float, setup: Setup) -> Iterator[Deed]:
+    yield Travel(column, value * setup.inputs.actuators[:, column])
+
+
+# -- sensors -----------------------------------------------------------------------------------------------------------
+
+
+def _wrench_sensor() -> Iterator[Deviation]:
+    place = "wrench_sensor"
+    for column, name in enumerate(WRENCH_NAMES):
+        unit, force = ("N", "force") if column < 3 else ("N m", "moment")
+        bias, gain = partial(_bias, column), partial(_gain, column)
+        kind = f"wrench_bias_{force}"
+        yield Deviation(f"{place}.bias_{name}", kind, unit, 0.0, False, "wrench_sensor_bias", place, bias)
+        yield Deviation(f"{place}.gain_{name}", "wrench_gain", "1", 1.0, True, "wrench_sensor_gain", place, gain)
+    for column, axis in enumerate(_AXES):
+        turn = partial(_turned_wrench, np.eye(3)[column])
+        physics = "wrench_sensor_misalignment"
+        yield Deviation(f"{place}.r{axis}", "wrench_rotation", "rad", 0.0, False, physics, place, turn)
+
+
+def _bias(column: int, value: float, setup: Setup) -> Iterator[Deed]:
+    yield WrenchReading(partial(np.add, -value * np.eye(6)[column]))
+
+
+def _gain(column: int, value: float, setup: Setup) -> Iterator[Deed]:
+    yield WrenchReading(partial(np.multiply, 1 + (value - 1) * np.eye(6)[column]))
+
+
+def _turned_wrench(unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
+    turn = np.zeros((6, 6))
+    turn[:3, :3] = turn[3:, 3:] = rotation_exp(value * unit)
+    yield WrenchReading(partial(_mapped, turn=turn))
+
+
+def _mapped(reported: Array, turn: Array) -> Array:
+    return reported @ turn.T
+
+
+def _targets(mechanism: Mechanism, markers: Sequence[str]) -> Iterator[Deviation]:
+    tool = mechanism.tool
+    named = [("target", tool.name)] if tool is not None else []
+    for place, frame in [*named, *((f"marker {name}", name) for name in markers)]:
+        for column in range(6):
+            unit, axis = ("m", _AXES[column]) if column < 3 else ("rad", f"r{_AXES[column - 3]}")
+            kind = "target_position" if column < 3 else "target_rotation"
+            act = partial(_target, frame, _column(column))
+            yield Deviation(f"{place}.{axis}", kind, unit, 0.0, False, "target_misalignment", place, act)
+
+
+def _target(frame: str, unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
+    yield PoseReport(partial(_on_body, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])), frame)
+
+
+def _on_body(position: Array, rotation: Array, shift: Array, turn: Array) -> tuple[Array, Array]:
+    """Return the poses of a target that sits on a body beside its frame, by a shift and a turn in the frame's axes."""
+    return position + rotation @ shift, rotation @ turn
+
+
+def _frame() -> Iterator[Deviation]:
+    for column in range(6):
+        unit, axis = ("m", _AXES[column]) if column < 3 else ("rad", f"r{_AXES[column - 3]}")
+        kind = "frame_position" if column < 3 else "frame_rotation"
+        act = partial(_sensor_frame, _column(column))
+        physics, place = "pose_sensor_misalignment", "pose_sensor"
+        yield Deviation(f"{place}.{axis}", kind, unit, 0.0, False, physics, place, act)
+
+
+def _sensor_frame(unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
+    yield PoseReport(partial(_from_frame, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])))
+
+
+def _from_frame(position: Array, rotation: Array, shift: Array, turn: Array) -> tuple[Array, Array]:
+    """Return poses as a frame reports them that is turned and shifted."""
+    return position @ turn.T + shift, turn @ rotation
