@@ -49,6 +49,17 @@ class Toleranced:
     def __len__(self) -> int:
         return len(self.tolerances)
 
+    def possible(self, nominal: Influence) -> Toleranced:
+        """Return those that leave the robot an equilibrium: redundant rigid loops do not close askew."""
+        if not nominal.found.rigid.border.size:
+            return self
+        setups = (nominal.simulator.setup([self.effect(_STEP * unit)]) for unit in np.eye(len(self)))
+        able = [bool(np.isfinite(nominal.change(setup)).all()) for setup in setups]
+        if all(able):
+            return self
+        kept = [item for item, fits in zip(self.law.deviations, able, strict=True) if fits]
+        return Toleranced(Calibration(kept), self.tolerances[able])
+
     def effect(self, x: Array) -> Effect:
         """Return all parameters at amounts x (p,) in multiples of their tolerances."""
         amounts = x * self.tolerances
@@ -135,6 +146,7 @@ def calibrate(
 
     problem: a `fit.Problem`. x (p,) and `start`: amounts, and a run like it, from which the search begins.
     """
+    toleranced = toleranced.possible(problem.nominal)
     x = np.zeros(len(toleranced)) if x is None else x
     now = _at(problem, toleranced, x, effects, start)
     for rounds in range(CALIBRATION_ROUNDS):

@@ -8,6 +8,7 @@ duality a module's deformation beyond its law appears through the wrench Jacobia
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -103,10 +104,19 @@ class FirstOrder:
         return -(self.by_row @ change[..., None])[..., 0]
 
     def by_equations(self, state: State, conditions: Conditions) -> Array:
-        """Return what is watched, (n, R), where state or conditions are a little other than at the equilibria."""
+        """Return what is watched, (n, R), where state or conditions are a little other than at the equilibria.
+
+        NaN where there is none near: where redundant loops no longer close.
+        """
         at = self.chain.evaluate(self.found.rigid, state, conditions)
         before = self.found.evaluation
-        return self._moved(before.placements, at.placements) + self.by_residual(at.residual - before.residual)
+        change = at.residual - before.residual
+        watched = self._moved(before.placements, at.placements) + self.by_residual(change)
+        # What the equations ask beyond what the robot can do has no equilibrium: a planar loop does not close askew.
+        border = self.found.rigid.border
+        asked = np.abs(border.left.mT @ change[..., None]).max(axis=(1, 2), initial=0.0)
+        watched[asked > _ASKEW * np.abs(change).max(axis=1, initial=0.0)] = np.nan
+        return watched
 
     def by_conditions(self, before: Conditions, after: Conditions) -> Array:
         """Return what is watched, (n, R), between two conditions at the present state."""
@@ -120,14 +130,13 @@ class FirstOrder:
         return self.once(("travel", column), lambda: self._by_travel(column))
 
     def _by_travel(self, column: int) -> Array:
-        dof = int(self.chain.mechanism.actuated_dofs[column])
-        for index, (_, driven) in enumerate(self.chain.structure.drives):
-            if driven == dof:
-                return self.by_row[:, :, self.chain.sizes[0] + index]
+        # The joint moves, and with it the length of a beam that it pushes out of its clamp.
+        now = self.found.conditions
         step = np.zeros((len(self), len(self.chain.mechanism.actuated_dofs)))
         step[:, column] = _STEP
         state = self.chain.with_actuators(self.found.state, step)
-        return self.by_equations(state, self.found.conditions) / _STEP
+        moved = replace(now, actuators=step if now.actuators is None else now.actuators + step)
+        return self.by_equations(state, moved) / _STEP
 
     def _moved(self, before: Array, after: Array) -> Array:
         """Return the motion of the watched frames between two placements of all joints, (n, R)."""
@@ -141,6 +150,8 @@ class FirstOrder:
 
 #: Step of differences at the present state [m, rad].
 _STEP = 1e-6
+#: Share of a change that the rest of the equations may miss by rounding.
+_ASKEW = 1e-4
 
 
 def elastic_deformation(found: Equilibria, module: str) -> Array:

@@ -36,17 +36,24 @@ def weight_of(robot):
 # -- what each parameter does ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["3prup", "ur5", "five_bar"])
-def test_first_order_of_every_parameter_is_the_simulations_slope(name):
+#: Every parameter is asked in the slow run; else some of each kind.
+SOME = [("3prup", 7), ("ur5", 3), ("five_bar", 1)]
+EVERY = [*SOME, *(pytest.param(name, 1, marks=pytest.mark.slow) for name in ("3prup", "ur5"))]
+
+
+@pytest.mark.parametrize(("name", "stride"), EVERY)
+def test_first_order_of_every_parameter_is_the_simulations_slope(name, stride):
     """By central differences of the whole simulation, at weight and load, of every parameter of the robot."""
     robot, simulator = bench.robot(name), bench.simulator(name)
-    toleranced = toleranced_of(robot)
+    every = toleranced_of(robot)
+    toleranced = every.possible(Influence(simulator, simulator.run()))
+    assert len(toleranced) == len(every) or name == "five_bar"
     beside = [weight_of(robot)] if name != "five_bar" else []
     x = 0.3 * np.random.default_rng(4).normal(size=len(toleranced))
     run = simulator.run([toleranced.effect(x), *beside])
     influence = Influence(simulator, run)
-    for index, item in enumerate(toleranced.law.deviations):
-        ends = []
+    for index in range(0, len(toleranced), stride):
+        item, ends = toleranced.law.deviations[index], []
         for step in (0.5, -0.5):
             moved = x + step * np.eye(len(x))[index]
             after = simulator.run([toleranced.effect(moved), *beside], run)
@@ -88,11 +95,11 @@ def toleranced(robot):
     return toleranced_of(robot, lambda item: item.kind not in geometric or item.name.startswith(slides))
 
 
-def recorded(robot, truth, seed, effects=(), **plan):
+def recorded(robot, truth, noise_seed, effects=(), **plan):
     """A recording of a robot whose parameters are off, seen by sensors with noise."""
     simulator = Simulator(robot, inputs_of(inputs(robot, **plan), robot))
     run = simulator.run([truth, *effects])
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(noise_seed)
     shape = run.position.shape
     position = run.position + NOISE.position * rng.normal(size=shape)
     rotation = rotation_exp(NOISE.rotation * rng.normal(size=shape)) @ run.rotation
@@ -117,7 +124,7 @@ def test_a_faultless_robot_calibrates_to_its_noise(scattered, robot):
     _, problem, other, found = scattered
     count = found.residual.size
     assert np.sqrt(problem.first.chi2 / count) > 50
-    assert found.objective / count == pytest.approx(1.0, abs=0.12)
+    assert found.objective / count == pytest.approx(1.0, abs=3.5 * np.sqrt(2 / count))
     run = other.simulator.run([found.effect, weight_of(robot)])
     held = other.whitened(other.nominal, other.stack.residual(run)[run.samples])
     assert np.sqrt((held**2).mean()) < 1.4
