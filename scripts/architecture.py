@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from prup_pin.views.drawing.drawing import FAINT, INK
-from tests.reference.imports import DOOR, needed, room_imports
+from tests.imports import DOOR, needed, room_imports
 
 OUT = ROOT / "docs" / "pictures"
 STIFF, LEFT_OUT, BOTH = "#0072B2", "#009E73", INK  # colours of the roads

@@ -7,7 +7,7 @@ import sys
 import prup_pin
 from prup_pin.views.meshcat.view import view
 
-from .reference.imports import DOOR, LAYERS, ROOT, files, imported, public_names, room_imports, room_of
+from .imports import DOOR, LAYERS, ROOT, files, imported, public_names, room_imports, room_of
 
 LEAVES = {"views", "cli"}
 #: Wings of `views`: each knows those before it; the two that draw do not know each other.

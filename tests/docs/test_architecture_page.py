@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from ..reference.imports import DOOR, LAYERS, room_imports
+from ..imports import DOOR, LAYERS, room_imports
 from .carried_out import ROOT
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
