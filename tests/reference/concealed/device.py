@@ -24,6 +24,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -63,7 +64,41 @@ TORQUE_PER_FORCE = (100.0 / 35.0) * 0.010 * 0.8 / (2.0 * np.pi)  # m
 BELT_PER_FORCE = 2.0 / 0.100 * TORQUE_PER_FORCE  # 1
 STEEL = 7850.0  # kg/m^3
 POISSON = 0.3
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 SHEAR_COEFFICIENT = 0.9  # of a full circle
+
+#: What may scatter in a module, by the robot file's names: the key here, and the key of its tolerance.
+PAR_OF = {
+    "linear_rod.youngs_modulus": "linear_rod.E",
+    "moving_star_branch.youngs_modulus": "moving_star_branch.E",
+    "ball_screw.youngs_modulus": "ball_screw.E",
+    "ball_nut.stiffness": "ball_nut.axial",
+    "support_bearing.stiffness": "support_bearing.axial",
+    "timing_belt.stiffness": "timing_belt.stiffness",
+    "motor.torsional_stiffness": "motor.torsional",
+    "R_lambda.radial_stiffness": "R_lambda.radial",
+    "R_lambda.axial_stiffness": "R_lambda.axial",
+    "R_lambda.tilting_stiffness": "R_lambda.tilting",
+    "R_phi.axial_stiffness": "R_phi.axial",
+    "R_phi.radial_stiffness": "R_phi.radial",
+    "R_theta_P.radial_stiffness": "R_theta_P.radial",
+}
+#: Every parameter that may scatter, and the key of its tolerance. Relative where that is relative, else m and rad.
+PARAMETERS: dict[str, str] = {
+    **{f"leg{leg}/{name}": "bending" if name.startswith(("linear", "moving")) else "stiffness"
+       for leg in (1, 2, 3) for name in PAR_OF},
+    **{f"leg{leg}_slide.{axis}": "position" for leg in (1, 2, 3) for axis in "xyz"},
+    **{f"leg{leg}_slide.r{axis}": "direction" for leg in (1, 2, 3) for axis in "xy"},
+    **{f"leg{leg}_slide.{name}": name for leg in (1, 2, 3) for name in ("encoder_offset", "encoder_slope")},
+    **{f"{body}.mass": "mass" for body in ("hub", *(f"{part}" for leg in (1, 2, 3)
+                                                    for part in (f"leg{leg}_rod", f"star_{leg}")))},
+    **{f"wrench_sensor.gain_{name}": "wrench_gain" for name in WRENCH},
+    **{f"wrench_sensor.r{axis}": "wrench_rotation" for axis in "xyz"},
+    **{f"target.{axis}": "target_position" for axis in "xyz"},
+    **{f"target.r{axis}": "target_rotation" for axis in "xyz"},
+    **{f"pose_sensor.{axis}": "frame_position" for axis in "xyz"},
+    **{f"pose_sensor.r{axis}": "frame_rotation" for axis in "xyz"},
+}  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------ small algebra
@@ -256,19 +291,23 @@ class Device:
     """One device: the nominal robot and its effects.
 
     `effects` is a sequence of mappings with "physics", "location" and the sizes that the docstring of
-    the method `_effect_<physics>` lists. `steps` is the number of Runge-Kutta steps a rod.
+    the method `_effect_<physics>` lists. `steps` is the number of Runge-Kutta steps a rod. `scatter` says by how much
+    parameters are off that nobody left out, by the names of `PARAMETERS`.
     """
 
-    def __init__(self, effects: Any = (), steps: int = 4):
+    def __init__(self, effects: Any = (), steps: int = 4, scatter: Mapping[str, float] | None = None):
         self.effects = [dict(e) for e in effects]
         self.steps = steps
         self.par: dict[str, np.ndarray] = {k: np.full((3, 1), v) for k, v in NOMINAL.items()}
         self.gap: dict[str, tuple[np.ndarray, float]] = {}  # module.direction -> half gap (3, 1), smoothing
+        self.gap_by_axis: dict[str, tuple[np.ndarray, float]] = {}  # likewise, each of two directions for itself
         self.hertz: dict[str, list[dict]] = {}
         self.friction: dict[str, dict[str, np.ndarray]] = {}  # joint -> limit, presliding (3, 1)
         self.friction_kept = False
         self.encoder_delay = np.zeros(3)
         self.base = np.zeros((3, 3))  # (leg, radial/tangential/height)
+        self.base_shift = np.zeros((3, 3))  # (leg, x/y/z)
+        self.tilt = np.zeros((3, 2))  # rad, of the guide in the top plate, about the base's x and y
         self.offset_extra = np.zeros((3, 1))  # yoke longer without a shorter rod
         self.clamp = np.zeros((3, 1))  # rad/(N m), rod's clamp
         self.hub_clamp = np.zeros((3, 1))
@@ -285,8 +324,44 @@ class Device:
         self.wrench_turn = np.zeros(3)
         self.pose_turn = np.zeros(3)
         self.pose_shift = np.zeros(3)
+        self.target_turn = np.zeros(3)
+        self.target_shift = np.zeros(3)
+        self.mass = {"rod": np.ones((3, 1)), "branch": np.ones((3, 1)), "hub": 1.0}  # factors
+        for name, amount in (scatter or {}).items():
+            self._take(name, float(amount))
         for e in self.effects:
             getattr(self, "_effect_" + e["physics"])(e)
+
+    # ---- scatter -----------------------------------------------------------------------------------------------
+    def _take(self, name: str, amount: float):
+        """Let one parameter be off by `amount` in the unit of its tolerance."""
+        place, _, what = name.rpartition(".")
+        leg = int(place[3]) - 1 if place.startswith("leg") else 0
+        axis = "xyz".find(what[-1])
+        if "/" in place:
+            self.par[PAR_OF[name.split("/", 1)[1]]][leg] *= 1.0 + amount
+        elif what == "mass":
+            if place == "hub":
+                self.mass["hub"] *= 1.0 + amount
+            else:
+                kind, leg = ("branch", int(place[-1]) - 1) if place.startswith("star") else ("rod", leg)
+                self.mass[kind][leg] *= 1.0 + amount
+        elif place == "wrench_sensor":
+            if what.startswith("gain"):  # true = (1 + amount) times what is reported, then turned by exp(r)
+                self.wrench_gain[WRENCH.index(what[5:])] /= 1.0 + amount
+            else:
+                self.wrench_turn[axis] -= amount
+        elif place in ("pose_sensor", "target"):
+            kind = "pose" if place == "pose_sensor" else "target"
+            getattr(self, f"{kind}_{'turn' if what[0] == 'r' else 'shift'}")[axis] += amount
+        elif what == "encoder_offset":
+            self.encoder[leg] += amount
+        elif what == "encoder_slope":
+            self.lead.append({"q0": 0.0, "phase": 0.0, "legs": [leg], "ratio": amount})
+        elif what[0] == "r":
+            self.tilt[leg, axis] += amount
+        else:
+            self.base_shift[leg, axis] += amount
 
     # ---- effects -----------------------------------------------------------------------------------------------
     @staticmethod
@@ -306,12 +381,17 @@ class Device:
             self.par[name][i] *= e["factor"]
 
     def _effect_backlash(self, e):
-        """direction (axial, radial), half_gap (m), smooth (N, default 0.5)."""
+        """direction (axial, radial), half_gap (m), smooth (N, default 0.5), by_axis (bool).
+
+        A radial gap is round, or, with `by_axis`, each of the two directions across has play for itself: along the
+        axes of the part that the robot file gives the bearing's stiffnesses in.
+        """
         key = f"{self._module(e)}.{e.get('direction', 'axial')}"
-        gap, _ = self.gap.get(key, (np.zeros((3, 1)), 0.0))
+        gaps = self.gap_by_axis if e.get("by_axis") else self.gap
+        gap, _ = gaps.get(key, (np.zeros((3, 1)), 0.0))
         for i in self._legs(e):
             gap[i] += e["half_gap"]
-        self.gap[key] = (gap, e.get("smooth", 0.5))
+        gaps[key] = (gap, e.get("smooth", 0.5))
 
     def _effect_hertzian_contact(self, e):
         """direction (radial), f0 (N), f_ref (N): dF/du = k0 ((|F| + f0)/f_ref)^(1/3), along the force.
@@ -403,8 +483,12 @@ class Device:
         self.lead.append({"q0": 0.0, "phase": 0.0, "legs": self._legs(e)} | e)
 
     def _effect_geometric_offset(self, e):
-        """radial, tangential, height (m) of A_i; offset (m): longer yoke, the U-joint's centre moves with it."""
+        """radial, tangential, height (m) of A_i; offset (m): longer yoke, the U-joint's centre moves with it.
+
+        tilt (rad, 2): the guide's direction is turned by exp(tilt_x, tilt_y, 0), base axes, about A_i.
+        """
         for i in self._legs(e):
+            self.tilt[i] += e.get("tilt", (0.0, 0.0))
             self.base[i] += [e.get("radial", 0.0), e.get("tangential", 0.0), e.get("height", 0.0)]
             self.offset_extra[i] += e.get("offset", 0.0)
 
@@ -429,6 +513,11 @@ class Device:
         """rotation (rad, 3), translation (m, 3): measured p = exp([rotation]) p + translation, R likewise."""
         self.pose_turn += np.asarray(e["rotation"], float)
         self.pose_shift += np.asarray(e.get("translation", np.zeros(3)), float)
+
+    def _effect_target_misalignment(self, e):
+        """rotation (rad, 3), translation (m, 3) of the target on the hub: p + R translation, R exp([rotation])."""
+        self.target_turn += np.asarray(e["rotation"], float)
+        self.target_shift += np.asarray(e.get("translation", np.zeros(3)), float)
 
     def _effect_creep(self, e):
         """direction (as in NOMINAL), ratio (1), time_constant (s).
@@ -474,8 +563,11 @@ class Device:
         return np.hstack([w[:, :3] @ rot, w[:, 3:] @ rot])
 
     # ---- one leg -----------------------------------------------------------------------------------------------
-    def _spring(self, key, components, extra):
-        """Displacement, one per component, of a bearing in one of its directions (radial: two components)."""
+    def _spring(self, key, components, extra, turn=None):
+        """Displacement, one per component, of a bearing in one of its directions (radial: two components).
+
+        `turn` (cosine, sine) leads from the components at hand to the bearing's own two axes.
+        """
         k = self._k[key]
         size = None
         if key in self.hertz or key in self.gap:
@@ -490,6 +582,12 @@ class Device:
             gap, smooth = self.gap[key]
             ratio = _play(size, gap, smooth) / np.maximum(size, 1e-12)
             out = [o + ratio * c for o, c in zip(out, components, strict=True)]
+        if key in self.gap_by_axis:
+            gap, smooth = self.gap_by_axis[key]
+            a, b = components
+            c, s = (1.0, 0.0) if turn is None else turn
+            along, across = _play(c * a - s * b, gap, smooth), _play(s * a + c * b, gap, smooth)
+            out = [out[0] + c * along + s * across, out[1] - s * along + c * across]
         if extra is not None:
             out = [o + x for o, x in zip(out, extra, strict=True)]
         return out
@@ -546,7 +644,7 @@ class Device:
             n_r, m_r = _qrot(_qinv(tilt), n_r), _qrot(_qinv(tilt), m_r)
 
         # bush and U-joint: branch end relative to the leg moves by +F/k
-        dv, dw = self._spring("R_theta_P.radial", (fv, fw), extra.get("R_theta_P.radial"))
+        dv, dw = self._spring("R_theta_P.radial", (fv, fw), extra.get("R_theta_P.radial"), (ct, st))
         for e, mask in self._aliens("angle_stiffness"):
             more = mask * e["amplitude"] * np.sin(2 * th + e.get("phase", 0.0)) / k["R_theta_P.radial"]
             dv, dw = dv + more * fv, dw + more * fw
@@ -562,7 +660,7 @@ class Device:
         m1 = (m1[0] - d * f1[1], m1[1] + d * f1[0], m1[2])
         # R_lambda bearing, in the frame before its turn
         f0, m0, x = _rot_z(cl, sl, f1), _rot_z(cl, sl, m1), _rot_z(cl, sl, x)
-        ex, ey = self._spring("R_lambda.radial", (f0[0], f0[1]), extra.get("R_lambda.radial"))
+        ex, ey = self._spring("R_lambda.radial", (f0[0], f0[1]), extra.get("R_lambda.radial"), (cl, -sl))
         (ez,) = self._spring("R_lambda.axial", (f0[2],), extra.get("R_lambda.axial"))
         tx, ty = self._spring("R_lambda.tilting", (m0[0], m0[1]), extra.get("R_lambda.tilting"))
         for e, mask in self._aliens("tilt_quadratic"):
@@ -712,7 +810,9 @@ class Device:
         p, quat, u = start
         n = w.shape[0]
         steps = np.array([1e-4, 1e-4, 1e-7, 1e-6, 1e-6, 1e-6])
-        base = self._base_points()
+        base, guides = self._base_points(), self._guides()
+        along = _qrot(guides, (0.0, 0.0, 1.0))
+        tilted = bool(self.tilt.any())
         qa = (np.cos(ALPHA / 2)[:, None], 0.0, 0.0, np.sin(ALPHA / 2)[:, None])
         bump = np.concatenate([np.zeros((6, 1)), np.diag(steps)], 1)  # (6, 7)
         row = np.array([1e6, 1e6, 1e6, 1e5, 1e5, 1e5])  # 1 um, 10 urad
@@ -727,8 +827,13 @@ class Device:
             qhub = _qmul(quat, qa)
             x = np.stack(_qrot(qhub, out["x"]))  # (3, P, 3, N)
             ex = p[:, None, None] + x - base[:, None]
-            ex[2] = ex[2] - out["drive"]
+            if tilted:
+                ex = ex - np.stack([out["drive"] * part for part in along])
+            else:
+                ex[2] = ex[2] - out["drive"]
             qe = _qmul(_qmul(qhub, out["q"]), _qinv(qa))
+            if tilted:
+                qe = _qmul(qe, _qinv(guides))
             er = np.stack(_qlog(qe))
             e = np.concatenate([ex, er]) * row[:, None, None, None]
             f, m = np.stack(_qrot(qhub, out["f"])), np.stack(_qrot(qhub, out["m"]))
@@ -775,17 +880,22 @@ class Device:
         """Guides' rest positions (3 xyz, 3 legs, 1)."""
         r = NOMINAL["a"] + self.base[:, 0]
         t = self.base[:, 1]
-        return np.stack([r * np.cos(ALPHA) - t * np.sin(ALPHA), r * np.sin(ALPHA) + t * np.cos(ALPHA),
-                         self.base[:, 2]])[:, :, None]  # fmt: skip
+        points = np.stack([r * np.cos(ALPHA) - t * np.sin(ALPHA), r * np.sin(ALPHA) + t * np.cos(ALPHA),
+                           self.base[:, 2]])  # fmt: skip
+        return (points + self.base_shift.T)[:, :, None]
+
+    def _guides(self):
+        """Directions of the guides in the top plate (w, x, y, z), (3, 1) each."""
+        return _qexp((self.tilt[:, :1], self.tilt[:, 1:], np.zeros((3, 1))))
 
     def _external(self, w, quat):
         """Wrench on the hub (6, N) by load, payload and weight, and its derivative by a turn, (N, 6, 3)."""
         total = w.T.copy()
         d = np.zeros((w.shape[0], 6, 3))
         if self.weight is not None:
-            total[2] += self.weight["hub_mass"] * self.weight["g"]
+            total[2] += self.mass["hub"] * self.weight["hub_mass"] * self.weight["g"]
             if self.weight["branches"] == "hub":
-                area = self.par["moving_star_branch.A"].sum()
+                area = (self.mass["branch"] * self.par["moving_star_branch.A"]).sum()
                 total[2] += self.weight["density"] * area * self.weight["branch_length"] * self.weight["g"]
         for e in self.payload:
             lever = np.stack(np.broadcast_arrays(*_qrot(quat, tuple(e["lever"]))))
@@ -800,8 +910,8 @@ class Device:
         if self.weight is None:
             return
         g, rho = self.weight["g"], self.weight["density"]
-        rod = rho * self.par["linear_rod.A"] * g
-        branch = rho * self.par["moving_star_branch.A"] * g
+        rod = self.mass["rod"] * rho * self.par["linear_rod.A"] * g
+        branch = self.mass["branch"] * rho * self.par["moving_star_branch.A"] * g
         if "q_bush" in c:
             hub = _qmul(quat, qa)
             q3, qt = _qmul(hub, c["q_bush"]), _qmul(hub, c["q_tip"])
@@ -870,9 +980,12 @@ class Device:
                 ):
                     break
         p, quat, u = state
-        rot = _qmat(quat)
+        rot, p = _qmat(quat), p.T
+        if self.target_turn.any() or self.target_shift.any():
+            p = p + rot @ self.target_shift
+            rot = rot @ _qmat(_qexp(tuple(self.target_turn)))
         turn = _qmat(_qexp(tuple(self.pose_turn)))
-        p = p.T @ turn.T + self.pose_shift
+        p = p @ turn.T + self.pose_shift
         r = np.stack(_qlog(_qfrom(turn @ rot)), -1)
         qhub = _qmul(quat, (np.cos(ALPHA / 2)[:, None], 0.0, 0.0, np.sin(ALPHA / 2)[:, None]))
         bush = np.stack(_qrot(qhub, out["f"]), -1).transpose(1, 0, 2)
