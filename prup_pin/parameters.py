@@ -1,7 +1,7 @@
 """Parameters: named physical quantities with unit, value, bounds and source.
 
 A `Quantity` is what a kind of module declares; a `Parameter` is its value in one robot. Robot files, changes by
-the user, sensitivities and fits all speak of the same objects.
+the user, sensitivities and fits all speak of the same objects. A `Tolerance` says how far a value may be off.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ import numpy as np
 
 from .errors import ParameterError
 
-__all__ = ["Parameter", "Quantity"]
+__all__ = ["SMALLEST_TOLERANCE", "Parameter", "Quantity", "Tolerance"]
+
+#: Nothing is made better than this; squares and their inverses stay finite.
+SMALLEST_TOLERANCE = 1e-12
 
 #: A derived default: computed from the module's other values where the robot file says nothing.
 Derivation = Callable[[Mapping[str, Any]], Any]
@@ -69,8 +72,26 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """One standard deviation of a value: `size` in its unit, or a share of it where `relative`."""
+
+    size: float
+    relative: bool = False
+
+    def __str__(self) -> str:
+        return f"{100 * self.size:g} %" if self.relative else f"{self.size:g}"
+
+    def of(self, value: float) -> float:
+        """Return the standard deviation of a value in its unit."""
+        return self.size * abs(value) if self.relative else self.size
+
+
+@dataclass(frozen=True)
 class Parameter:
-    """The value of one quantity in one robot. `name` is '<module>.<quantity>', e.g. 'leg1/linear_rod.diameter'."""
+    """The value of one quantity in one robot. `name` is '<module>.<quantity>', e.g. 'leg1/linear_rod.diameter'.
+
+    `declared_tolerance` is what the robot file says about this very parameter.
+    """
 
     name: str
     value: Any
@@ -78,6 +99,15 @@ class Parameter:
     source: str = ""
     description: str = ""
     quantity: Quantity | None = None
+    declared_tolerance: Tolerance | None = None
+
+    @property
+    def tolerance(self) -> float | None:
+        """The declared standard deviation in the parameter's unit, or None: the value is taken at its word."""
+        if self.declared_tolerance is None:
+            return None
+        size = self.declared_tolerance.of(float(self.value))
+        return size if 0 < size < np.inf else None
 
     @property
     def owner(self) -> str:
@@ -88,6 +118,6 @@ class Parameter:
         return self.name.rpartition(".")[2]
 
     def with_value(self, value: Any, source: str = "changed by the user") -> Parameter:
-        """Return a copy with another value, checked against the quantity's range."""
+        """Return a copy with another value, checked against the quantity's range; the tolerance stays as declared."""
         checked = self.quantity.check(value, self.owner) if self.quantity else float(value)
         return replace(self, value=checked, source=source)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ParameterError, Problem, nearest_names
 from ..modules import KINDS
-from ..parameters import Parameter
+from ..parameters import SMALLEST_TOLERANCE, Parameter, Tolerance
 from ..spatial import Array
 
 #: The six relative motions that a loop closure may leave free, in the axes of its first frame.
@@ -88,12 +88,13 @@ class LengthDescription:
 
 @dataclass(frozen=True)
 class VariantDescription:
-    """Changes that make another model of the same robot: kinds of modules and values of parameters."""
+    """Changes that make another model of the same robot: kinds of modules, values and tolerances of parameters."""
 
     name: str
     kinds: Mapping[str, str]
     values: Mapping[str, tuple[float, str]]
     line: int | None = None
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,12 @@ class RobotDescription:
                 owner, _, short = key.rpartition(".")
                 if owner == module.name:
                     quantity = next(q for q in KIND_BY_NAME[module.kind].quantities if q.name == short)
-                    values[short] = Parameter(key, value, quantity.unit, source, quantity.description, quantity)
+                    tolerance = variant.tolerances.get(key) or (
+                        values[short].declared_tolerance if short in values else None
+                    )
+                    values[short] = Parameter(
+                        key, value, quantity.unit, source, quantity.description, quantity, tolerance
+                    )
             modules.append(replace(module, kind=variant.kinds.get(module.name, module.kind), values=values))
         return replace(self, name=f"{self.name}_{name}", modules=tuple(modules))
 
@@ -246,7 +252,27 @@ def _check_values(module: ModuleDescription) -> list[Problem]:
         resolve_values(module)
     except ModuleValuesError as error:
         return [Problem(text, module.lines.get(name) or module.line) for name, text in error.problems]
-    return []
+    return [
+        Problem(f"module '{module.name}': parameter '{name}': {text}", module.lines.get(name) or module.line)
+        for name, parameter in module.values.items()
+        if (text := _wrong_tolerance(parameter))
+    ]
+
+
+def _wrong_tolerance(parameter: Parameter) -> str:
+    """Return what is wrong with a declared tolerance for this value of a module, or ''."""
+    tolerance, quantity, value = parameter.declared_tolerance, parameter.quantity, parameter.value
+    if tolerance is None or quantity is None:
+        return ""
+    if quantity.shape:
+        return f"tolerance {tolerance} of a table; only a single number has one"
+    if value == quantity.lower and not quantity.positive:
+        return f"tolerance {tolerance} of {value:g}, the end of its range ({quantity.expected()}): it has none"
+    if tolerance.of(value) > abs(value):
+        return f"tolerance {tolerance} {quantity.unit} is more than the value itself, {value:g}; expected less"
+    if tolerance.of(value) < SMALLEST_TOLERANCE * abs(value):
+        return f"tolerance {tolerance}: nothing is made so well; leave it out where nothing is off"
+    return ""
 
 
 def same_description(one: Any, other: Any) -> bool:

@@ -5,11 +5,13 @@ docs/robot_file.md describes it.
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from lxml import etree
 
 from ..errors import nearest_names
-from ..parameters import Parameter
+from ..parameters import SMALLEST_TOLERANCE, Parameter, Tolerance
 from .description import (
     KIND_BY_NAME,
     LOOP_AXES,
@@ -27,6 +29,9 @@ from .xml_file import MAX_NUMBER, Document
 EXTENSION = "prup_pin"
 #: Products and fourth powers of values up to this size, and their inverses, stay finite.
 _MAX_VALUE = 1e50
+#: A joint that is further from its drawing than this [m] has none.
+_MAX_DISPLACEMENT = 0.1
+_TOLERANCE = re.compile(r"([^%]+?)\s*(%?)")
 
 
 class ExtensionDocument(Document):
@@ -49,6 +54,11 @@ class ExtensionDocument(Document):
             "variant": self._variant,
         }
         for element in extension:
+            for part in element.iter(
+                "gravity", "tool", "actuated", "task_coordinates", "coordinate", "moves", "variant"
+            ):
+                if part.get("tolerance") is not None:
+                    self.problem(part, f"<{part.tag}> has no tolerance; a <parameter> or a <length> can have one")
             handler = handlers.get(element.tag)
             if handler is None:
                 near = nearest_names(element.tag[:60], list(handlers))
@@ -136,7 +146,21 @@ class ExtensionDocument(Document):
                 f"length '{name}': expected a name like 'leg1/base.radius' (what it belongs to, a dot, what it is)",
             )
         elif name and value:
-            parameter = Parameter(name, value[0], "m", element.get("source", ""), "length that places joints")
+            tolerance = self._tolerance(element, f"length '{name}'", "m")
+            if tolerance and not SMALLEST_TOLERANCE <= tolerance.of(value[0]) <= _MAX_DISPLACEMENT:
+                self.problem(
+                    element,
+                    f"length '{name}': tolerance=\"{element.get('tolerance')[:60]}\" of {value[0]:g} m: expected more "
+                    f"than 0 and at most {_MAX_DISPLACEMENT:g} m",
+                )
+            parameter = Parameter(
+                name,
+                value[0],
+                "m",
+                element.get("source", ""),
+                "length that places joints",
+                declared_tolerance=tolerance,
+            )
             fields["lengths"].append(LengthDescription(parameter, value[0], tuple(moves), element.sourceline))
 
     def _module(self, element, fields) -> None:
@@ -180,6 +204,7 @@ class ExtensionDocument(Document):
                 item.get("source", ""),
                 quantity.description if quantity else "",
                 quantity,
+                self._tolerance(item, f"module '{name}': parameter '{short}'", quantity.unit if quantity else ""),
             )
         if name and kind and joint:
             fields["modules"].append(
@@ -199,10 +224,36 @@ class ExtensionDocument(Document):
                 )
             )
 
+    def _tolerance(self, item, label: str, unit: str) -> Tolerance | None:
+        """Return the attribute `tolerance`, or None where there is none or after reporting a wrong one."""
+        text = item.get("tolerance")
+        if text is None:
+            return None
+        label = f'{label}: tolerance="{text.strip()[:60]}"'
+        match = _TOLERANCE.fullmatch(text.strip())
+        if match is None:
+            self.problem(item, f'{label}: expected a number [{unit}], or a share of the value such as "10%"')
+            return None
+        number = self.parse_numbers(item, match[1], 1, label)
+        if number is None:
+            return None
+        tolerance = Tolerance(number[0] / 100 if match[2] else number[0], bool(match[2]))
+        if tolerance.size <= 0:
+            self.problem(item, f"{label}: expected one standard deviation above 0; leave it out where nothing is off")
+        elif tolerance.relative and tolerance.size > 1:
+            self.problem(item, f"{label}: is more than the value itself; expected at most 100%")
+        else:
+            return tolerance
+        return None
+
     def _parameter_numbers(self, item, module: str | None, short: str, count: int | None):
         text = item.get("value")
         if text is None:
             text = item.text or ""
+            if not text.strip() and item.get("tolerance") is not None:
+                where = f"module '{module}': parameter '{short}'"
+                self.problem(item, f"{where} has a tolerance but no value; what follows from others is off with them")
+                return None
         label = f"module '{module}': parameter {short}=\"{text.strip()[:60]}\""
         return self._physical(item, self.parse_numbers(item, text, count, label, _MAX_VALUE), label)
 
@@ -215,19 +266,24 @@ class ExtensionDocument(Document):
 
     def _variant(self, element, fields) -> None:
         name = self.attribute(element, "name", "<variant>")
-        kinds, values = {}, {}
+        kinds, values, tolerances = {}, {}, {}
         for item in element:
             target = self.attribute(item, "name", f"variant '{name}'")
             if target is None:
                 continue
             if item.tag == "module":
+                if item.get("tolerance") is not None:
+                    self.problem(item, f"variant '{name}': a <module> has no tolerance; a <parameter> can have one")
                 kinds[target] = self.attribute(item, "type", f"variant '{name}'") or ""
             elif item.tag == "parameter":
                 label = f"variant '{name}', parameter '{target}'"
                 value = self._physical(item, self.numbers(item, "value", 1, label, largest=_MAX_VALUE), label)
                 if value:
                     values[target] = (value[0], item.get("source", f"variant {name}"))
+                    tolerance = self._tolerance(item, label, "the parameter's unit")
+                    if tolerance:
+                        tolerances[target] = tolerance
             else:
                 self.problem(item, f"variant '{name}': unknown element <{item.tag}>; expected <module> or <parameter>")
         if name:
-            fields["variants"][name] = VariantDescription(name, kinds, values, element.sourceline)
+            fields["variants"][name] = VariantDescription(name, kinds, values, element.sourceline, tolerances)

@@ -419,7 +419,10 @@ def _number(name: str, value: Any) -> float:
 
 
 def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> ModuleDescription:
-    """Return the module with other values; given values that were derived from a changed one are dropped."""
+    """Return the module with other values; given values that were derived from a changed one are dropped.
+
+    A changed value keeps its tolerance: a share of the value stays that share, an absolute one stays absolute.
+    """
     quantities = {quantity.name: quantity for quantity in KIND_BY_NAME[module.kind].quantities}
     kept = {
         name: parameter
@@ -428,7 +431,11 @@ def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> Module
     }
     for short, value in values.items():
         quantity = quantities[short]
-        parameter = Parameter(f"{module.name}.{short}", None, quantity.unit, "", quantity.description, quantity)
+        before = module.values.get(short)
+        tolerance = before.declared_tolerance if before else None
+        parameter = Parameter(
+            f"{module.name}.{short}", None, quantity.unit, "", quantity.description, quantity, tolerance
+        )
         kept[short] = parameter.with_value(value)
     changed = replace(module, values=kept)
     try:

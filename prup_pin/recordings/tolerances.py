@@ -9,12 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 from ..errors import InputError
+from ..parameters import SMALLEST_TOLERANCE
 from .problems import is_number
 
 __all__ = ["KINDS_OF_TOLERANCE", "TYPICAL", "KindOfTolerance", "Tolerances"]
-
-#: Nothing is made better than this; squares and their inverses stay finite.
-SMALLEST = 1e-12
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class KindOfTolerance:
 
     def wrong(self, value: object) -> str:
         """Return what is wrong with a standard deviation, or ''."""
-        if not (is_number(value) and value >= SMALLEST):
+        if not (is_number(value) and value >= SMALLEST_TOLERANCE):
             return f"expected one standard deviation above 0 [{self.unit}], or no such key where nothing is off"
         if value > self.largest:
             return f"expected at most {self.largest:g} [{self.unit}]: what is further off has no drawing. {self._hint}"
