@@ -11,16 +11,17 @@ from ..laws import LAWS
 from ..modules import KINDS
 from ..views.text import robot_text, terminal
 from ..views.text.law_text import print_laws
-from .options import Reading, RobotName
+from .options import Reading, RobotName, TolerancesOption, tolerances_named
 from .question import limits_as_notes
 
 __all__ = ["info", "kinds", "laws", "robots"]
 
 
-def info(robot: RobotName = "3prup", *, reading: Reading) -> None:
-    """Joints, loops, mobility, modules and parameters of a robot."""
+def info(robot: RobotName = "3prup", tolerances: TolerancesOption = None, *, reading: Reading) -> None:
+    """Joints, loops, mobility, modules and parameters of a robot, with their tolerances."""
     with limits_as_notes([]):
-        robot_text.print_info(terminal.console(), reading.load(robot))
+        wanted = None if tolerances is None else tolerances_named(tolerances)
+        robot_text.print_info(terminal.console(), reading.load(robot), wanted)
 
 
 def robots() -> None:

@@ -11,7 +11,7 @@ from ..recordings import read_recording
 from ..views.text import terminal
 from . import progress
 from .files import list_written
-from .options import Reading, RecordingFile, RobotOption, Variant, robot_beside
+from .options import Reading, RecordingFile, RobotOption, TolerancesOption, Variant, robot_beside, with_tolerances
 
 __all__ = ["diagnose"]
 
@@ -21,6 +21,7 @@ def diagnose(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
     robot: RobotOption = None,
     variant: Variant = None,
+    tolerances: TolerancesOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html (extra: report).")] = True,
 ) -> None:
     """What a recording says that the simulation left out: where, which physics, how much of it."""
@@ -29,7 +30,7 @@ def diagnose(
     from ..views.text.diagnosis_text import print_diagnosis
 
     check_before(out, recording, report)
-    read = read_recording(recording)
+    read = with_tolerances(read_recording(recording), tolerances)
     name = robot or robot_beside(read.robot, recording)
     loaded = Reading(variant=variant).load(name)
     with progress.stages() as tell:

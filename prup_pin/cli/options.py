@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from .. import load
-from ..errors import InputError
+from ..errors import InputError, nearest_names
+from ..recordings import TYPICAL, Recording, Tolerances, read_tolerances
 from ..robot import Robot
 from ..views.text.quantities import parse_assignments, parse_quantity
 
@@ -25,10 +26,13 @@ __all__ = [
     "RobotOption",
     "Scale",
     "Stop",
+    "TolerancesOption",
     "Variant",
     "Workers",
     "robot_beside",
     "taken_apart",
+    "tolerances_named",
+    "with_tolerances",
 ]
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
@@ -47,6 +51,14 @@ RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING.csv", help="A 
 PredictionFile = Annotated[Path, typer.Option("--out", metavar="FILE.csv", help="Where to write.")]
 Workers = Annotated[
     int, typer.Option(metavar="N", min=1, help="Compute in so many processes; the numbers are the same.")
+]
+TolerancesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--tolerances",
+        metavar="typical|none|FILE.json",
+        help="What is a little off, instead of what the recording declares; docs/tolerances.md.",
+    ),
 ]
 Stop = Annotated[bool, typer.Option("--stop", help="Stop at the first row without an answer.")]
 
@@ -103,6 +115,28 @@ def robot_beside(named: str | None, source: Path) -> str:
     beside = source.parent / Path(named).expanduser()
     is_path = Path(named).suffix or len(Path(named).parts) > 1
     return str(beside) if is_path and beside.is_file() else named
+
+
+def tolerances_named(name: str) -> Tolerances:
+    """Return the tolerances of that name or file."""
+    named = {"typical": TYPICAL, "none": Tolerances()}
+    if name in named:
+        return named[name]
+    if not Path(name).suffix and not Path(name).exists():
+        near = nearest_names(name, list(named))
+        raise InputError(f"--tolerances '{name}': expected typical, none or a JSON file. {near}")
+    return read_tolerances(name)
+
+
+def with_tolerances(recording: Recording, name: str | None) -> Recording:
+    """Return the recording with the tolerances of that name or file; without a name as it is."""
+    if name is None:
+        return recording
+    wanted, declared = tolerances_named(name), recording.tolerances.declared
+    remarks = recording.remarks
+    if declared and wanted != recording.tolerances:
+        remarks = (*remarks, f"The declared tolerances of {', '.join(declared)} give way to --tolerances {name}.")
+    return replace(recording, tolerances=wanted, remarks=remarks)
 
 
 def taken_apart(command: Callable[..., None]) -> Callable[..., None]:

@@ -192,8 +192,8 @@ def test_they_change_no_number(write):
         ),
         (
             '<parameter name="youngs',
-            '<parameter name="young" value="1" tolerance="1%"/><parameter name="youngs',
-            "a beam has no parameter 'young'. Did you mean 'youngs_modulus'?",
+            '<parameter name="youngs_module" value="1" tolerance="1%"/><parameter name="youngs',
+            "a beam has no parameter 'youngs_module'. Did you mean 'youngs_modulus'?",
         ),
         ('"20 %"', '"0 %"', "variant 'soft', parameter 'hinge.radial_stiffness': tolerance=\"0 %\": expected one"),
         (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rich.console import Console
@@ -12,6 +12,7 @@ from ... import robots
 from ...errors import PrupPinError
 from ...modules import KINDS, CompliantModule
 from ...parameters import Parameter, Quantity
+from ...recordings import KINDS_OF_TOLERANCE, Tolerances, value_tolerances
 from ...robot import Robot
 from .joints import clean, joint_role, joint_type, limits, pose_text
 from .quantities import number, value_text
@@ -21,8 +22,8 @@ from .terminal import heading, in_options, listed, make_table, paragraph, print_
 __all__ = ["print_info", "print_kinds", "print_robots"]
 
 
-def print_info(out: Console, robot: Robot) -> None:
-    """Print what a robot file says and what was made of it."""
+def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None) -> None:
+    """Print what a robot file says and what was made of it, with its own tolerances and those of all its kinds."""
     mechanism = robot.mechanism
     description = mechanism.description
     out.print(Text(robot.name, style="bold"))
@@ -38,8 +39,11 @@ def print_info(out: Console, robot: Robot) -> None:
     _print_joints(out, robot)
     _print_loops(out, robot)
     _print_mobility(out, robot)
-    _print_modules(out, robot)
-    _print_lengths(out, robot)
+    own = value_tolerances(mechanism, tolerances or Tolerances())
+    _print_modules(out, robot, own)
+    _print_lengths(out, robot, own)
+    if tolerances is not None:
+        _print_tolerances(out, tolerances)
     if description.variants:
         heading(out, "Variants")
         listed(out, "", description.variants, ", ")
@@ -92,13 +96,13 @@ def _print_mobility(out: Console, robot: Robot) -> None:
     listed(out, "idle joints", found.idle_joints or ["none"], ", ")
 
 
-def _print_modules(out: Console, robot: Robot) -> None:
+def _print_modules(out: Console, robot: Robot, tolerances: Mapping[str, float]) -> None:
     modules = robot.mechanism.modules
     heading(out, f"Compliant modules: {len(modules) or 'none'}", "(equal ones are listed once)" if modules else "")
     alike: dict[tuple, list[str]] = {}
     for module in modules:
         own = module_parameters(robot, module)
-        key = (module.kind.kind, tuple((p.short, str(p.value), p.source) for p in own))
+        key = (module.kind.kind, tuple((p.short, str(p.value), p.source, tolerances.get(p.name)) for p in own))
         alike.setdefault(key, []).append(module.name)
     for names in alike.values():
         module = robot.mechanism.module(names[0])
@@ -108,7 +112,7 @@ def _print_modules(out: Console, robot: Robot) -> None:
         paragraph(out, f"{module.kind.kind}: {module.kind.summary}", "  ")
         given = [parameter for parameter in own if parameter.source != "default"]
         if given:
-            _print_parameters(out, given)
+            _print_parameters(out, given, tolerances)
         defaults = [
             f"{p.short} {value_text(p.value)}{'' if p.unit == '1' else f' {p.unit}'}" for p in default_parameters(own)
         ]
@@ -116,20 +120,46 @@ def _print_modules(out: Console, robot: Robot) -> None:
             listed(out, "defaults", defaults, ", ", indent=4)
 
 
-def _print_parameters(out: Console, parameters: Iterable[Parameter], full: bool = False) -> None:
-    table = make_table(("parameter", "left"), ("value", "right"), ("unit", "left"), ("source", "left"))
+def _print_parameters(
+    out: Console, parameters: Sequence[Parameter], tolerances: Mapping[str, float], full: bool = False
+) -> None:
+    known = any(parameter.name in tolerances for parameter in parameters)
+    first, extra = (("parameter", "left"), ("value", "right"), ("unit", "left")), (("tolerance", "left"),)
+    table = make_table(*first, *(extra if known else ()), ("source", "left"))
     for parameter in parameters:
-        table.add_row(
-            parameter.name if full else parameter.short, value_text(parameter.value), parameter.unit, parameter.source
-        )
+        name = parameter.name if full else parameter.short
+        off = [_tolerance_text(parameter, tolerances.get(parameter.name))] if known else []
+        table.add_row(name, value_text(parameter.value), parameter.unit, *off, parameter.source)
     print_table(out, table, indent=4)
 
 
-def _print_lengths(out: Console, robot: Robot) -> None:
+def _tolerance_text(parameter: Parameter, tolerance: float | None) -> str:
+    """Return one standard deviation as a share of the value, or in its unit where it was declared so."""
+    if tolerance is None:
+        return ""
+    declared = parameter.declared_tolerance
+    if declared is not None and not declared.relative:
+        return value_text(tolerance)
+    return f"{number(100 * tolerance / abs(parameter.value), 3)} %"
+
+
+def _print_lengths(out: Console, robot: Robot, tolerances: Mapping[str, float]) -> None:
     lengths = robot.mechanism.description.lengths
     if lengths:
         heading(out, "Lengths that place joints")
-        _print_parameters(out, (length.parameter for length in lengths), full=True)
+        _print_parameters(out, [length.parameter for length in lengths], tolerances, full=True)
+
+
+def _print_tolerances(out: Console, tolerances: Tolerances) -> None:
+    heading(out, "Tolerances", "(one standard deviation; the robot file's own win)")
+    if not tolerances.declared:
+        paragraph(out, "none: the drawing is taken at its word")
+        return
+    table = make_table(("kind", "left"), ("", "right"), ("unit", "left"), ("of", "left"))
+    for kind in KINDS_OF_TOLERANCE:
+        if kind.name in tolerances.declared:
+            table.add_row(kind.name, number(tolerances.declared[kind.name]), kind.unit, kind.description)
+    print_table(out, table)
 
 
 def print_robots(out: Console) -> None:
