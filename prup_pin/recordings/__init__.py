@@ -14,7 +14,7 @@ from .problems import KeyProblem, TableProblem
 from .reader import read_recording, read_tolerances
 from .recording import Noise, Recording
 from .suspicions import suspicions
-from .tolerances import KINDS_OF_TOLERANCE, TYPICAL, KindOfTolerance, Tolerances, value_tolerances
+from .tolerances import KINDS_OF_TOLERANCE, TYPICAL, KindOfTolerance, Tolerances
 from .writer import write_prediction, write_recording
 
 __all__ = [
@@ -36,7 +36,6 @@ __all__ = [
     "read_recording",
     "read_tolerances",
     "suspicions",
-    "value_tolerances",
     "write_plan",
     "write_prediction",
     "write_recording",

@@ -7,19 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from ..errors import InputError
-from ..parameters import SMALLEST_TOLERANCE, Quantity
+from ..parameters import SMALLEST_TOLERANCE
 from .problems import is_number
 
-if TYPE_CHECKING:
-    from ..mechanism import Mechanism, Module
-    from ..modules import CompliantModule
-
-__all__ = ["KINDS_OF_TOLERANCE", "TYPICAL", "KindOfTolerance", "Tolerances", "kind_of_value", "value_tolerances"]
+__all__ = ["KINDS_OF_TOLERANCE", "TYPICAL", "KindOfTolerance", "Tolerances"]
 
 
 @dataclass(frozen=True)
@@ -147,48 +140,3 @@ TYPICAL = Tolerances(
     effort_gain=0.03,
     effort_bias=1.0,
 )
-
-_STIFFNESS_UNITS = ("N/m", "N m/rad", "N/m or N m/rad")
-
-
-def kind_of_value(kind: CompliantModule, quantity: Quantity) -> str | None:
-    """Return the kind of tolerance that a module's quantity falls under, 'stiffness' or 'bending', or None.
-
-    A catalogue's rating from which another stiffness of the module follows does not count beside that one.
-    """
-    if quantity.shape:
-        return None
-    if quantity.name == "youngs_modulus":
-        return "bending" if kind.spans_frames else "stiffness"
-    followed = any(quantity.name in other.derived_from for other in kind.quantities)
-    return "stiffness" if quantity.unit in _STIFFNESS_UNITS and not followed else None
-
-
-def value_tolerances(mechanism: Mechanism, tolerances: Tolerances) -> dict[str, float]:
-    """Return one standard deviation of each module's value and each length that has one, in the parameter's unit.
-
-    What the robot file declares wins over the kinds: for its own parameter, and for a stiffness that follows from it.
-    Values that are rigid or zero have none.
-    """
-    found = {name: own for name, parameter in mechanism.parameters.items() if (own := parameter.tolerance) is not None}
-    by_kind: dict[str, float] = {}
-    for module in mechanism.modules:
-        for quantity in module.kind.quantities:
-            name = f"{module.name}.{quantity.name}"
-            share = tolerances.declared.get(kind_of_value(module.kind, quantity) or "")
-            value = module.values[quantity.name]
-            if share is None or not (np.isfinite(value) and value > 0):
-                continue
-            if not any(f"{module.name}.{other}" in found for other in _settling(module, quantity)):
-                by_kind[name] = share * float(value)
-    return {name: {**by_kind, **found}[name] for name in mechanism.parameters if name in by_kind or name in found}
-
-
-def _settling(module: Module, quantity: Quantity) -> tuple[str, ...]:
-    """Return the quantities whose own tolerance says all about this stiffness: itself and what it follows from.
-
-    A modulus acts together with the section, so that a section with a tolerance settles EA and EI.
-    """
-    section = [other for other in module.kind.quantities if other.unit in ("m^2", "m^4") or "diameter" in other.name]
-    also = [other.name for other in section] if quantity.name == "youngs_modulus" else []
-    return (quantity.name, *quantity.derived_from, *also)

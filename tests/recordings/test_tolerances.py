@@ -1,4 +1,4 @@
-"""Tolerances: declared, read, written back, refused where nobody can mean them; what they are for one robot."""
+"""Tolerances: declared, read, written back, and refused where nobody can mean them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-import prup_pin
 from prup_pin.errors import InputError, RecordingFileError
-from prup_pin.modules import KINDS
 from prup_pin.recordings import (
     KINDS_OF_TOLERANCE,
     TYPICAL,
@@ -18,11 +16,8 @@ from prup_pin.recordings import (
     Tolerances,
     read_recording,
     read_tolerances,
-    value_tolerances,
     write_recording,
 )
-from prup_pin.recordings.tolerances import kind_of_value
-from prup_pin.robots import packaged_folder
 
 NAMES = [kind.name for kind in KINDS_OF_TOLERANCE]
 
@@ -170,86 +165,3 @@ def test_a_file_of_tolerances(tmp_path):
 def test_what_is_shown_of_them_is_what_is_declared():
     assert repr(Tolerances(stiffness=0.1, position=5e-5)) == "Tolerances(stiffness=0.1, position=5e-05)"
     assert replace(TYPICAL, mass=None).declared.keys() == set(NAMES) - {"mass"}
-
-
-# -- of one robot ------------------------------------------------------------------------------------------------------
-
-
-def own(tmp_path, *changes):
-    """Return the 3-PRUP with changes to its file."""
-    text = (packaged_folder() / "3prup.urdf").read_text()
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    (tmp_path / "own.urdf").write_text(text)
-    return prup_pin.load(tmp_path / "own.urdf").mechanism
-
-
-def test_every_stiffness_of_the_3prup_falls_under_a_kind():
-    mechanism = prup_pin.load("3prup").mechanism
-    found = value_tolerances(mechanism, Tolerances(stiffness=0.1, bending=0.03))
-    assert len(found) == 39
-    for name, deviation in found.items():
-        share = 0.03 if name.rpartition(".")[0].endswith(("linear_rod", "branch")) else 0.1
-        assert deviation == pytest.approx(share * mechanism.parameters[name].value), name
-    assert value_tolerances(mechanism, Tolerances()) == {}
-    assert len(value_tolerances(mechanism, Tolerances(bending=0.03))) == 6
-    assert value_tolerances(mechanism, replace(TYPICAL, stiffness=None, bending=None)) == {}
-
-
-def test_the_robot_files_own_tolerance_wins(tmp_path):
-    mechanism = own(
-        tmp_path,
-        ('value="6268.45"', 'value="6268.45" tolerance="25%"'),
-        ('name="density"', 'tolerance="1%" name="density"'),
-        ('value="0.181"', 'value="0.181" tolerance="8e-5"'),
-    )
-    found = value_tolerances(mechanism, TYPICAL)
-    assert found["leg1/R_lambda.tilting_stiffness"] == pytest.approx(0.25 * 6268.45)
-    assert found["leg2/R_lambda.tilting_stiffness"] == pytest.approx(0.1 * 6268.45)
-    assert found["leg1/linear_rod.density"] == pytest.approx(78.5)
-    assert found["leg1/base.radius"] == pytest.approx(8e-5)
-    assert len(found) == 41
-    alone = value_tolerances(mechanism, Tolerances())
-    assert alone == {name: found[name] for name in alone}
-    assert len(alone) == 3
-
-
-def test_a_section_with_a_tolerance_of_its_own_settles_the_bending(tmp_path):
-    found = value_tolerances(own(tmp_path, ('value="7854e-12"', 'value="7854e-12" tolerance="1%"')), TYPICAL)
-    assert found["leg1/linear_rod.second_moment"] == pytest.approx(78.54e-12)
-    assert "leg1/linear_rod.youngs_modulus" not in found
-    assert "leg2/linear_rod.youngs_modulus" in found
-
-
-def test_a_catalogues_rating_with_a_tolerance_settles_the_stiffness_that_follows(tmp_path):
-    nut = '<parameter name="stiffness" value="505e6" unit="N/m" source="Table 1, k_ax; Eq. (112)"/>'
-    ratings = (
-        '<parameter name="rated_stiffness" value="500e6"/><parameter name="dynamic_load_rating" value="2e4"/>'
-        '<parameter name="preload" value="1e3"/>'
-    )
-    plain = value_tolerances(own(tmp_path, (nut, ratings)), TYPICAL)
-    assert plain["leg1/ball_nut.stiffness"] > 0
-    assert "leg1/ball_nut.rated_stiffness" not in plain
-    declared = ratings.replace('name="rated_stiffness"', 'tolerance="5%" name="rated_stiffness"')
-    found = value_tolerances(own(tmp_path, (nut, declared)), TYPICAL)
-    assert found["leg1/ball_nut.rated_stiffness"] == pytest.approx(25e6)
-    assert "leg1/ball_nut.stiffness" not in found
-
-
-def test_what_is_rigid_is_not_off():
-    mechanism = prup_pin.load("3prup").with_parameters({"leg1/motor.torsional_stiffness": np.inf}).mechanism
-    found = value_tolerances(mechanism, TYPICAL)
-    assert "leg1/motor.torsional_stiffness" not in found
-    assert "leg2/motor.torsional_stiffness" in found
-
-
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.kind)
-def test_no_kind_of_module_is_off_twice_for_one_stiffness(kind):
-    counted = [quantity for quantity in kind.quantities if kind_of_value(kind, quantity)]
-    for quantity in counted:
-        assert not {other.name for other in counted} & set(quantity.derived_from)
-        assert not quantity.shape
-        assert kind_of_value(kind, quantity) in Tolerances.__dataclass_fields__
-    if kind.kind not in ("section_beam", "compliance_matrix"):  # which are tables
-        assert counted

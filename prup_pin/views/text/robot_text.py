@@ -10,9 +10,10 @@ from rich.text import Text
 
 from ... import robots
 from ...errors import PrupPinError
+from ...mechanism.tolerances import value_tolerances
 from ...modules import KINDS, CompliantModule
 from ...parameters import Parameter, Quantity
-from ...recordings import KINDS_OF_TOLERANCE, Tolerances, value_tolerances
+from ...recordings import KINDS_OF_TOLERANCE, Tolerances
 from ...robot import Robot
 from .joints import clean, joint_role, joint_type, limits, pose_text
 from .quantities import number, value_text
@@ -39,7 +40,7 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     _print_joints(out, robot)
     _print_loops(out, robot)
     _print_mobility(out, robot)
-    own = value_tolerances(mechanism, tolerances or Tolerances())
+    own = value_tolerances(mechanism, tolerances.declared if tolerances else {})
     _print_modules(out, robot, own)
     _print_lengths(out, robot, own)
     if tolerances is not None:
