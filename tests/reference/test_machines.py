@@ -1,0 +1,185 @@
+"""Concealed machines, each by a balance of its own, against the package's loaded simulation of their robot files."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.laws import Inputs
+from prup_pin.laws.deeds import (
+    Along,
+    ChangedValue,
+    ExtraStrain,
+    MovedJoint,
+    PoseReport,
+    ScaledMass,
+    Strain,
+    ToolLoad,
+    Travel,
+    Weight,
+    WrenchReading,
+)
+from prup_pin.simulation import Simulator
+from prup_pin.spatial import WRENCH_NAMES, rotation_exp, rotation_log
+from tests.reference.concealed import arm, platform
+from tests.reference.concealed.scatter import ORDINARY, draw_scatter
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+NOISE = np.array([2e-6] * 3 + [6e-6] * 3)
+WEIGHT = {"physics": "self_weight", "location": "robot"}
+LEVELS = np.array([0.0, 1.0, -0.5])
+
+
+class Bench:
+    """A machine beside the package's robot, under the same loads in the same poses."""
+
+    def __init__(self, machine, poses, level, robot):
+        rng = np.random.default_rng(2)
+        self.machine, self.robot = machine, robot
+        poses = poses(rng, 4)
+        self.q = np.repeat(poses, len(LEVELS), axis=0)
+        self.w = np.concatenate([np.outer(LEVELS, level * rng.normal(size=6) * [1, 1, 1, 0.2, 0.2, 0.2])
+                                 for _ in poses])  # fmt: skip
+        self.blocks = np.repeat(np.arange(len(poses)), len(LEVELS))
+
+    def apart(self, ours, effects=(), scatter=None, weight=True):
+        """Return the largest difference of the poses in multiples of noise."""
+        machine = self.machine([*(WEIGHT,) * weight, *effects], scatter)
+        seen = machine.simulate(self.q, self.w)
+        inputs = Inputs(np.arange(len(self.q), dtype=float), self.q, machine.report_wrench(self.w), self.blocks)
+        simulator = Simulator(self.robot, inputs)
+        setup = simulator.setup()
+        setup.take([*(Weight(1.0),) * weight, *ours])
+        run = simulator.run_setup(setup)
+        assert run.solved.all()
+        assert seen.residual.max() < 1
+        turned = rotation_log(run.rotation @ rotation_exp(seen.r).mT)
+        return np.abs(np.hstack([run.position - seen.p, turned]) / NOISE).max()
+
+
+PLATFORM = Bench(platform.Platform, platform.poses, 500.0, prup_pin.load(ROBOTS / "six_ups/six_ups.urdf"))
+
+
+def sensors(scatter):
+    """Yield what the sensors make of things: gains, then the wrench sensor's turn; the target, then the frame."""
+    at = {place: [np.array([scatter.get(f"{place}.{r}{axis}", 0.0) for axis in "xyz"]) for r in ("", "r")]
+          for place in ("wrench_sensor", "target", "pose_sensor")}  # fmt: skip
+    gain = 1 + np.array([scatter.get(f"wrench_sensor.gain_{name}", 0.0) for name in WRENCH_NAMES])
+    turn = np.kron(np.eye(2), rotation_exp(at["wrench_sensor"][1]))
+    yield WrenchReading(lambda w: (w * gain) @ turn.T)
+    shift, rotation = at["target"]
+    yield PoseReport(lambda p, r: (p + r @ shift, r @ rotation_exp(rotation)))
+    offset, frame = at["pose_sensor"]
+    yield PoseReport(lambda p, r: (p @ rotation_exp(frame).T + offset, rotation_exp(frame) @ r))
+
+
+def drives(bench, scatter):
+    """Yield what drives, encoders and bodies make of their parameters."""
+    mechanism = bench.robot.mechanism
+    for name, amount in scatter.items():
+        place, _, what = name.rpartition(".")
+        if what == "stiffness":
+            yield ChangedValue(place, what, (1 + amount) * mechanism.module(place).values[what])
+        elif what.startswith("encoder"):
+            column = bench.machine.ACTUATED.index(place)
+            yield Travel(column, amount if what == "encoder_offset" else amount * bench.q[:, column])
+
+
+def platform_deeds(scatter):
+    yield from drives(PLATFORM, scatter)
+    moved = {}
+    for name, amount in scatter.items():
+        place, _, what = name.rpartition(".")
+        if place.endswith("_u1"):
+            moved.setdefault(place, np.zeros(6))["xyz".find(what)] += amount
+        elif what == "mass":
+            body = {"cylinder": f"{place[:4]}_u2", "rod": f"{place[:4]}_slide"}.get(place[5:], "leg1_s3")
+            yield ScaledMass(body, 1 + amount)
+    for joint, displacement in moved.items():
+        yield MovedJoint(joint, tuple(displacement))
+    yield from sensors(scatter)
+
+
+def test_the_nominal_platform():
+    assert PLATFORM.apart([], weight=False) < 1e-4
+    assert PLATFORM.apart([]) < 1e-4
+    assert PLATFORM.apart([Weight(-1.0)]) > 2
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_scattered_platform(seed):
+    """The ball joints' centres apart: they are no joints of the robot file."""
+    scatter = draw_scatter(np.random.default_rng(seed), platform.Platform.PARAMETERS, ORDINARY)
+    scatter = {name: amount for name, amount in scatter.items() if "seat" not in name}
+    assert PLATFORM.apart([], scatter=scatter) > 50
+    assert PLATFORM.apart(platform_deeds(scatter), scatter=scatter) < 1e-4
+
+
+ARM = Bench(arm.Arm, arm.poses, 150.0, prup_pin.load(ROBOTS / "elastic_arm/elastic_arm.urdf"))
+
+
+def arm_deeds(scatter):
+    yield from drives(ARM, scatter)
+    moved = {}
+    for name, amount in scatter.items():
+        place, _, what = name.rpartition(".")
+        if what in ("x", "y", "z", "rx", "ry", "rz") and place.startswith("joint"):
+            moved.setdefault(place, np.zeros(6))["xyz".find(what[-1]) + 3 * (len(what) > 1)] += amount
+        elif what == "mass":
+            yield ScaledMass(place.replace("link", "joint"), 1 + amount)
+    for joint, displacement in moved.items():
+        yield MovedJoint(joint, tuple(displacement))
+    yield from sensors(scatter)
+
+
+def test_the_nominal_arm():
+    assert ARM.apart([], weight=False) < 1e-4
+    assert ARM.apart([]) < 1e-4
+    assert ARM.apart([Weight(-1.0)]) > 50
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_scattered_arm(seed):
+    scatter = draw_scatter(np.random.default_rng(seed), arm.Arm.PARAMETERS, ORDINARY)
+    assert ARM.apart([], scatter=scatter) > 50
+    assert ARM.apart(arm_deeds(scatter), scatter=scatter) < 1e-4
+
+
+def _play(force, gap, load):
+    closed = np.tanh(force / load)
+    return gap * closed, gap / load * (1 - closed**2)
+
+
+@pytest.mark.parametrize(
+    ("bench", "effect", "ours"),
+    [
+        (PLATFORM, {"physics": "backlash", "location": "leg1/drive", "half_gap": 2e-5, "smooth": 2.0},
+         [ExtraStrain("leg1/drive", Strain(Along(slice(0, 1), partial(_play, gap=2e-5, load=2.0))))]),
+        (ARM, {"physics": "backlash", "location": "joint3/drive", "half_gap": 5e-5, "smooth": 0.5},
+         [ExtraStrain("joint3/drive", Strain(Along(slice(0, 1), partial(_play, gap=5e-5, load=0.5))))]),
+        (PLATFORM, {"physics": "payload", "location": "platform", "mass": 60.0},
+         [ToolLoad(np.array([0, 0, -60.0 * 9.80665, 0, 0, 0]))]),
+        (ARM, {"physics": "payload", "location": "tool", "mass": 3.0},
+         [ToolLoad(np.array([0, 0, -3.0 * 9.80665, 0, 0, 0]))]),
+        (PLATFORM, {"physics": "lead_error", "location": "leg2/drive", "ratio": 5e-4},
+         [Travel(1, 5e-4 * PLATFORM.q[:, 1])]),
+        (PLATFORM, {"physics": "geometric_offset", "location": "leg5", "place": "leg5_u1",
+                    "translation": [-7e-5, 4e-5, 5e-5]}, [MovedJoint("leg5_u1", (-7e-5, 4e-5, 5e-5, 0, 0, 0))]),
+        (ARM, {"physics": "geometric_offset", "location": "joint4", "place": "joint4", "rotation": [0.0, 2e-3, 1e-3]},
+         [MovedJoint("joint4", (0, 0, 0, 0.0, 2e-3, 1e-3))]),
+    ],
+    ids=lambda value: value["physics"] if isinstance(value, dict) else "",
+)  # fmt: skip
+def test_an_effect_on_a_machine(bench, effect, ours):
+    assert bench.apart([], [effect]) > 2
+    assert bench.apart(ours, [effect]) < 0.01
+
+
+@pytest.mark.parametrize("module", [platform, arm])
+def test_the_robot_file_is_the_nominal_machine(module):
+    name = "six_ups" if module is platform else "elastic_arm"
+    assert (ROBOTS / name / f"{name}.urdf").read_text() == module.robot_file()
