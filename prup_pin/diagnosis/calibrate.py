@@ -116,9 +116,12 @@ class Calibrated:
 
     @property
     def twins(self) -> tuple[tuple[str, ...], ...]:
-        """Parameters that these data tell only together: groups of strong posterior correlation, by their names."""
-        deviations = self.deviations
-        correlation = np.abs(self.covariance / deviations / deviations[:, None])
+        """Parameters that these data tell only together, as they change what is measured alike: groups of names."""
+        sizes = np.linalg.norm(self.jacobian, axis=0)
+        seen_at_all = sizes > 1.0
+        columns = self.jacobian[:, seen_at_all] / sizes[seen_at_all]
+        correlation = np.eye(len(sizes))
+        correlation[np.ix_(seen_at_all, seen_at_all)] = np.abs(columns.T @ columns)
         names = [item.name for item in self.toleranced.law.deviations]
         groups, seen = [], set[int]()
         for index in range(len(names)):

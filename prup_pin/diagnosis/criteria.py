@@ -264,5 +264,5 @@ CALIBRATION_ROUNDS: Final = 12
 SETTLED: Final = 0.05
 #: A step that does not help is shortened down to this share.
 CALIBRATION_STEP: Final = 0.01
-#: Posterior correlation beyond which two parameters are told only together.
-TWINS: Final = 0.95
+#: Cosine of two parameters' changes beyond which they are told only together.
+TWINS: Final = 0.995
