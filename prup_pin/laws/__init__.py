@@ -13,6 +13,7 @@ from .encoder import EncoderDelay, EncoderOffset
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
 from .inputs import Inputs
+from .joint_places import JointDirection, JointPosition
 from .law import Effect, Law, Place
 from .lead_error import LeadError, PeriodicLeadError
 from .model_equation_error import ModelEquationError
@@ -23,6 +24,7 @@ from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
 from .shear import Shear, Torsion
 from .stiffness_changed import StiffnessChanged
+from .target import TargetMisalignment
 from .thermal_growth import ThermalGrowth
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import WrenchSensorBias, WrenchSensorCommonGain, WrenchSensorGain, WrenchSensorMisalignment
@@ -45,6 +47,8 @@ LAWS: tuple[Law, ...] = (
     LeadError(),
     PeriodicLeadError(),
     GeometricOffset(),
+    JointPosition(),
+    JointDirection(),
     EncoderOffset(),
     EncoderDelay(),
     WrenchSensorMisalignment(),
@@ -52,6 +56,7 @@ LAWS: tuple[Law, ...] = (
     WrenchSensorCommonGain(),
     WrenchSensorBias(),
     PoseSensorMisalignment(),
+    TargetMisalignment(),
     CreepLaw(),
     ModelEquationError(),
 )

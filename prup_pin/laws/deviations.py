@@ -16,10 +16,13 @@ import numpy as np
 from ..mechanism import Mechanism, Module
 from ..modules import DriveModule
 from ..parameters import Quantity
-from ..spatial import WRENCH_NAMES, Array, axis_as_z, rotation_exp
+from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, MovedJoint, PoseReport, ScaledMass, Travel, WrenchReading
+from .joint_places import across
 from .law import Law, Place
+from .pose_sensor import from_frame
 from .setup import Setup
+from .target import on_body
 
 __all__ = ["Calibration", "Deviation", "deviations_of"]
 
@@ -172,23 +175,13 @@ def _joint_places(mechanism: Mechanism) -> Iterator[Deviation]:
             act = partial(_moved, joint.name, _column(column))
             yield _geometric(f"{joint.name}.{axis}", "position", "m", joint.name, act)
         if joint.nv == 1:
-            for name, across in _across(joint.axis):
-                act = partial(_moved, joint.name, np.concatenate((np.zeros(3), across)))
+            for name, turn in across(joint.axis).items():
+                act = partial(_moved, joint.name, np.concatenate((np.zeros(3), turn)))
                 yield _geometric(f"{joint.name}.{name}", "direction", "rad", joint.name, act)
 
 
 def _geometric(name: str, kind: str, unit: str, place: str, act) -> Deviation:
     return Deviation(name, kind, unit, 0.0, False, "geometric_offset", place, act)
-
-
-def _across(axis: Array) -> Iterator[tuple[str, Array]]:
-    """Yield names and unit vectors of the two rotations that tilt an axis: about the frame's own axes where it can."""
-    drawn = np.flatnonzero(np.abs(axis) > 1 - 1e-9)
-    if len(drawn):
-        yield from ((f"r{name}", np.eye(3)[index]) for index, name in enumerate(_AXES) if index != drawn[0])
-    else:
-        turn = axis_as_z(axis)
-        yield from (("tilt_1", turn[:, 0]), ("tilt_2", turn[:, 1]))
 
 
 def _column(index: int) -> Array:
@@ -262,12 +255,7 @@ def _targets(mechanism: Mechanism, markers: Sequence[str]) -> Iterator[Deviation
 
 
 def _target(frame: str, unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
-    yield PoseReport(partial(_on_body, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])), frame)
-
-
-def _on_body(position: Array, rotation: Array, shift: Array, turn: Array) -> tuple[Array, Array]:
-    """Return the poses of a target that sits on a body beside its frame, by a shift and a turn in the frame's axes."""
-    return position + rotation @ shift, rotation @ turn
+    yield PoseReport(partial(on_body, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])), frame)
 
 
 def _frame() -> Iterator[Deviation]:
@@ -280,9 +268,4 @@ def _frame() -> Iterator[Deviation]:
 
 
 def _sensor_frame(unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
-    yield PoseReport(partial(_from_frame, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])))
-
-
-def _from_frame(position: Array, rotation: Array, shift: Array, turn: Array) -> tuple[Array, Array]:
-    """Return poses as a frame reports them that is turned and shifted."""
-    return position @ turn.T + shift, turn @ rotation
+    yield PoseReport(partial(from_frame, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])))

@@ -12,34 +12,44 @@ from ..parameters import Quantity
 from .deeds import Deed, Solved, Travel
 from .drawn import Drawn
 from .law import Law, Place
-from .modules_at import screws
+from .modules_at import screws, travels
 from .setup import Setup
 
 
 class LeadError(Law):
-    """The nut travels q (1 + relative) where the encoder says q."""
+    """The nut, or whatever an actuator moves, travels q (1 + relative) where the encoder says q."""
 
     physics = "lead_error"
-    summary = "a screw with another lead"
+    summary = "a screw with another lead, an encoder with another scale"
     quantities = (Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.05, upper=0.05),)
     neutral: ClassVar = {"relative": 0.0}
     variant = "proportional"
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place(name, self.variant) for name in screws(mechanism)]
+        return [Place(name, self.variant) for name in travels(mechanism)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        column, _ = screws(setup.mechanism)[place.name]
+        column = travels(setup.mechanism)[place.name]
         yield Travel(column, values["relative"] * setup.inputs.actuators[:, column])
 
     def drawn(self, place: Place, at: Solved) -> Drawn:
-        column, _ = screws(at.setup.mechanism)[place.name]
+        column = travels(at.setup.mechanism)[place.name]
         position = at.setup.inputs.actuators[at.samples, column]
-        direction = at.first.by_strain(place.name)[:, :, 0]
-        return Drawn(position, direction, ("position of the nut", "extra travel"), ("m", "m"))
+        unit = _unit(at.setup.mechanism, column)
+        return Drawn(position, at.first.by_travel(column), ("position", "extra travel"), (unit, unit))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} has another lead: the nut travels {1e3 * values['relative']:+.3g} µm more per millimetre"
+        more = 1e3 * values["relative"]
+        if place.name in screws(mechanism):
+            return f"{place.name} has another lead: the nut travels {more:+.3g} µm more per millimetre"
+        each = (
+            "µm more per millimetre" if _unit(mechanism, travels(mechanism)[place.name]) == "m" else "mrad more per rad"
+        )
+        return f"{place.name} travels {more:+.3g} {each} than its encoder says"
+
+
+def _unit(mechanism: Mechanism, column: int) -> str:
+    return mechanism.joint(mechanism.actuated[column]).unit or "rad"
 
 
 class PeriodicLeadError(Law):

@@ -146,6 +146,16 @@ def screws(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
     return found
 
 
+def travels(mechanism: Mechanism) -> dict[str, int]:
+    """Return the actuated joints' columns by what makes their travel: a screw, a drive module, else the joint."""
+    found: dict[str, int] = {}
+    by_screw = {column: name for name, (column, _) in screws(mechanism).items()}
+    for column, name in enumerate(mechanism.actuated):
+        drives = drive_of(name, mechanism)
+        found[by_screw.get(column) or (drives[0] if drives else name)] = column
+    return found
+
+
 def drive_of(place: str, mechanism: Mechanism) -> list[str]:
     """Return the modules of the drive that a module or joint belongs to: they share its travel."""
     joints = {module.joint for module in mechanism.modules if module.name == place}

@@ -33,7 +33,7 @@ class PoseSensorMisalignment(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         turn = rotation_exp(np.array([values["rx"], values["ry"], values["rz"]]))
         shift = np.array([values["tx"], values["ty"], values["tz"]])
-        yield PoseReport(partial(_from_frame, turn=turn, shift=shift))
+        yield PoseReport(partial(from_frame, turn=turn, shift=shift))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = 1e3 * np.linalg.norm([values["rx"], values["ry"], values["rz"]])
@@ -41,6 +41,6 @@ class PoseSensorMisalignment(Law):
         return f"the pose sensor's frame is turned by {turn:.3g} mrad and shifted by {shift:.3g} mm"
 
 
-def _from_frame(position: Array, rotation: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
+def from_frame(position: Array, rotation: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
     """Return poses as a frame reports them that is turned and shifted."""
     return position @ turn.T + shift, turn @ rotation

@@ -48,7 +48,7 @@ def weak(law, place, mechanism):
     nothing = law.neutral_at(place, mechanism)
     if law.physics == "hertzian_contact":  # nothing where both are alike and far beyond every load
         return Effect(law, place, {"preload": 1e6, "reference_load": 1e6 * (1 + SMALL)})
-    for name in law.neutral:
+    for name in law.neutral or nothing:
         if np.isfinite(nothing[name]) and abs(nothing[name]) < 1e6:
             values[name] = nothing[name] + SMALL * (values[name] - nothing[name])
         else:

@@ -23,7 +23,7 @@ PARTS = (
     *("R_lambda", "R_phi", "R_theta_P", "moving_star_branch", "base"),
 )
 PLACES = {f"leg{leg}/{part}" for leg in (1, 2, 3) for part in PARTS}
-PLACES |= {"moving_star", "wrench_sensor", "pose_sensor", "environment", "robot"}
+PLACES |= {"moving_star", "target", "wrench_sensor", "pose_sensor", "environment", "robot"}
 #: Laws that no pose shows alone: torsion, since no torque reaches the beams unless a joint resists.
 HIDDEN = (Torsion,)
 #: The five-bar's gravity is perpendicular to its plane.
@@ -224,11 +224,11 @@ def test_unknown_place_names_the_nearest():
 
 
 def test_a_robot_without_a_place_says_so():
-    place = Place("leg1/ball_screw", "proportional")
-    with pytest.raises(UnknownNameError, match="no place for lead_error"):
-        law_at("lead_error", place, robot("ur5").mechanism)
-    with pytest.raises(UnknownNameError, match="no place for lead_error"):
-        Effect(law_at("lead_error", place), place, {"relative": 1e-4}).checked(robot("ur5").mechanism)
+    place = Place("robot")
+    with pytest.raises(UnknownNameError, match="no place for shear"):
+        law_at("shear", place, robot("ur5").mechanism)
+    with pytest.raises(UnknownNameError, match="no place for shear"):
+        Effect(law_at("shear", place), place, {"scale": 1.0}).checked(robot("ur5").mechanism)
 
 
 def test_unknown_law_names_the_nearest():

@@ -1,0 +1,46 @@
+"""A measured target that does not sit in the tool frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from ..spatial import Array, rotation_exp
+from .deeds import Deed, PoseReport
+from .law import Law, Place
+from .setup import Setup
+
+
+class TargetMisalignment(Law):
+    """The target sits beside the tool frame: the sensor sees p + R t and R exp(r), with t and r in the tool's axes."""
+
+    physics = "target_misalignment"
+    summary = "a measured target that is turned or shifted on the tool"
+    quantities = (
+        *(Quantity(name, "m", f"shift along {name}", 1e-4, lower=-1.0, upper=1.0) for name in ("x", "y", "z")),
+        *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-0.5, upper=0.5) for name in ("rx", "ry", "rz")),
+    )
+    neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("target")] if mechanism.tool is not None else []
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        shift = np.array([values[name] for name in ("x", "y", "z")])
+        turn = rotation_exp(np.array([values[name] for name in ("rx", "ry", "rz")]))
+        yield PoseReport(partial(on_body, shift=shift, turn=turn), setup.mechanism.need_tool().name)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
+        turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
+        return f"the measured target sits {shift:.3g} mm beside the tool frame and is turned by {turn:.3g} mrad"
+
+
+def on_body(position: Array, rotation: Array, shift: Array, turn: Array) -> tuple[Array, Array]:
+    """Return the poses of a target that sits on a body beside its frame, by a shift and a turn in the frame's axes."""
+    return position + rotation @ shift, rotation @ turn
