@@ -9,12 +9,13 @@ Every function takes the placements of all joints with any leading axes: one pos
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..spatial import Array, skew
+from ..spatial import Array, rotation_exp, skew
 
 __all__ = ["Closure", "LoopForces", "LoopGaps"]
 
@@ -103,9 +104,24 @@ class Closure:
         twice = np.einsum("cae,edf->cdaf", _GENERATORS, _GENERATORS.transpose(1, 0, 2))
         self._bending = np.einsum("lrab,cdaf->lrcdfb", rotations, twice).reshape(self.count, 27, 9)
 
-    def gaps(self, placements: Array) -> LoopGaps:
-        """Return how far the loops are open at joint placements (..., nj, 4, 4)."""
-        ends = placements[..., self._ends, :, :] @ self._end_placements
+    def end_placements(self, offsets: Mapping[tuple[int, int], Array] | None = None) -> Array:
+        """Return body_from_end of all loops' first ends, then of their second ones, (2 L, 4, 4).
+
+        `offsets`, by (loop, 0 or 1 for the end), displace them: (6,), a translation in the axes of the body and a
+        rotation vector in the end's own.
+        """
+        if not offsets:
+            return self._end_placements
+        moved = self._end_placements.copy()
+        for (loop, end), offset in offsets.items():
+            place = moved[loop + end * self.count]
+            place[:3, 3] += offset[:3]
+            place[:3, :3] = place[:3, :3] @ rotation_exp(offset[3:])
+        return moved
+
+    def gaps(self, placements: Array, offsets: Mapping[tuple[int, int], Array] | None = None) -> LoopGaps:
+        """Return how far the loops are open at joint placements (..., nj, 4, 4), with their ends displaced."""
+        ends = placements[..., self._ends, :, :] @ self.end_placements(offsets)
         first, second = ends[..., : self.count, :3, :], ends[..., self.count :, :3, :]
         axes, origin, point = first[..., :3], first[..., 3], second[..., 3].copy()
         to_first = axes.mT

@@ -34,6 +34,7 @@ class Setup:
     resistances: list[JointResistance] = field(default_factory=list)
     remembered: list[RememberedStrain] = field(default_factory=list)
     offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,)
+    loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
     mass_factors: dict[int, float] = field(default_factory=dict)  # of the joints' bodies
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
@@ -93,6 +94,7 @@ class Setup:
             strains={name: Strains(item.take(samples) for item in items) for name, items in self.strains.items()},
             actuators=travel if np.any(travel) else None,
             offsets=dict(self.offsets),
+            loop_offsets=dict(self.loop_offsets),
             mass_factors=self._masses(),
         )
 

@@ -14,7 +14,7 @@ All arrays have one leading axis, the samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -119,6 +119,26 @@ class Chain:
     def load_columns(self, at: Evaluation) -> Array:
         """Return d(residual)/d(wrench on the tool), (N, m, 6)."""
         return derivative.load_columns(self.structure, at)
+
+    def mass_columns(self, at: Evaluation, gravity: Array, bodies: Sequence[int]) -> Array:
+        """Return d(residual)/d(mass of joints' bodies), (N, m, c), under gravity (3,) or (N, 3)."""
+        return derivative.mass_columns(self.structure, at, gravity, bodies)
+
+    def joint_motions(
+        self, state: State, at: Evaluation, conditions: Conditions, joints: Sequence[int]
+    ) -> derivative.Motions:
+        """Return the motions by displacements of joints' drawn places, six a joint, as in `Conditions.offsets`."""
+        return derivative.joint_motions(self.structure, state, at, conditions, joints)
+
+    def loop_end_motions(
+        self, at: Evaluation, conditions: Conditions, ends: Sequence[tuple[int, int]]
+    ) -> derivative.Motions:
+        """Return the motions by displacements of loops' ends, six an end, as in `Conditions.loop_offsets`."""
+        return derivative.loop_end_motions(self.structure, at, conditions, ends)
+
+    def motion_columns(self, at: Evaluation, conditions: Conditions, motions: derivative.Motions) -> Array:
+        """Return d(residual)/d(motions), (N, m, c)."""
+        return derivative.motion_columns(self.structure, at, conditions, motions)
 
     def frame_columns(self, at: Evaluation, frame: Frame) -> Array:
         """Return d(translation and turn of a frame fixed to a body)/d(unknowns), (N, 6, m), base axes."""

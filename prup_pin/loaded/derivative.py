@@ -8,74 +8,208 @@ Dynamics Algorithms, ch. 2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 from ..mechanism import Frame
-from ..spatial import Array, base_wrench_from_point, skew
+from ..spatial import Array, base_wrench_from_point, rotation_exp, rotation_tangent, skew
 from .residual import Evaluation, ModuleLoads, masses_of
 from .rod import LoadedRod
 from .state import Conditions, State
 from .structure import Structure
 
-__all__ = ["conjugate_moment_slope", "frame_columns", "load_columns", "matrix"]
+__all__ = [
+    "Motions",
+    "conjugate_moment_slope",
+    "coordinate_motions",
+    "frame_columns",
+    "frame_motions",
+    "joint_motions",
+    "load_columns",
+    "loop_end_motions",
+    "mass_columns",
+    "matrix",
+    "motion_columns",
+    "wrench_columns",
+]
+
+
+class Motions(NamedTuple):
+    """Motions of parts of the chain that stand anywhere in it: c of them, among k coordinates and L loops.
+
+    screws (N, c, 6), twists about the base's origin. turns (k, c): the motion turns the frame in which the row looks at
+    its load; above (k, c): it moves all that the row's joint carries; below (k, c): it moves what `joint` (c,) carries,
+    which is a part of that. carries (c, joints): 1 where the body moves; first and second (c, L): where that end of a
+    loop does.
+    """
+
+    screws: Array
+    turns: np.ndarray
+    joint: np.ndarray
+    above: np.ndarray
+    below: np.ndarray
+    carries: Array
+    first: Array
+    second: Array
+
+
+def coordinate_motions(structure: Structure, at: Evaluation) -> Motions:
+    """Return the motions of all coordinates."""
+    above, carries = structure.above, structure.carries
+    ends = _ends_carried(structure, carries)
+    return Motions(at.screws, structure.moves_frame, structure.column_joint, above, above.T & ~above, carries, *ends)
+
+
+def joint_motions(
+    structure: Structure, state: State, at: Evaluation, conditions: Conditions, joints: Sequence[int]
+) -> Motions:
+    """Return the motions by displacements of joints' drawn places (`Conditions.offsets`), six a joint.
+
+    A joint's place stands between the modules on the parent's side and the joint's own motion.
+    """
+    screws = np.zeros((len(at.screws), len(joints), 6, 6))
+    for index, joint in enumerate(joints):
+        own = state.joints[:, joint]
+        turn = at.moving[:, joint, :3, :3] @ own[:, :3, :3].mT
+        point = at.moving[:, joint, :3, 3] - (turn @ own[:, :3, 3, None])[..., 0]
+        offset = conditions.offsets.get(joint, np.zeros(6))
+        screws[:, index] = _place_screws(turn, point, structure.fixed[joint][:3, :3], offset)
+    column = np.repeat(np.asarray(joints, int), 6)
+    support, row = structure.support, structure.column_joint
+    same = row[:, None] == column
+    above = support[np.ix_(column, row)].T > 0
+    turns = (above & ~same) | (same & (structure.column_order[:, None] >= 0))
+    below = (support[np.ix_(row, column)] > 0) & ~above
+    carries = support[column].astype(float)
+    flat = screws.reshape(len(screws), -1, 6)
+    return Motions(flat, turns, column, above, below, carries, *_ends_carried(structure, carries))
+
+
+def loop_end_motions(
+    structure: Structure, at: Evaluation, conditions: Conditions, ends: Sequence[tuple[int, int]]
+) -> Motions:
+    """Return the motions by displacements of loops' ends on their bodies (`Conditions.loop_offsets`), six an end."""
+    screws = np.zeros((len(at.screws), len(ends), 6, 6))
+    first, second = np.zeros((2, len(ends), 6, len(structure.loops)))
+    for index, (loop, end) in enumerate(ends):
+        frame = (structure.loops[loop].first, structure.loops[loop].second)[end]
+        body = at.placements[:, frame.joint]
+        placed = body @ structure.closure.end_placements(conditions.loop_offsets)[loop + end * len(structure.loops)]
+        offset = conditions.loop_offsets.get((loop, end), np.zeros(6))
+        screws[:, index] = _place_screws(placed[:, :3, :3], placed[:, :3, 3], frame.placement[:3, :3], offset)
+        (first, second)[end][index, :, loop] = 1.0
+    count, k = 6 * len(ends), len(structure.column_joint)
+    never = np.zeros((k, count), bool)
+    none, still = np.zeros(count, int), np.zeros((count, structure.count))
+    flat, loops = screws.reshape(len(screws), -1, 6), (count, len(structure.loops))
+    return Motions(flat, never, none, never, never, still, first.reshape(loops), second.reshape(loops))
+
+
+def _place_screws(turn: Array, point: Array, drawn: Array, offset: Array) -> Array:
+    """Return the six twists of a place's displacement (N, 6, 6), for a place at (turn, point) that is `offset` now.
+
+    The rotation of the place is parent drawn exp(offset): translations are along the parent's axes.
+    """
+    now = offset[3:]
+    parent = turn @ rotation_exp(now).T @ drawn.T
+    spin = turn @ rotation_tangent(now).T
+    screws = np.zeros((len(turn), 6, 6))
+    screws[:, :3, :3] = parent.mT
+    screws[:, 3:, 3:] = spin.mT
+    screws[:, 3:, :3] = np.cross(point[:, None], spin.mT)
+    return screws
+
+
+def _ends_carried(structure: Structure, carries: Array) -> tuple[Array, Array]:
+    return (
+        carries[:, [loop.first.joint for loop in structure.loops]],
+        carries[:, [loop.second.joint for loop in structure.loops]],
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------- columns
 
 
 def matrix(structure: Structure, state: State, at: Evaluation, conditions: Conditions) -> Array:
     """Return d(residual)/d(unknowns), (N, m, m)."""
     nq, nd, ne, nc = structure.sizes
     n, columns = len(at.screws), nq + nd + ne
-    observers = _observers(structure, at)
-    seen = _seen(structure, at, conditions, observers)
+    observers, motions = _observers(structure, at), coordinate_motions(structure, at)
+    seen = _seen(structure, at, conditions, observers, motions)
     by_force = np.zeros((n, columns, nc))
-    by_motion = np.zeros((n, nc, columns))
     start = 0
-    for loop in structure.loops:
+    for index, loop in enumerate(structure.loops):
         rows = slice(start, start + loop.size)
-        weight = structure.carries[:, loop.second.joint] - structure.carries[:, loop.first.joint]
+        weight = motions.second[:, index] - motions.first[:, index]
         by_force[:, :, rows] = (weight[:, None] * observers) @ at.gaps.wrenches[:, rows].mT
-        by_motion[:, rows] = at.gaps.wrenches[:, rows] @ (weight[:, None] * at.screws).mT
         start += loop.size
     loads = np.concatenate((seen, by_force), axis=-1)
+    turned = _turned_loads(structure, state, at, loads[:, nq + nd :]) if ne else None
     out = np.zeros((n, columns + nc, columns + nc))
-    out[:, :nq] = loads[:, :nq]
-    out[:, nq : nq + nd] = -at.drives.slope[..., None] * loads[:, nq : nq + nd]
-    index = np.arange(nq, nq + nd)
+    _write_laws(structure, at, loads, turned, out)
+    out[:, columns:, :columns] = _opened(structure, at, motions)
+    index = np.arange(nq, nq + nd + ne)
     out[:, index, index] += 1.0
-    out[:, columns:, :columns] = by_motion
-    if ne:
-        turned = _turned_loads(structure, state, at, loads[:, nq + nd :])
-        _write_module_rows(structure, at, turned, out)
-        _write_sliding_rows(structure, at, turned, out)
+    for slot, place, rate, _ in structure.sliding_beams:
+        out[:, nq + nd + 6 * slot : nq + nd + 6 * slot + 6, place] -= rate * at.modules.slopes.by_length[:, slot]
+        if structure.root_inboard[slot]:
+            rod, beam = at.modules.slopes.rods[slot]
+            strain, change = rod.root_strain[:, beam], rod.root_rate[:, beam]
+            out[:, place, place] += rate**2 * (change[:, 2] + (strain * change).sum(-1))
+    return out
+
+
+def motion_columns(structure: Structure, at: Evaluation, conditions: Conditions, motions: Motions) -> Array:
+    """Return d(residual)/d(motions other than the coordinates'), (N, m, c).
+
+    A weight that is spread along a beam keeps its direction in the beam's axes, as in `matrix`.
+    """
+    columns = at.screws.shape[1]
+    out = np.zeros((len(at.screws), sum(structure.sizes), motions.screws.shape[1]))
+    _write_held_laws(structure, at, _seen(structure, at, conditions, _observers(structure, at), motions), out)
+    out[:, columns:] = _opened(structure, at, motions)
     return out
 
 
 def load_columns(structure: Structure, at: Evaluation) -> Array:
     """Return d(residual)/d(wrench on the tool), (N, m, 6)."""
-    nq, nd, ne, _ = structure.sizes
-    n = len(at.screws)
     unit = base_wrench_from_point(at.tool[:, :3, 3])
-    held = structure.carries[:, structure.tool.joint, None] * _observers(structure, at)
-    loads = held @ unit
-    out = np.zeros((n, sum(structure.sizes), 6))
-    out[:, :nq] = loads[:, :nq]
-    out[:, nq : nq + nd] = -at.drives.slope[..., None] * loads[:, nq : nq + nd]
-    if ne:
-        turned = _in_law_axes(structure, at, loads[:, nq + nd :].reshape(n, len(structure.modules), 6, 6))
-        out[:, nq + nd : nq + nd + ne] = -(at.modules.slopes.by_load @ turned).reshape(n, ne, 6)
-        for slot, place, rate, _ in structure.sliding_beams:
-            rod, column = at.modules.slopes.rods[slot]
-            out[:, place] = rate * _slid(structure, rod, column, slot, turned[:, slot])
+    return wrench_columns(structure, at, np.full(6, structure.tool.joint), unit)
+
+
+def wrench_columns(structure: Structure, at: Evaluation, bodies: np.ndarray, wrenches: Array) -> Array:
+    """Return d(residual) of base wrenches (N, 6, c) on the bodies of joints (c,), (N, m, c)."""
+    loads = (_observers(structure, at) @ wrenches) * structure.carries[:, bodies]
+    out = np.zeros((len(loads), sum(structure.sizes), loads.shape[2]))
+    _write_held_laws(structure, at, loads, out)
     return out
+
+
+def mass_columns(structure: Structure, at: Evaluation, gravity: Array, bodies: Sequence[int]) -> Array:
+    """Return d(residual)/d(mass [kg] of joints' bodies, at their centres), (N, m, c), under gravity (3,) or (N, 3)."""
+    joints = list(bodies)
+    placed = at.placements[:, joints]
+    centres = (placed[..., :3, :3] @ structure.levers[joints][:, :, None])[..., 0] + placed[..., :3, 3]
+    down = np.broadcast_to(np.reshape(gravity, (-1, 1, 3)), centres.shape)
+    weights = np.concatenate((down, np.cross(centres, down)), axis=-1)
+    return wrench_columns(structure, at, np.array(joints, int), weights.mT)
 
 
 def frame_columns(structure: Structure, at: Evaluation, frame: Frame) -> Array:
     """Return d(translation and turn of a frame fixed to a body)/d(unknowns), (N, 6, m), base axes."""
-    n, columns = len(at.screws), at.screws.shape[1]
+    out = np.zeros((len(at.screws), 6, sum(structure.sizes)))
+    out[:, :, : at.screws.shape[1]] = frame_motions(at, frame, coordinate_motions(structure, at))
+    return out
+
+
+def frame_motions(at: Evaluation, frame: Frame, motions: Motions) -> Array:
+    """Return the translation and turn of a frame fixed to a body by motions, (N, 6, c), base axes."""
     point = (at.placements[:, frame.joint] @ frame.placement)[:, :3, 3]
-    twists = (structure.carries[:, frame.joint, None] * at.screws).mT
-    out = np.zeros((n, 6, sum(structure.sizes)))
-    out[:, :, :columns] = twists
-    out[:, :3, :columns] -= skew(point) @ twists[:, 3:]
+    twists = (motions.carries[:, frame.joint, None] * motions.screws).mT
+    out = twists.copy()
+    out[:, :3] -= skew(point) @ twists[:, 3:]
     return out
 
 
@@ -96,38 +230,50 @@ def _observers(structure: Structure, at: Evaluation) -> Array:
     return observers
 
 
-def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observers: Array) -> Array:
-    """Return the change of what all observers see as the coordinates move, closure forces held, (N, k, k)."""
-    carries, screws = structure.carries, at.screws
+def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observers: Array, motions: Motions) -> Array:
+    """Return the change of what all observers see by motions, closure forces held, (N, k, c)."""
+    carries, screws = structure.carries, motions.screws
     carried = at.carried[:, structure.column_joint]
     # what observers see as their frame turns
     v, w = observers[..., :3], observers[..., 3:]
     f, m = carried[..., :3], carried[..., 3:]
     turning = np.concatenate((np.cross(w, f), np.cross(v, f) + np.cross(w, m)), axis=-1)
-    seen = (turning @ screws.mT) * structure.moves_frame
+    seen = (turning @ screws.mT) * motions.turns
     # what the loads do as their points move
     left, right = [], []
     form = _dead_force(conditions.wrench[:, :3], at.tool[:, :3, 3])
-    on_tool = carries[:, structure.tool.joint]
-    left.append((on_tool[:, None] * observers) @ form)
-    right.append(on_tool[:, None] * screws)
+    left.append((carries[:, structure.tool.joint, None] * observers) @ form)
+    right.append(motions.carries[:, structure.tool.joint, None] * screws)
     for index, loop in enumerate(structure.loops):
-        first, second = carries[:, loop.first.joint], carries[:, loop.second.joint]
-        weight = second - first
+        weight = carries[:, loop.second.joint] - carries[:, loop.first.joint]
         if not weight.any():
             continue
         held = weight[:, None] * observers
         left += [held @ at.loops.by_first[:, index], held @ at.loops.by_second[:, index]]
-        right += [first[:, None] * screws, second[:, None] * screws]
+        right += [motions.first[:, index, None] * screws, motions.second[:, index, None] * screws]
     seen += np.concatenate(left, axis=-1) @ np.concatenate(right, axis=-1).mT
     if conditions.gravity is not None:
-        seen += _weight_seen(structure, at, observers, conditions)
+        seen += _weight_seen(structure, at, observers, conditions, motions)
     return seen
 
 
-def _weight_seen(structure: Structure, at: Evaluation, observers: Array, conditions: Conditions) -> Array:
-    """Return what observers see more of the bodies' weights as these move, (N, k, k)."""
-    screws, joint, above = at.screws, structure.column_joint, structure.above
+def _opened(structure: Structure, at: Evaluation, motions: Motions) -> Array:
+    """Return the change of the loops' gaps by motions, (N, closures, c)."""
+    out = np.zeros((len(at.screws), structure.closure_count, motions.screws.shape[1]))
+    start = 0
+    for index, loop in enumerate(structure.loops):
+        rows = slice(start, start + loop.size)
+        weight = motions.second[:, index] - motions.first[:, index]
+        out[:, rows] = at.gaps.wrenches[:, rows] @ (weight[:, None] * motions.screws).mT
+        start += loop.size
+    return out
+
+
+def _weight_seen(
+    structure: Structure, at: Evaluation, observers: Array, conditions: Conditions, motions: Motions
+) -> Array:
+    """Return what observers see more of the bodies' weights by motions, (N, k, c)."""
+    screws = motions.screws
     masses = masses_of(structure, conditions)
     mass = structure.support @ masses
     centres = (at.placements[..., :3, :3] @ structure.levers[:, :, None])[..., 0] + at.placements[..., :3, 3]
@@ -137,9 +283,10 @@ def _weight_seen(structure: Structure, at: Evaluation, observers: Array, conditi
     g = skew(conditions.gravity)
     form[..., 3:, :3] = -mass[:, None, None] * g
     form[..., 3:, 3:] = g @ skew(first)
-    column = form[:, joint]
-    deep = ((observers[..., None, :] @ column)[..., 0, :] @ screws.mT) * above
-    shallow = observers @ (column @ screws[..., None])[..., 0].mT * (above.T & ~above)
+    row = form[:, structure.column_joint]
+    column = row if motions.joint is structure.column_joint else form[:, motions.joint]
+    deep = ((observers[..., None, :] @ row)[..., 0, :] @ screws.mT) * motions.above
+    shallow = observers @ (column @ screws[..., None])[..., 0].mT * motions.below
     return deep + shallow
 
 
@@ -196,26 +343,31 @@ def _turned_loads(structure: Structure, state: State, at: Evaluation, rows: Arra
     return turned
 
 
-def _write_module_rows(structure: Structure, at: Evaluation, turned: Array, out: Array) -> None:
-    """Write the rows strain - law(load) of all wrench modules."""
+def _write_laws(structure: Structure, at: Evaluation, loads: Array, turned: Array | None, out: Array) -> None:
+    """Write what balances and laws make of changed loads.
+
+    `loads` (N, k, c): the change of what all observers see; `turned` (N, n, 6, c): of the modules' loads, law's axes.
+    """
     nq, nd, ne, _ = structure.sizes
-    first = nq + nd
+    out[:, :nq] = loads[:, :nq]
+    out[:, nq : nq + nd] = -at.drives.slope[..., None] * loads[:, nq : nq + nd]
+    if turned is None:
+        return
     slopes = at.modules.slopes
-    out[:, first : first + ne] = -(slopes.by_load @ turned).reshape(len(out), ne, -1)
-    diagonal = np.arange(first, first + ne)
-    out[:, diagonal, diagonal] += 1.0
+    out[:, nq + nd : nq + nd + ne] = -(slopes.by_load @ turned).reshape(len(out), ne, -1)
     for slot, place, rate, _ in structure.sliding_beams:
-        out[:, first + 6 * slot : first + 6 * slot + 6, place] -= rate * slopes.by_length[:, slot]
-
-
-def _write_sliding_rows(structure: Structure, at: Evaluation, turned: Array, out: Array) -> None:
-    """Write the rows of the forces that move slides along their beams."""
-    for slot, place, rate, _ in structure.sliding_beams:
-        rod, column = at.modules.slopes.rods[slot]
+        rod, column = slopes.rods[slot]
         out[:, place] = rate * _slid(structure, rod, column, slot, turned[:, slot])
-        if structure.root_inboard[slot]:
-            strain, change = rod.root_strain[:, column], rod.root_rate[:, column]
-            out[:, place, place] += rate**2 * (change[:, 2] + (strain * change).sum(-1))
+
+
+def _write_held_laws(structure: Structure, at: Evaluation, loads: Array, out: Array) -> None:
+    """Write the same of loads that change while no module deforms more."""
+    nq, nd, ne, _ = structure.sizes
+    turned = None
+    if ne:
+        by_module = loads[:, nq + nd :].reshape(len(loads), len(structure.modules), 6, -1)
+        turned = _in_law_axes(structure, at, by_module)
+    _write_laws(structure, at, loads, turned, out)
 
 
 def _slid(structure: Structure, rod: LoadedRod, column: int, slot: int, loads: Array) -> Array:

@@ -18,6 +18,7 @@ from ..errors import UnknownNameError
 from ..mechanism import Frame
 from ..spatial import Array, rotation_log
 from .border import left_solved
+from .derivative import Motions, frame_motions
 from .equilibrium import Equilibria
 from .state import Conditions, State
 
@@ -98,6 +99,36 @@ class FirstOrder:
             return left_solved(self.matrix, self.found.rigid.border, rows)[:, :, list(places)]
 
         return self.once(("joints", places), compute)
+
+    def by_joint(self, joint: int) -> Array:
+        """Return what is watched per displacement of a joint's drawn place, (n, R, 6), as in `Conditions.offsets`."""
+
+        def compute() -> Array:
+            found = self.found
+            motions = self.chain.joint_motions(found.state, found.evaluation, found.conditions, [joint])
+            return self._by_motions(motions)
+
+        return self.once(("joint", joint), compute)
+
+    def by_loop_end(self, loop: int, end: int) -> Array:
+        """Return what is watched per displacement of a loop's end, (n, R, 6), as in `Conditions.loop_offsets`."""
+
+        def compute() -> Array:
+            found = self.found
+            return self._by_motions(self.chain.loop_end_motions(found.evaluation, found.conditions, [(loop, end)]))
+
+        return self.once(("loop end", loop, end), compute)
+
+    def by_mass(self, joint: int, gravity: Array) -> Array:
+        """Return what is watched per mass of a joint's body at its centre, (n, R), under gravity (3,) or (n, 3)."""
+        return -(self.by_row @ self.chain.mass_columns(self.found.evaluation, gravity, [joint]))[..., 0]
+
+    def _by_motions(self, motions: Motions) -> Array:
+        """Return what is watched per motion of parts that are no coordinates, (n, R, c)."""
+        found = self.found
+        moved = [frame_motions(found.evaluation, frame, motions) for frame in self.frames]
+        columns = self.chain.motion_columns(found.evaluation, found.conditions, motions)
+        return np.concatenate(moved, axis=1) - self.by_row @ columns
 
     def by_residual(self, change: Array) -> Array:
         """Return what is watched, (n, R), per change (n, m) of the equations' residual."""

@@ -83,7 +83,7 @@ def evaluated(
     placements, moving, frames = _placed(structure, state, conditions)
     screws = _screws(structure, moving, frames)
     tool = placements[:, structure.tool.joint] @ structure.tool.placement
-    gaps = structure.closure.gaps(placements)
+    gaps = structure.closure.gaps(placements, conditions.loop_offsets)
     loops = structure.closure.forces(gaps, state.closure)
     carried = _carried(structure, placements, tool, loops, conditions)
     nq, nd, ne, _ = structure.sizes

@@ -22,7 +22,8 @@ class Conditions:
     along each free joint (friction); `strains` gives a module's deformation beyond its own law: by its name a function
     of its load (N, k) that returns the deformation (N, k) and its derivative (N, k, k); `actuators` (N, actuated
     joints) is added to the positions of the pose; `offsets` moves the drawn place of joints, by joint id: (6,), a
-    translation in the axes of the parent's frame and a rotation vector in the joint's own; `mass_factors` (joints,)
+    translation in the axes of the parent's frame and a rotation vector in the joint's own; `loop_offsets` likewise that
+    of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second end; `mass_factors` (joints,)
     multiplies the masses of the joints' bodies.
     """
 
@@ -33,6 +34,7 @@ class Conditions:
     strains: dict = field(default_factory=dict)
     actuators: Array | None = None
     offsets: dict = field(default_factory=dict)
+    loop_offsets: dict = field(default_factory=dict)
     mass_factors: Array | None = None
 
     def take(self, rows) -> Conditions:

@@ -9,7 +9,7 @@ from .remembered import RememberedStrain
 from .report import PoseReport
 from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
-from .travel import ChangedLength, MovedJoint, Travel
+from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
 from .value import ChangedValue
 
 #: Every kind, in the order in which their first-order effects are added up.
@@ -25,6 +25,7 @@ DEEDS: tuple[type[Deed], ...] = (
     ScaledMass,
     ChangedLength,
     MovedJoint,
+    MovedLoopEnd,
     PoseReport,
 )
 
@@ -41,6 +42,7 @@ __all__ = [
     "JointResistance",
     "Moment",
     "MovedJoint",
+    "MovedLoopEnd",
     "PoseReport",
     "RememberedStrain",
     "ScaledMass",

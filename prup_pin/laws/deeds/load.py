@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -109,12 +109,9 @@ class ScaledMass(Deed):
 
 
 def _by_mass(at: Solved, joint: int) -> Array:
-    """Return what is watched per weight of a joint's body, (n, R)."""
-    now = at.first.found.conditions
-    count = at.setup.mechanism.model.njoints
-    factors = np.ones(count) if now.mass_factors is None else now.mass_factors
-    more = replace(now, mass_factors=factors + _LIGHT * np.eye(count)[joint])
-    return at.first.by_conditions(now, more) / _LIGHT
+    """Return what is watched by the whole weight of a joint's body, (n, R)."""
+    gravity = at.setup.weight * at.setup.mechanism.gravity
+    return at.first.chain.structure.masses[joint] * at.first.by_mass(joint, gravity)
 
 
 def _by_weight(at: Solved, spread: bool) -> Array:

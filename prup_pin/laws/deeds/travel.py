@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import UnknownNameError
 from ...spatial import Array
 from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["ChangedLength", "MovedJoint", "Travel"]
-
-#: Step of differences at the present state [m].
-_STEP = 1e-6
+__all__ = ["ChangedLength", "MovedJoint", "MovedLoopEnd", "Travel"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +66,14 @@ class ChangedLength(Deed):
 
 def _by_length(at: Solved, name: str) -> Array:
     """Return what is watched per length, (n, R): the joints that it places are moved at the present state."""
-    mechanism, found = at.setup.mechanism, at.first.found
+    mechanism = at.setup.mechanism
     moves = next(length.moves for length in mechanism.description.lengths if length.parameter.name == name)
-    offsets = dict(found.conditions.offsets)
+    total = np.zeros(at.first.by_row.shape[:2])
     for joint, direction in moves:
         index = int(mechanism.model.getJointId(joint))
         if 0 < index < mechanism.model.njoints:
-            offsets[index] = offsets.get(index, np.zeros(6)) + _STEP * np.array((*direction, 0.0, 0.0, 0.0))
-    return at.first.by_equations(found.state, replace(found.conditions, offsets=offsets)) / _STEP
+            total += at.first.by_joint(index)[..., :3] @ np.array(direction)
+    return total
 
 
 @dataclass(frozen=True)
@@ -94,21 +93,38 @@ class MovedJoint(Deed):
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        total: Array | None = None
-        for index in {**setup.offsets, **at.setup.offsets}:
-            step = setup.offsets.get(index, np.zeros(6)) - at.setup.offsets.get(index, np.zeros(6))
-            for axis in np.flatnonzero(step).tolist():
-                change = step[axis] * at.first.once(("joint", index, axis), partial(_by_joint, at, index, axis))
-                total = change if total is None else total + change
-        return total
+        return _by_offsets(setup.offsets, at.setup.offsets, at.first.by_joint)
 
 
-def _by_joint(at: Solved, joint: int, axis: int) -> Array:
-    """Return what is watched per displacement of a joint's place along one axis, (n, R)."""
-    conditions = at.first.found.conditions
-    ends = []
-    for sign in (1.0, -1.0):
-        moved = conditions.offsets.get(joint, np.zeros(6)) + sign * _STEP * np.eye(6)[axis]
-        offsets = {**conditions.offsets, joint: moved}
-        ends.append(at.first.by_equations(at.first.found.state, replace(conditions, offsets=offsets)))
-    return (ends[0] - ends[1]) / (2 * _STEP)
+@dataclass(frozen=True)
+class MovedLoopEnd(Deed):
+    """An end of a loop, 0 for its first frame or 1 for its second, is not where the drawing has it on its body.
+
+    `displacement` (6,): a translation in the axes of the body [m] and a rotation vector in the frame's own [rad].
+    """
+
+    loop: str
+    end: int
+    displacement: tuple[float, ...]
+
+    def enter(self, setup: Setup) -> None:
+        names = [loop.name for loop in setup.mechanism.loops]
+        if self.loop not in names:
+            raise UnknownNameError("loop", self.loop, names)
+        key = (names.index(self.loop), self.end)
+        setup.loop_offsets[key] = setup.loop_offsets.get(key, np.zeros(6)) + np.array(self.displacement)
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        return _by_offsets(setup.loop_offsets, at.setup.loop_offsets, lambda key: at.first.by_loop_end(*key))
+
+
+def _by_offsets(new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Callable[[Any], Array]) -> Array | None:
+    """Return what is watched by displaced places, (n, R), with `by_place` (n, R, 6) of each."""
+    total: Array | None = None
+    for key in {**new, **old}:
+        step = new.get(key, np.zeros(6)) - old.get(key, np.zeros(6))
+        if step.any():
+            change = by_place(key) @ step
+            total = change if total is None else total + change
+    return total
