@@ -28,7 +28,7 @@ from .structure import Structure
 if TYPE_CHECKING:
     from .residual import Evaluation
 
-__all__ = ["Border", "gathered", "inverted", "left_solved", "no_border", "undetermined"]
+__all__ = ["Border", "gathered", "inverted", "left_solved", "no_border", "slack", "undetermined"]
 
 #: Self-stress that cancels in a module leaves rounding there, below this share of the closure forces.
 _NOISE = 1e-11
@@ -135,12 +135,22 @@ def inverted(matrix: Array, border: Border) -> Array:
 
 def left_solved(matrix: Array, border: Border, rows: Array) -> Array:
     """Return rows (N, r, m) times the same inverse, more accurately; NaN where a matrix is singular."""
-    m = matrix.shape[-1]
+    padded = np.zeros((*rows.shape[:-1], matrix.shape[-1] + border.size))
+    padded[..., : matrix.shape[-1]] = rows
+    return _left_solved(matrix, border, padded)
+
+
+def slack(matrix: Array, border: Border) -> Array:
+    """Return what the slack is per residual (N, k, m): not zero for what no step of the unknowns can meet."""
+    units = np.eye(matrix.shape[-1] + border.size)[matrix.shape[-1] :]
+    return -_left_solved(matrix, border, np.broadcast_to(units, (len(matrix), *units.shape)))
+
+
+def _left_solved(matrix: Array, border: Border, rows: Array) -> Array:
+    """Return rows (N, r, m + k) times the inverse of bordered matrices, (N, r, m) of them."""
     whole, by_row, by_column = _scaled(border.around(matrix))
-    padded = np.zeros((*rows.shape[:-1], whole.shape[-1]))
-    padded[..., :m] = rows / by_column[..., :m]
-    found = _each(np.linalg.solve, whole.mT, padded.mT).mT
-    return (found / by_row.mT)[..., :m]
+    found = _each(np.linalg.solve, whole.mT, (rows / by_column).mT).mT
+    return (found / by_row.mT)[..., : matrix.shape[-1]]
 
 
 def _scaled(matrix: Array) -> tuple[Array, Array, Array]:

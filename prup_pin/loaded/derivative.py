@@ -150,8 +150,8 @@ def matrix(structure: Structure, state: State, at: Evaluation, conditions: Condi
     out = np.zeros((n, columns + nc, columns + nc))
     _write_laws(structure, at, loads, turned, out)
     out[:, columns:, :columns] = _opened(structure, at, motions)
-    index = np.arange(nq, nq + nd + ne)
-    out[:, index, index] += 1.0
+    own = np.arange(nq, nq + nd + ne)
+    out[:, own, own] += 1.0
     for slot, place, rate, _ in structure.sliding_beams:
         out[:, nq + nd + 6 * slot : nq + nd + 6 * slot + 6, place] -= rate * at.modules.slopes.by_length[:, slot]
         if structure.root_inboard[slot]:

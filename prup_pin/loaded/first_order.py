@@ -18,6 +18,7 @@ from ..errors import UnknownNameError
 from ..mechanism import Frame
 from ..spatial import Array, rotation_log
 from .border import left_solved
+from .border import slack as slack_of
 from .derivative import Motions, frame_motions
 from .equilibrium import Equilibria
 from .state import Conditions, State
@@ -124,11 +125,28 @@ class FirstOrder:
         return -(self.by_row @ self.chain.mass_columns(self.found.evaluation, gravity, [joint]))[..., 0]
 
     def _by_motions(self, motions: Motions) -> Array:
-        """Return what is watched per motion of parts that are no coordinates, (n, R, c)."""
+        """Return what is watched per motion of parts that are no coordinates, (n, R, c).
+
+        NaN where redundant loops do not close any more.
+        """
         found = self.found
         moved = [frame_motions(found.evaluation, frame, motions) for frame in self.frames]
         columns = self.chain.motion_columns(found.evaluation, found.conditions, motions)
-        return np.concatenate(moved, axis=1) - self.by_row @ columns
+        watched = np.concatenate(moved, axis=1) - self.by_row @ columns
+        return np.where(self._askew(columns)[:, None], np.nan, watched)
+
+    def _askew(self, change: Array) -> np.ndarray:
+        """Return which changes (n, m, c) of the residual leave no equilibrium near, (n, c).
+
+        What the equations ask beyond what the robot can do has none: a planar loop does not close askew.
+        """
+        border = self.found.rigid.border
+        if not border.size:
+            return np.zeros((len(change), change.shape[2]), bool)
+        slack = self.once("slack", lambda: slack_of(self.matrix, border))
+        asked, terms = np.abs(slack @ change), np.abs(slack) @ np.abs(change)
+        rounding = _ROUNDING * np.abs(slack) @ np.abs(self.matrix).max(axis=2, keepdims=True)
+        return np.asarray((asked > _ASKEW * terms + rounding).any(axis=1))
 
     def by_residual(self, change: Array) -> Array:
         """Return what is watched, (n, R), per change (n, m) of the equations' residual."""
@@ -143,11 +161,7 @@ class FirstOrder:
         before = self.found.evaluation
         change = at.residual - before.residual
         watched = self._moved(before.placements, at.placements) + self.by_residual(change)
-        # What the equations ask beyond what the robot can do has no equilibrium: a planar loop does not close askew.
-        border = self.found.rigid.border
-        asked = np.abs(border.left.mT @ change[..., None]).max(axis=(1, 2), initial=0.0)
-        watched[asked > _ASKEW * np.abs(change).max(axis=1, initial=0.0)] = np.nan
-        return watched
+        return np.where(self._askew(change[..., None]), np.nan, watched)
 
     def by_conditions(self, before: Conditions, after: Conditions) -> Array:
         """Return what is watched, (n, R), between two conditions at the present state."""
@@ -181,8 +195,8 @@ class FirstOrder:
 
 #: Step of differences at the present state [m, rad].
 _STEP = 1e-6
-#: Share of a change that the rest of the equations may miss by rounding.
-_ASKEW = 1e-4
+#: Share of a change that the rest of the equations may miss, and what is rounding beside a unit of all unknowns.
+_ASKEW, _ROUNDING = 1e-4, 1e-12
 
 
 def elastic_deformation(found: Equilibria, module: str) -> Array:

@@ -72,7 +72,8 @@ def _by_length(at: Solved, name: str) -> Array:
     for joint, direction in moves:
         index = int(mechanism.model.getJointId(joint))
         if 0 < index < mechanism.model.njoints:
-            total += at.first.by_joint(index)[..., :3] @ np.array(direction)
+            axes = np.flatnonzero(direction)
+            total += at.first.by_joint(index)[..., axes] @ np.array(direction)[axes]
     return total
 
 
@@ -124,7 +125,8 @@ def _by_offsets(new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Ca
     total: Array | None = None
     for key in {**new, **old}:
         step = new.get(key, np.zeros(6)) - old.get(key, np.zeros(6))
-        if step.any():
-            change = by_place(key) @ step
+        axes = np.flatnonzero(step)  # the others may be such that no loop closes
+        if len(axes):
+            change = by_place(key)[..., axes] @ step[axes]
             total = change if total is None else total + change
     return total
