@@ -123,7 +123,7 @@ class Tolerances:
 TYPICAL = Tolerances(
     stiffness=0.1,
     bending=0.03,
-    mass=0.05,
+    mass=0.1,
     inertia=0.1,
     position=5e-5,
     direction=2e-4,
@@ -137,6 +137,6 @@ TYPICAL = Tolerances(
     wrench_rotation=5e-3,
     wrench_bias_force=0.5,
     wrench_bias_moment=0.02,
-    effort_gain=0.03,
+    effort_gain=0.05,
     effort_bias=1.0,
 )

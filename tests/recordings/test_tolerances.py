@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -165,3 +167,13 @@ def test_a_file_of_tolerances(tmp_path):
 def test_what_is_shown_of_them_is_what_is_declared():
     assert repr(Tolerances(stiffness=0.1, position=5e-5)) == "Tolerances(stiffness=0.1, position=5e-05)"
     assert replace(TYPICAL, mass=None).declared.keys() == set(NAMES) - {"mass"}
+
+
+def test_the_page_lists_every_kind_with_its_unit_and_typical_value():
+    page = (Path(__file__).parents[2] / "docs" / "tolerances.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+ \|[^|]+\| [^|]+) \|", page, re.M))
+    assert list(rows) == NAMES
+    for kind in KINDS_OF_TOLERANCE:
+        unit, _, typical = (cell.strip() for cell in rows[kind.name].split("|"))
+        assert unit == kind.unit
+        assert float(typical) == TYPICAL.declared[kind.name]
