@@ -13,8 +13,9 @@ from ..errors import InputError, UnreachablePoseError, nearest_names
 from ..spatial import WRENCH_NAMES, Array, as_wrench
 from .columns import NOISE_KEYS
 from .problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
-from .reader import noise_value
+from .reader import noise_value, tolerances_value
 from .recording import Noise, Recording
+from .tolerances import Tolerances
 from .writer import json_lines, write_whole
 
 #: Task coordinates -> positions of the actuated joints [m or rad].
@@ -105,7 +106,7 @@ class TestPlan:
     """What a bench test does, and how well it measures.
 
     sample_interval [s]; temperature [degrees Celsius] is None, a number, or (from, to) reached linearly over the test;
-    encoder_resolution [m or rad] rounds the actuators' positions, 0 leaves them.
+    encoder_resolution [m or rad] rounds the actuators' positions, 0 leaves them. `tolerances` go into the recording.
     """
 
     __test__ = False  # pytest takes classes named Test… for tests
@@ -119,6 +120,7 @@ class TestPlan:
     seed: int = 0
     robot: str | None = None
     notes: str = ""
+    tolerances: Tolerances = field(default_factory=Tolerances)
 
     def __post_init__(self) -> None:
         if not self.poses or not self.loads:
@@ -179,6 +181,7 @@ class TestPlan:
             wrench=wrench,
             temperature=temperature,
             noise=self.noise,
+            tolerances=self.tolerances,
             robot=self.robot,
             notes=self.notes,
         )
@@ -297,6 +300,8 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
         value["temperature"] = plan.temperature
     noise = {key: getattr(plan.noise, name) for key, name in NOISE_KEYS.items()}
     value["noise"] = {key: deviation for key, deviation in noise.items() if deviation is not None}
+    if plan.tolerances.declared:
+        value["tolerances"] = dict(plan.tolerances.declared)
     value |= {"encoder_resolution": plan.encoder_resolution, "seed": plan.seed}
     write_whole({Path(path): json_lines(value)})
 
@@ -323,7 +328,18 @@ def _load_json(load: LoadProgramme) -> dict[str, Any]:
 class _PlanReader:
     """Turns JSON into a plan and adds whatever is wrong, with its place, to the problems."""
 
-    KEYS = ("poses", "loads", "sample_interval", "temperature", "noise", "encoder_resolution", "seed", "robot", "notes")
+    KEYS = (
+        "poses",
+        "loads",
+        "sample_interval",
+        "temperature",
+        "noise",
+        "tolerances",
+        "encoder_resolution",
+        "seed",
+        "robot",
+        "notes",
+    )
 
     def __init__(self, path: Path, problems: Problems):
         self.path, self.problems = path, problems
@@ -420,6 +436,7 @@ class _PlanReader:
             if key in NOISE_KEYS
             and (deviation := noise_value(key, value, self.problems, self.path.name, "noise.")) is not None
         }
+        tolerances = tolerances_value(values.get("tolerances"), self.problems, self.path.name, "tolerances.")
         seed = self.whole(values.get("seed", 0), "seed", 0)
         robot, notes = self.text(values.get("robot"), "robot"), self.text(values.get("notes"), "notes")
         if self.problems:
@@ -434,6 +451,7 @@ class _PlanReader:
             seed=seed,
             robot=robot,
             notes=notes or "",
+            tolerances=tolerances,
         )
 
     def temperature(self, value: object) -> float | tuple[float, float] | None:

@@ -17,6 +17,7 @@ from prup_pin.recordings import (
     Recording,
     TaskPose,
     TestPlan,
+    Tolerances,
     add_noise,
     read_plan,
     read_recording,
@@ -90,6 +91,15 @@ def test_write_and_read(tmp_path, write, temperature):
     plan = read_plan(write(values))
     write_plan(plan, tmp_path / "again.json")
     assert read_plan(tmp_path / "again.json") == plan
+
+
+def test_tolerances_go_through_a_plan_into_the_recording(tmp_path, write):
+    plan = read_plan(write({**PLAN, "tolerances": {"stiffness": 0.1, "mass": None}}))
+    assert plan.tolerances == Tolerances(stiffness=0.1)
+    assert plan.inputs(solve).tolerances == Tolerances(stiffness=0.1)
+    write_plan(plan, tmp_path / "again.json")
+    assert read_plan(tmp_path / "again.json") == plan
+    assert read_plan(write(PLAN)).tolerances == Tolerances()
 
 
 def test_inputs(write):
@@ -209,6 +219,19 @@ def changed(path, value):
         (["temperature"], "warm", "temperature", "expected a number"),
         (["temperature"], {"from": 20}, "temperature.to", "is null"),
         (["noise", "position_noise"], 0, "noise.position_noise", "expected one standard deviation above 0 [m]"),
+        (
+            ["tolerances"],
+            {"stiffness": 0},
+            "tolerances.stiffness",
+            "expected one standard deviation above 0 [relative]",
+        ),
+        (
+            ["tolerances"],
+            {"stifness": 1},
+            "tolerances.stifness",
+            "no tolerance has this name. Did you mean 'stiffness'",
+        ),
+        (["tolerances"], "typical", "tolerances", 'is the text "typical"; expected an object'),
         (["noise", "position"], 1, "noise.position", "unknown key. Did you mean 'position_noise'"),
         (["seed"], -1, "seed", "expected a whole number of at least 0"),
         (["robot"], 3, "robot", "expected a text"),

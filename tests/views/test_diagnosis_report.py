@@ -11,6 +11,7 @@ import pytest
 
 from prup_pin.diagnosis.diagnosis import Detectable
 from prup_pin.errors import MissingExtraError
+from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
@@ -135,6 +136,17 @@ def test_a_value_on_its_bound_can_be_written(diagnosed, tmp_path):
     worse = dataclasses.replace(diagnosis, effects=(dataclasses.replace(effect, values=low),))
     write_diagnosis(worse, robot, recording, tmp_path, robot_name="3prup", report=False)
     assert len(read_model(tmp_path / "corrected_model.json").effects) == 1
+
+
+def test_the_next_experiment_declares_the_same_tolerances(diagnosed, tmp_path):
+    robot, recording, diagnosis = diagnosed
+    one = diagnosis.next_experiment["plan"] or {"poses": [{"at": {"z": 0.4}}], "loads": [{"wrench": {"fz": 1.0}}]}
+    planned = dataclasses.replace(diagnosis, next_experiment={"why": "to tell them apart", "plan": one})
+    declared = dataclasses.replace(recording, tolerances=Tolerances(stiffness=0.1))
+    write_diagnosis(planned, robot, declared, tmp_path, robot_name="3prup", report=False)
+    assert read_plan(tmp_path / "next_experiment.json").tolerances == Tolerances(stiffness=0.1)
+    write_diagnosis(planned, robot, recording, tmp_path, robot_name="3prup", report=False)
+    assert read_plan(tmp_path / "next_experiment.json").tolerances == Tolerances()
 
 
 def test_without_the_extra_it_says_which(diagnosed, monkeypatch):

@@ -112,4 +112,6 @@ def _plan(diagnosis: Diagnosis, recording: Recording, robot: str) -> dict[str, A
     noise = {key: getattr(recording.noise, name) for key, name in NOISE_KEYS.items()}
     declared = {key: value for key, value in noise.items() if value is not None}
     plan |= {"robot": robot, "notes": str(diagnosis.next_experiment.get("why", ""))}
+    if recording.tolerances.declared:
+        plan["tolerances"] = dict(recording.tolerances.declared)
     return {**plan, "noise": declared} if declared else plan
