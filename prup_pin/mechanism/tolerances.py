@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..errors import InputError
 from ..modules import CompliantModule
 from ..parameters import Quantity
 from .mechanism import Mechanism, Module
 
-__all__ = ["kind_of_value", "value_tolerances"]
+__all__ = ["kind_of_value", "value_tolerances", "values_following"]
 
 _STIFFNESS_UNITS = ("N/m", "N m/rad", "N/m or N m/rad")
 
@@ -47,6 +48,27 @@ def value_tolerances(mechanism: Mechanism, kinds: Mapping[str, float]) -> dict[s
             if not any(f"{module.name}.{other}" in found for other in _settling(module, quantity)):
                 by_kind[name] = share * float(value)
     return {name: {**by_kind, **found}[name] for name in mechanism.parameters if name in by_kind or name in found}
+
+
+def values_following(mechanism: Mechanism, name: str, value: float) -> dict[str, float]:
+    """Return the values of a module, by quantity, of which one is off: that one, and what follows from it.
+
+    What the robot file gives beside (a tabulated area beside the diameter) follows in the same proportion.
+    """
+    owner, _, short = name.rpartition(".")
+    given = mechanism.module(owner).values
+    try:
+        drawn, other = (
+            mechanism.with_parameters({name: each}).module(owner).values for each in (float(given[short]), value)
+        )
+    except InputError:  # what it would follow from is not known
+        return {short: value}
+    found = {short: value}
+    for quantity, before in drawn.items():
+        after = other[quantity]
+        if quantity != short and np.ndim(before) == 0 and np.isfinite([before, after]).all() and after != before:
+            found[quantity] = float(given[quantity] * after / before)
+    return found
 
 
 def _settling(module: Module, quantity: Quantity) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.mechanism.tolerances import kind_of_value, value_tolerances
+from prup_pin.mechanism.tolerances import kind_of_value, value_tolerances, values_following
 from prup_pin.modules import KINDS
 from prup_pin.recordings import TYPICAL, Tolerances
 from prup_pin.robots import packaged_folder
@@ -90,3 +90,35 @@ def test_no_kind_of_module_is_off_twice_for_one_stiffness(kind):
         assert kind_of_value(kind, quantity) in Tolerances.__dataclass_fields__
     if kind.kind not in ("section_beam", "compliance_matrix"):  # which are tables
         assert counted
+
+
+def test_what_is_tabulated_beside_a_diameter_follows_it_in_proportion():
+    mechanism = prup_pin.load("3prup").mechanism
+    found = values_following(mechanism, "leg1/linear_rod.diameter", 0.0202)
+    given = mechanism.module("leg1/linear_rod").values
+    assert found.keys() == {"diameter", "area", "second_moment_x", "second_moment_y", "torsion_constant"}
+    assert found["diameter"] == 0.0202
+    assert found["area"] == pytest.approx(given["area"] * 1.01**2, rel=1e-12)
+    for name in ("second_moment_x", "second_moment_y", "torsion_constant"):
+        assert found[name] == pytest.approx(given[name] * 1.01**4, rel=1e-12)
+    nominal = values_following(mechanism, "leg1/linear_rod.diameter", 0.02)
+    assert nominal == {"diameter": 0.02}
+
+
+def test_a_value_from_which_nothing_follows_stands_alone():
+    mechanism = prup_pin.load("3prup").mechanism
+    for name in ("leg1/linear_rod.density", "leg1/motor.screw_lead", "leg1/support_bearing.count"):
+        value = 1.1 * mechanism.parameters[name].value
+        assert values_following(mechanism, name, value) == {name.rpartition(".")[2]: value}
+
+
+def test_a_stiffness_follows_its_rating(tmp_path):
+    nut = '<parameter name="stiffness" value="505e6" unit="N/m" source="Table 1, k_ax; Eq. (112)"/>'
+    ratings = (
+        '<parameter name="rated_stiffness" value="500e6"/><parameter name="dynamic_load_rating" value="2e4"/>'
+        '<parameter name="preload" value="1e3"/>'
+    )
+    mechanism = own(tmp_path, (nut, ratings))
+    found = values_following(mechanism, "leg1/ball_nut.rated_stiffness", 450e6)
+    before = mechanism.module("leg1/ball_nut").values["stiffness"]
+    assert found == {"rated_stiffness": 450e6, "stiffness": pytest.approx(0.9 * before)}
