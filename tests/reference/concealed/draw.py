@@ -15,6 +15,7 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -283,14 +284,19 @@ def _alien(rng, leg, sign) -> Candidate:
     return Candidate(lambda x: e | {key: flip * x}, low, high)
 
 
-def scaled(cand: Candidate, run: Programme, target: float, noise=NOISE) -> tuple[dict, np.ndarray]:
-    """The effect at the size that gives `target` in its strongest channel (or at its bound), and its strengths."""
+def scaled(cand: Candidate, run: Programme, target: float, noise=NOISE, sized=None) -> tuple[dict, np.ndarray]:
+    """The effect at the size that gives `target` in its strongest channel (or at its bound), and its strengths.
+
+    `sized(effects)` returns strengths by another yardstick.
+    """
+    if sized is None:
+        sized = partial(strength, run=run, noise=noise)
     if cand.fixed:
         e = cand.make(1.0)
-        return e, strength([e], run, noise)
+        return e, sized([e])
 
     def excess(x):
-        return strength([cand.make(x)], run, noise)
+        return sized([cand.make(x)])
 
     x = np.sqrt(cand.low * cand.high)
     s = excess(x)
@@ -386,16 +392,19 @@ def _truth(e, s, target) -> dict:
             "strength": [round(v, 3) for v in s.tolist()], "requested": round(target, 3)}  # fmt: skip
 
 
-def write_csv(path: Path, rec: dict[str, np.ndarray], temperature: bool) -> None:
+SLIDES = ("leg1_slide", "leg2_slide", "leg3_slide")
+
+
+def write_csv(path: Path, rec: dict[str, np.ndarray], temperature: bool, actuated=SLIDES) -> None:
     """One recording as a table: time, encoders, wrench, pose and, if asked for, temperature."""
-    head = ["time", *(f"q.leg{i}_slide" for i in (1, 2, 3)), *(f"w.{c}" for c in ("fx", "fy", "fz", "mx", "my", "mz")),
+    head = ["time", *(f"q.{name}" for name in actuated), *(f"w.{c}" for c in ("fx", "fy", "fz", "mx", "my", "mz")),
             "p.x", "p.y", "p.z", "r.x", "r.y", "r.z"]  # fmt: skip
     cols = [rec["time"][:, None], rec["q"], rec["w"], rec["p"], rec["r"]]
     if temperature:
         head.append("temperature")
         cols.append(rec["temperature"][:, None])
     if "qd" in rec:
-        head += [f"qd.leg{i}_slide" for i in (1, 2, 3)]
+        head += [f"qd.{name}" for name in actuated]
         cols.append(rec["qd"])
     np.savetxt(path, np.hstack(cols), delimiter=",", header=",".join(head), comments="", fmt="%.9g")
 
