@@ -365,7 +365,7 @@ class LoopKinematics:
         return q, reached, residual
 
     def _unreachable(self, requested, target, here, q, reached, residual) -> UnreachablePoseError:
-        nearest = nearest_feasible(self, requested, q) if self._are_tasks(requested) else None
+        nearest = self._nearest_feasible(requested, q)
         if nearest is None and reached > 0:
             along = here + reached * (target - here)
             nearest = dict(zip(requested, along.tolist(), strict=True))
@@ -380,6 +380,19 @@ class LoopKinematics:
             nearest,
             residual,
         )
+
+    def _nearest_feasible(self, requested: Mapping[str, float], q: Array) -> dict[str, float] | None:
+        if not self._are_tasks(requested) or self.model.nq != self.model.nv:
+            return None
+        limits = self.lower, self.upper
+        return nearest_feasible(self.task, requested, self.evaluate, limits, self.length, (q, self.home))
+
+    def _last_regular(self, requested: Mapping[str, float]) -> dict[str, float] | None:
+        if not self._are_tasks(requested):
+            return None
+        here, target = self.task.values(self._home.placements), np.array(list(requested.values()))
+        found = last_regular(here, target, lambda at: self.reach(at, {}, self.task.goal))
+        return None if found is None else dict(zip(requested, found.tolist(), strict=True))
 
     def _are_tasks(self, requested: Mapping[str, float]) -> bool:
         """Return True where task coordinates were requested, False for actuator positions or nothing."""
@@ -415,7 +428,7 @@ class LoopKinematics:
         if not self.mechanism.description.described:
             warnings.warn(f"{text} (of a controller: C is defined there all the same)", JointLimitWarning, stacklevel=4)
             return
-        nearest = nearest_feasible(self, requested, q) if self._are_tasks(requested) else None
+        nearest = self._nearest_feasible(requested, q)
         if nearest is None and name in requested:
             nearest = {**requested, name: min(max(value, lower), upper)}
         raise UnreachablePoseError(
@@ -482,7 +495,7 @@ class LoopKinematics:
         direction = ", ".join(
             f"{name} {value:+.2f}" for name, value in zip(TWIST_NAMES, twist, strict=True) if abs(value) > 0.01
         )
-        nearest = last_regular(self, requested) if self._are_tasks(requested) else None
+        nearest = self._last_regular(requested)
         raise SingularPoseError(
             f"singular pose{' ' + self._listed(requested) if requested else ''}: with the actuators locked the tool "
             f"can still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
