@@ -144,6 +144,11 @@ def rotation_log(rotation: Array) -> Array:
     return vector
 
 
+def turn_between(before: Array, after: Array) -> Array:
+    """Return the rotation vectors (..., 3) that turn orientations (..., 3, 3) into others, base axes."""
+    return rotation_log(after @ before.mT)
+
+
 def rotation_tangent(vector: Array) -> Array:
     """Return T (..., 3, 3) with exp(v + dv) = exp(T dv) exp(v) to first order, for rotation vectors v (..., 3)."""
     squared = (vector * vector).sum(-1)[..., None, None]

@@ -1,4 +1,7 @@
-"""Small bench tests of concealed devices and their diagnoses, made once for all tests."""
+"""Small bench tests of concealed devices and their diagnoses, made once for all tests.
+
+Workers wait for each other by a lock on a file, as POSIX has it: the tests do not run on Windows.
+"""
 
 import fcntl
 import os

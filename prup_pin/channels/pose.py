@@ -11,7 +11,7 @@ from ..laws.deeds import Solved
 from ..mechanism import Frame
 from ..recordings import Recording
 from ..simulation import Run
-from ..spatial import Array, rotation_exp, rotation_log
+from ..spatial import Array, rotation_exp, turn_between
 from .channel import Channel, Columns
 from .linear import Linear
 from .noise import Noise
@@ -73,7 +73,7 @@ class PoseChannel(Channel):
 
     def less(self, position: Array, rotation: Array) -> Array:
         """Return measured less simulated poses, (N, 6) [m, rad]; zero where nothing was measured or simulated."""
-        turn = rotation_log(self.rotation @ np.nan_to_num(rotation).mT)
+        turn = turn_between(np.nan_to_num(rotation), self.rotation)
         both = np.concatenate((self.position - position, turn), axis=1)
         return np.where(self.exists & np.isfinite(both), both, 0.0)
 
@@ -88,4 +88,4 @@ class PoseChannel(Channel):
         before = at.setup.reported(true[:, :3, 3], true[:, :3, :3], frame.name)
         turned = rotation_exp(moved[:, 3:]) @ true[:, :3, :3]
         after = setup.reported(true[:, :3, 3] + moved[:, :3], turned, frame.name)
-        return np.concatenate((after[0] - before[0], rotation_log(after[1] @ before[1].mT)), axis=1)
+        return np.concatenate((after[0] - before[0], turn_between(before[1], after[1])), axis=1)

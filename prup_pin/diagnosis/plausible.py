@@ -10,7 +10,7 @@ from ..laws import Inputs
 from ..mechanism import Mechanism
 from ..recordings import Recording
 from ..recordings.columns import AXES
-from ..spatial import Array, rotation_log
+from ..spatial import Array, turn_between
 from .criteria import (
     COARSE,
     FAR,
@@ -113,7 +113,7 @@ def check_belongs(measured: PoseChannel, linear: Linear, inputs: Inputs) -> None
 
 
 def _check_rotations(measured: Array, rigid: Array) -> None:
-    apart = float(np.median(np.linalg.norm(rotation_log(measured @ rigid.mT), axis=1)))
+    apart = float(np.median(np.linalg.norm(turn_between(rigid, measured), axis=1)))
     if apart > TURNED:
         raise InputError(
             f"measured and simulated orientations are {apart:.3g} rad apart: expected r.x r.y r.z as a rotation vector "

@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from ..channels import Noise, PoseChannel
 from ..recordings import Recording
-from ..spatial import Array, rotation_log
+from ..spatial import Array, turn_between
 from .criteria import (
     CLIP,
     FEWEST_NUMBERS,
@@ -55,7 +55,7 @@ def scatter_of_repeats(
     if len(first) < FEWEST_REPEATS:
         return None, None
     moved = measured.position[first] - measured.position[second]
-    turned = rotation_log(measured.rotation[first] @ measured.rotation[second].mT)
+    turned = turn_between(measured.rotation[second], measured.rotation[first])
     change = np.concatenate((moved, turned), axis=1)
     change -= (compliance[first] @ (wrench[first] - wrench[second])[..., None])[..., 0]
     both = measured.exists[first] & measured.exists[second]

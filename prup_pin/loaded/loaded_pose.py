@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError, NoStiffnessError, NotConvergedError
 from ..kinematics import ClosedPose
 from ..modules import CompliantModule, DriveModule
-from ..spatial import Array, as_wrench, rotation_log
+from ..spatial import Array, as_wrench, turn_between
 from ..statics.compliance import _direction, _Named
 from .border import inverted, no_border
 from .chain import Chain
@@ -252,7 +252,7 @@ def find_loaded_pose(
 def _displacement(pose: ClosedPose, equilibria: Equilibria) -> Array:
     """Return the tool's translation and rotation vector since the rigid pose, (6,)."""
     rigid, moved = pose.base_from_tool, equilibria.tool[0]
-    return np.concatenate((moved[:3, 3] - rigid[:3, 3], rotation_log(moved[:3, :3] @ rigid[:3, :3].T)))
+    return np.concatenate((moved[:3, 3] - rigid[:3, 3], turn_between(rigid[:3, :3], moved[:3, :3])))
 
 
 def _frozen(values: Array) -> Array:

@@ -22,8 +22,7 @@ from threadpoolctl import threadpool_limits
 from ..errors import JointLimitWarning
 from ..laws import Effect, Inputs
 from ..laws.deeds import BLOCK, RUN
-from ..mechanism import Frame, Mechanism
-from ..mechanism.description import KIND_BY_NAME, RobotDescription
+from ..mechanism import Frame
 from ..robot import Robot
 from ..spatial import Array, rotation_log
 from .efforts import static_efforts
@@ -293,9 +292,7 @@ _wanted: Wanted | None = None
 
 def _start_worker(payload: bytes) -> None:
     global _wanted
-    description, locked, effects, joints, markers = pickle.loads(payload)
-    robot = Robot(Mechanism(_with_quantities(description), locked))
-    _wanted = Wanted(robot, effects, joints, markers)
+    _wanted = pickle.loads(payload)
 
 
 def _work(parts: list[np.ndarray], inputs: list[Inputs]) -> list[Part]:
@@ -304,36 +301,13 @@ def _work(parts: list[np.ndarray], inputs: list[Inputs]) -> list[Part]:
 
 
 def _packed(wanted: Wanted) -> bytes | None:
-    """Return what a worker builds the same robot from, all changes included; None where it cannot be sent."""
-    mechanism = wanted.robot.mechanism
-    contents = (
-        _without_quantities(mechanism.description),
-        mechanism.locked,
-        wanted.effects,
-        wanted.joints,
-        wanted.markers,
-    )
+    """Return what a worker unpacks the same robot and laws from; None where they cannot be sent.
+
+    Laws may be a caller's own: one from a function, or from a prompt, has no name by which another process finds it.
+    """
     try:
-        payload = pickle.dumps(contents)
+        payload = pickle.dumps(wanted)
         pickle.loads(payload)
     except Exception:  # pickle raises anything
         return None
     return payload
-
-
-def _without_quantities(description: RobotDescription) -> RobotDescription:
-    """Return the description without what its modules' kinds know anyway, and what cannot be sent."""
-    modules = tuple(
-        replace(module, values={name: replace(parameter, quantity=None) for name, parameter in module.values.items()})
-        for module in description.modules
-    )
-    return replace(description, modules=modules)
-
-
-def _with_quantities(description: RobotDescription) -> RobotDescription:
-    modules = []
-    for module in description.modules:
-        known = {quantity.name: quantity for quantity in KIND_BY_NAME[module.kind].quantities}
-        values = {name: replace(parameter, quantity=known.get(name)) for name, parameter in module.values.items()}
-        modules.append(replace(module, values=values))
-    return replace(description, modules=tuple(modules))

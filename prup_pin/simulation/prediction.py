@@ -12,7 +12,7 @@ from ..errors import InputError, SimulationStoppedError
 from ..laws import Effect, Inputs, Setup
 from ..recordings import Recording
 from ..robot import Robot
-from ..spatial import Array, rotation_exp, rotation_log
+from ..spatial import Array, rotation_exp, turn_between
 from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
 
 __all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
@@ -233,6 +233,5 @@ def _turn(measured: Array, predicted: Array) -> Array:
     """Return the difference of rotation vectors (N, 3); of whole ones as the rotation between them."""
     apart = measured - predicted
     whole = np.isfinite(apart).all(axis=1)
-    before, after = rotation_exp(predicted[whole]), rotation_exp(measured[whole])
-    apart[whole] = rotation_log(after @ before.mT)
+    apart[whole] = turn_between(rotation_exp(predicted[whole]), rotation_exp(measured[whole]))
     return apart

@@ -324,10 +324,15 @@ def test_several_processes_give_identical_numbers(robot, bench, monkeypatch):
 
 def test_a_robot_that_cannot_be_sent_is_computed_in_one_process(robot, bench, monkeypatch):
     monkeypatch.setattr(parts, "SAMPLES", 2)
-    monkeypatch.setattr(parts, "_packed", lambda wanted: None)
-    found = simulate(robot, bench, workers=2)
+    known = effect(robot, "backlash", "leg2/ball_nut", half_gap=3e-5, closing_load=1.0)
+
+    class OfAPrompt(type(known.law)):
+        """A law that no other process finds by its name."""
+
+    found = simulate(robot, bench, [replace(known, law=OfAPrompt())], workers=2)
     assert found.status == ("ok",) * 6
     assert "computed in one" in found.remarks[0]
+    np.testing.assert_array_equal(found.position, simulate(robot, bench, [known]).position)
 
 
 def test_processes_that_die_are_replaced_and_it_is_said(robot, bench, monkeypatch):
