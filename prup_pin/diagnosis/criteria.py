@@ -5,8 +5,6 @@ Numbers of one equation, and what keeps a division from zero, stand where they a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -216,10 +214,6 @@ WIDEST_LOGARITHM: Final = 50.0
 
 # -- what could these data not have shown? -----------------------------------------------------------------------------
 
-#: Sizes at which an effect of its kind is strong: where even that stays hidden, the data could not have shown it.
-STRONG: Final[Mapping[str, float]] = MappingProxyType(
-    {"factor": 0.2, "half_gap": 2e-4, "scale": 3.0, "limit": 5.0, "root_tilting_stiffness": 1e3}
-)
 #: Laws of more parameters have no single size to tell.
 MOST_PARAMETERS_TOLD: Final = 2
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.stats import chi2 as chi_squared
 
+from ..spatial import Array
+from .candidates import Candidate
 from .compete import Selection
-from .criteria import FALSE_ALARM, LEAST_WARMING, MOST_PARAMETERS_TOLD, STRONG
+from .criteria import FALSE_ALARM, LEAST_WARMING, MOST_PARAMETERS_TOLD
 from .diagnosis import Detectable
 from .fit import Fit, Problem
 
 __all__ = ["not_detectable"]
+
+
+#: Steps to the size that would have been seen, the first of them as the law tells, and how well its chi squared is met.
+_ROUNDS, _EXTRAPOLATIONS, _MET = 24, 4, 0.02
 
 
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
@@ -23,37 +29,16 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
     for candidate in selection.library:
         if candidate.name in present or candidate.size > MOST_PARAMETERS_TOLD:
             continue
-        coordinates = candidate.starts()[0].copy()
-        index = 0
-        quantity = candidate.quantities[index]
-        strong = STRONG.get(quantity.name)
-        if strong is not None:
-            moved = candidate.values_of(coordinates)
-            moved[index] = strong
-            coordinates = candidate.coordinates_of(moved)
-        low, high = candidate.bounds
-        coordinates = np.clip(coordinates, low, high)
-        change = problem.change(fit, [*effects, candidate.effect(coordinates)])
-        size = float((change**2).sum())
-        if size >= least:
-            continue
-        value = float(candidate.values_of(coordinates)[index])
-        needed = None
-        if size > 0 and quantity.name not in ("factor", "root_tilting_stiffness"):
-            needed = value * float(np.sqrt(least / size))
-        elif size > 0 and quantity.name == "factor":
-            # the deformation grows with 1/factor - 1
-            needed = 1 / (1 + (1 / value - 1) * float(np.sqrt(least / size)))
-        elif size > 0:
-            needed = value / float(np.sqrt(least / size))
-        yield Detectable(
-            candidate.law.physics,
-            str(candidate.place),
-            quantity.name,
-            needed,
-            quantity.unit,
-            "too small an effect on the measured pose under these loads" if size > 0 else "these loads do not reach it",
-        )
+
+        def share(coordinates: Array, candidate: Candidate = candidate) -> float:
+            """Return the chi squared of a law, as a share of what is seen."""
+            change = problem.change(fit, [*effects, candidate.effect(coordinates)])
+            return float((change**2).sum()) / least
+
+        strong = _strong(candidate)
+        seen = share(strong)
+        if seen < 1:
+            yield _hidden(candidate, strong, seen, share)
     inputs = problem.simulator.inputs
     if inputs.temperature is None:
         yield Detectable("thermal_growth", "", "expansion", None, "1/K", "no temperature was recorded")
@@ -61,3 +46,56 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
         yield Detectable("thermal_growth", "", "expansion", None, "1/K", "the temperature hardly changed")
     if inputs.speeds is None:
         yield Detectable("encoder_delay", "", "delay", None, "s", "no speeds (qd columns) were recorded")
+
+
+def _strong(candidate: Candidate) -> Array:
+    """Return the coordinates (p,) of a law where it is strong."""
+    coordinates = candidate.starts()[0].copy()
+    if candidate.law.strong is not None:
+        values = candidate.values_of(coordinates)
+        values[0] = candidate.law.strong
+        coordinates = candidate.coordinates_of(values)
+    return np.clip(coordinates, *candidate.bounds)
+
+
+def _hidden(candidate: Candidate, strong: Array, seen: float, share: Callable[[Array], float]) -> Detectable:
+    """Return what is told of a law that stays hidden where it is strong, at a share `seen` of what is seen."""
+    law, quantity = candidate.law, candidate.quantities[0]
+    value = float(candidate.values_of(strong)[0])
+    needed, reason = None, "these loads do not reach it"
+    if seen > 0:
+        needed = _needed(candidate, strong, seen, share)
+        small = "too small an effect on the measured pose under these loads"
+        reason = "not visible at any size" if needed is None else small
+    below = law.magnified(value, 2.0) < value
+    return Detectable(law.physics, str(candidate.place), quantity.name, needed, quantity.unit, reason, below)
+
+
+def _needed(candidate: Candidate, at: Array, seen: float, share: Callable[[Array], float]) -> float | None:
+    """Return the value of a law's first parameter at which it is just seen; None where that lies beyond its bounds."""
+
+    def share_at(coordinate: float) -> float:
+        return share(np.array([coordinate, *at[1:]]))
+
+    def value_at(coordinate: float) -> float:
+        return float(candidate.values_of(np.array([coordinate, *at[1:]]))[0])
+
+    law, near = candidate.law, float(at[0])
+    low, high = (float(bound[0]) for bound in candidate.bounds)
+    far = low if law.magnified(value_at(near), 2.0) < value_at(near) else high
+    if share_at(far) < 1:
+        return None
+    for index in range(_ROUNDS):
+        # As the law tells; what saturates takes halving besides.
+        more = law.magnified(value_at(near), float(np.sqrt(1 / seen)))
+        guess = float(candidate.coordinates_of(np.array([more, *candidate.values_of(at)[1:]]))[0])
+        if index >= _EXTRAPOLATIONS or not min(near, far) < guess < max(near, far):
+            guess = (near + far) / 2
+        found = share_at(guess)
+        if abs(found - 1) < _MET:
+            return value_at(guess)
+        if found < 1:
+            near, seen = guess, found
+        else:
+            far = guess
+    return value_at(far)

@@ -53,7 +53,10 @@ class Finding:
 
 @dataclass(frozen=True)
 class Detectable:
-    """An effect that these data could not have shown, with the smallest size that they could."""
+    """An effect that these data could not have shown, with the smallest size that they could.
+
+    None where they show no size that the law can have. `below`: the smaller its parameter, the larger the effect.
+    """
 
     physics: str
     location: str
@@ -61,6 +64,7 @@ class Detectable:
     smallest: float | None
     unit: str
     reason: str
+    below: bool = False
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ class Backlash(Law):
     )
 
     neutral: ClassVar = {"half_gap": 0.0}
+    strong = 2e-4
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return yielding(mechanism, ("", "radial", "axial"))

@@ -29,6 +29,7 @@ class CoulombFriction(Law):
         Quantity("presliding_stiffness", "N m/rad", "of the joint while it sticks", 2000.0, lower=1.0, upper=1e7),
     )
     neutral: ClassVar = {"limit": 0.0}
+    strong = 5.0
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name) for name in joint_places(mechanism)]

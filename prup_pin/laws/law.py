@@ -59,6 +59,9 @@ class Law(ABC):
     partial: ClassVar[bool] = False
     #: Kinds of modules where it is most often found; decides between places that data cannot tell apart.
     likely: ClassVar[tuple[str, ...]] = ()
+    #: Size of its first parameter at which it is strong: data that could not show even that could not show the law.
+    #: None: where a fit starts.
+    strong: ClassVar[float | None] = None
 
     @abstractmethod
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -100,6 +103,13 @@ class Law(ABC):
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         """Return values of all parameters at which the law changes nothing."""
         return {**self.starts(place, mechanism)[0], **self.neutral}
+
+    def magnified(self, value: float, times: float) -> float:
+        """Return the value of the first parameter at which the law does so many times as much as at `value`.
+
+        To first order, and in proportion unless a law says otherwise.
+        """
+        return times * value
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         """Return other parts to which one and the same effect could be ascribed just as well."""

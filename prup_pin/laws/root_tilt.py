@@ -26,10 +26,14 @@ class RootTiltCompliance(Law):
         ),
     )
     neutral: ClassVar = {"root_tilting_stiffness": np.inf}
+    strong = 1e3
     _inboard = True
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(module.name) for module in beams(mechanism) if module.inboard_is_root == self._inboard]
+
+    def magnified(self, value: float, times: float) -> float:
+        return value / times
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         given = setup.module_value(place.name, "root_tilting_stiffness")

@@ -20,6 +20,7 @@ class SelfWeight(Law):
     spread = 0.15  # the masses of a robot file are known better than most things
     quantities = (Quantity("scale", "1", "true masses over the robot file's", 1.0, lower=0.0, upper=5.0),)
     neutral: ClassVar = {"scale": 0.0}
+    strong = 3.0
     _spread = False
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:

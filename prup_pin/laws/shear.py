@@ -24,6 +24,7 @@ class _SteelBeams(Law):
 
     spread = 0.5
     neutral: ClassVar = {"scale": 0.0}
+    strong = 3.0
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("robot")] if any(without_shear(module) for module in beams(mechanism)) else []

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
+import numpy as np
+
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from .deeds import ChangedValue, Deed
@@ -20,6 +22,7 @@ class StiffnessChanged(Law):
     summary = "a stiffness differs from the robot file's"
     quantities = (Quantity("factor", "1", "true stiffness over the robot file's", 0.5, lower=0.0, upper=100.0),)
     neutral: ClassVar = {"factor": 1.0}
+    strong = 0.2
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         bodies = [Place(module.name) for module in beams(mechanism) if stiffness_of(module, "")]
@@ -29,6 +32,10 @@ class StiffnessChanged(Law):
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return [{"factor": 0.5}, {"factor": 1.6}]
+
+    def magnified(self, value: float, times: float) -> float:
+        compliance = 1 + times * (1 / value - 1)  # over the robot file's
+        return 1 / compliance if compliance > 0 else np.inf
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         module = setup.mechanism.module(place.name)

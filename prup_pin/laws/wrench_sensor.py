@@ -70,6 +70,9 @@ class WrenchSensorCommonGain(Law):
     neutral: ClassVar = {"gain": 1.0}
     variant = "all channels"
 
+    def magnified(self, value: float, times: float) -> float:
+        return 1 + times * (value - 1)
+
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("wrench_sensor", self.variant)]
 

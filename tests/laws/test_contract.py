@@ -76,6 +76,10 @@ def test_quantities_have_units_and_starts_lie_inside_bounds(name, law, place):
     for start in starts:
         assert list(start) == list(quantities)
         Effect(law, place, start).checked(mechanism)
+    first = next(iter(quantities.values()))
+    strong = starts[0][first.name] if law.strong is None else first.check(law.strong, "strong")
+    assert law.magnified(strong, 1.0) == pytest.approx(strong)
+    assert law.magnified(law.magnified(strong, 3.0), 1 / 3) == pytest.approx(strong)
     assert set(law.neutral) <= set(quantities)
     assert list(law.neutral_at(place, mechanism)) == list(quantities)
 

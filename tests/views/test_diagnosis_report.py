@@ -67,9 +67,10 @@ def test_effects_that_stayed_hidden_are_grouped(diagnosed):
     assert len(diagnosis.not_detectable) > 3 * len(rows)
     items = [Detectable("backlash", f"leg{leg}/motor", "half_gap", leg * 1e-5, "m", "") for leg in (1, 2, 3)]
     assert hidden_rows(items) == [("backlash", "leg1, leg2, leg3: motor", "half gap above 10 to 30 µm, by place")]
-    items = [Detectable("stiffness_changed", "leg1/motor", "factor", 0.1, "1", "")]
+    items = [Detectable("stiffness_changed", "leg1/motor", "factor", 0.1, "1", "", below=True)]
     assert hidden_rows(items) == [("stiffness changed", "leg1/motor", "factor below 0.1")]
-    assert hidden_rows([Detectable("torsion", "robot", "scale", 1e9, "1", "")])[0][2] == "at no size"
+    never = Detectable("torsion", "robot", "scale", None, "1", "not visible at any size")
+    assert hidden_rows([never])[0][2] == "not visible at any size"
     assert hidden_rows([Detectable("encoder_delay", "", "delay", None, "s", "no speeds")])[0][2] == "no speeds"
 
 

@@ -43,6 +43,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot, version: str = "") -> 
                 "location": item.location,
                 "parameter": item.parameter,
                 "smallest": item.smallest,
+                "below": item.below,
                 "unit": item.unit,
                 "reason": item.reason,
             }

@@ -168,12 +168,6 @@ def places_text(names: Iterable[str]) -> str:
     return "; ".join(texts)
 
 
-#: Parameters that mean more the smaller they are.
-_LESS_IS_MORE = ("factor", "root_tilting_stiffness")
-#: Pure numbers beyond this are no sizes that anything has.
-_ABSURD = 1e4
-
-
 def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
     """Return (physics, where, what it would have taken) of effects that stayed hidden, grouped by physics."""
     groups: dict[tuple[str, str, str, str], list[Detectable]] = {}
@@ -189,14 +183,11 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
 
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
-    sizes = sorted(item.smallest for item in items if item.smallest is not None and math.isfinite(item.smallest))
-    less = parameter in _LESS_IS_MORE
-    if unit == "1":
-        sizes = [size for size in sizes if size < _ABSURD]
-    if not sizes:
-        return "at no size"
+    sizes = sorted(item.smallest for item in items if item.smallest is not None)
     factor, shown = scaled(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
     ends = [number(factor * size, 2) for size in (sizes[0], sizes[-1])]
     amount = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
     which = ", by place" if ends[0] != ends[1] else ""
-    return f"{parameter.replace('_', ' ')} {'below' if less else 'above'} {f'{amount} {shown}'.strip()}{which}"
+    return (
+        f"{parameter.replace('_', ' ')} {'below' if items[0].below else 'above'} {f'{amount} {shown}'.strip()}{which}"
+    )
