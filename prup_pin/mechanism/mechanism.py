@@ -30,7 +30,7 @@ from .description import (
 )
 from .joints import Joint, joints_of
 
-__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module"]
+__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "with_values"]
 
 
 @dataclass(frozen=True)
@@ -392,7 +392,7 @@ class Mechanism:
                 own = [key for key in self.parameters if key.startswith(f"{owner}.")]
                 raise UnknownNameError("parameter", name, own or list(self.parameters))
         for owner, values in touched.items():
-            modules[owner] = _with_values(modules[owner], values)
+            modules[owner] = with_values(modules[owner], values)
         description = replace(self.description, modules=tuple(modules.values()), lengths=tuple(lengths.values()))
         moved = any(name in lengths for name in changes)
         return Mechanism(description, self.locked, None if moved else self.model)
@@ -418,7 +418,7 @@ def _number(name: str, value: Any) -> float:
     return number
 
 
-def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> ModuleDescription:
+def with_values(module: ModuleDescription, values: Mapping[str, Any]) -> ModuleDescription:
     """Return the module with other values; given values that were derived from a changed one are dropped.
 
     A changed value keeps its tolerance: a share of the value stays that share, an absolute one stays absolute.

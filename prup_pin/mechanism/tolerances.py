@@ -9,7 +9,8 @@ import numpy as np
 from ..errors import InputError
 from ..modules import CompliantModule
 from ..parameters import Quantity
-from .mechanism import Mechanism, Module
+from .description import resolve_values
+from .mechanism import Mechanism, Module, with_values
 
 __all__ = ["kind_of_value", "value_tolerances", "values_following"]
 
@@ -56,11 +57,10 @@ def values_following(mechanism: Mechanism, name: str, value: float) -> dict[str,
     What the robot file gives beside (a tabulated area beside the diameter) follows in the same proportion.
     """
     owner, _, short = name.rpartition(".")
+    module = next(module for module in mechanism.description.modules if module.name == owner)
     given = mechanism.module(owner).values
     try:
-        drawn, other = (
-            mechanism.with_parameters({name: each}).module(owner).values for each in (float(given[short]), value)
-        )
+        drawn, other = (resolve_values(with_values(module, {short: each})) for each in (float(given[short]), value))
     except InputError:  # what it would follow from is not known
         return {short: value}
     found = {short: value}
