@@ -20,6 +20,7 @@ from .loaded import LoadedPose
 from .loading import load
 from .parameters import Parameter
 from .robot import Robot
+from .sensitivity import Sensitivity
 from .simulation import Prediction, simulate
 from .statics import Compliance
 
@@ -42,6 +43,7 @@ __all__ = [
     "PrupPinError",
     "Robot",
     "RobotFileError",
+    "Sensitivity",
     "SimulationStoppedError",
     "SingularPoseError",
     "UnknownNameError",

@@ -15,6 +15,7 @@ from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
 from .parameters import Parameter
+from .sensitivity import Sensitivity, sensitivity_of
 from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, solve_statics
 
@@ -151,6 +152,14 @@ class Robot:
         robot, NotConvergedError where no equilibrium is found.
         """
         return find_loaded_pose(self._chain, pose, wrench, self._scaling, gravity, spread_weight)
+
+    def sensitivity(self, pose: ClosedPose, wrench, gravity: bool = False) -> Sensitivity:
+        """Return what each parameter does to the loaded tool and to the compliance, by name, at `equilibrium`.
+
+        Values of modules and what follows from them, lengths, places and directions of joints, and masses where
+        `gravity` acts. Raises like `equilibrium` and `compliance`.
+        """
+        return sensitivity_of(self.equilibrium(pose, wrench, gravity), self.characteristic_length)
 
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""

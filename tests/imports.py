@@ -26,6 +26,7 @@ LAYERS = [
     "recordings",
     "loaded",
     "laws",
+    "sensitivity",
     "robots",
     "robot",
     "loading",

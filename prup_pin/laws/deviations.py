@@ -151,13 +151,10 @@ def _other_value(module: str, quantity: str, nominal: float, value: float, setup
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Deviation]:
-    names: dict[int, str] = {}
-    for name in mechanism.frame_names:
-        names.setdefault(mechanism.frame(name).joint, name)
     for joint in mechanism.joints:
         mass = float(mechanism.model.inertias[joint.id].mass)
         if mass > 0:
-            body = names.get(joint.id, joint.name)
+            body = mechanism.bodies.get(joint.id, joint.name)
             act = partial(_other_mass, joint.name, mass)
             yield Deviation(f"{body}.mass", "mass", "kg", mass, True, "inertial_parameters", body, act)
 

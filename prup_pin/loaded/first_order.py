@@ -7,7 +7,7 @@ duality a module's deformation beyond its law appears through the wrench Jacobia
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -21,6 +21,7 @@ from .border import left_solved
 from .border import slack as slack_of
 from .derivative import Motions, frame_motions
 from .equilibrium import Equilibria
+from .other_values import law_rows
 from .state import Conditions, State
 
 __all__ = ["FirstOrder", "elastic_deformation"]
@@ -123,6 +124,13 @@ class FirstOrder:
     def by_mass(self, joint: int, gravity: Array) -> Array:
         """Return what is watched per mass of a joint's body at its centre, (n, R), under gravity (3,) or (n, 3)."""
         return -(self.by_row @ self.chain.mass_columns(self.found.evaluation, gravity, [joint]))[..., 0]
+
+    def by_values(self, module: str, ahead: Mapping[str, Any], behind: Mapping[str, Any]) -> Array:
+        """Return what is watched, (n, R), between two sets of values of a module, both near the present ones."""
+        before, after = law_rows(self.found, module, behind), law_rows(self.found, module, ahead)
+        rows = list(after)
+        change = np.stack([after[row] - before[row] for row in rows], axis=-1)
+        return -(self.by_row[:, :, rows] @ change[..., None])[..., 0]
 
     def _by_motions(self, motions: Motions) -> Array:
         """Return what is watched per motion of parts that are no coordinates, (n, R, c).

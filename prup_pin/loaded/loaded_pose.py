@@ -20,6 +20,7 @@ from ..statics.compliance import _direction, _Named
 from .border import inverted, no_border
 from .chain import Chain
 from .equilibrium import Equilibria, find_equilibria
+from .first_order import FirstOrder
 from .state import Conditions
 
 __all__ = ["Energy", "LoadedPose", "find_loaded_pose"]
@@ -98,6 +99,11 @@ class LoadedPose:
     def placements(self) -> Array:
         """base_from_joint of every joint under load, (joints, 4, 4), in the order of Pinocchio's model."""
         return _frozen(self._equilibria.evaluation.placements[0])
+
+    @cached_property
+    def first_order(self) -> FirstOrder:
+        """What a small change of the robot does to the tool here, to first order."""
+        return FirstOrder(self._equilibria)
 
     def placement(self, frame: str) -> Array:
         """Return base_from_frame (4, 4) of a named frame under load. Raises UnknownNameError."""

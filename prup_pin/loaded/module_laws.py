@@ -21,7 +21,14 @@ from .state import Conditions, State
 from .structure import Structure
 from .values import ModuleValues
 
-__all__ = ["DriveDeformations", "ModuleDeformations", "Slopes", "drive_deformations", "module_deformations"]
+__all__ = [
+    "DriveDeformations",
+    "ModuleDeformations",
+    "Slopes",
+    "bent_group",
+    "drive_deformations",
+    "module_deformations",
+]
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -167,8 +174,7 @@ def module_deformations(
         slots = group.slots
         load = loads[:, slots]
         if group.kind.spans_frames and group.kind.bends_exactly:
-            at = at._replace(length=_lengths(structure, slots, at.length, state, conditions))
-            bent = _bent(structure, group, at, load, tips, conditions)
+            bent = bent_group(structure, group, at, load, state, tips, conditions)
             strain[:, slots, :3], strain[:, slots, 3:] = bent.shift, bent.turn
             laws.append(bent)
         else:
@@ -195,15 +201,17 @@ def _lengths(structure: Structure, slots: slice, rigid: Array, state: State, con
     return length
 
 
-def _bent(
+def bent_group(
     structure: Structure,
     group: ModuleGroup,
     at: ModuleGeometry,
     load: Array,
+    state: State,
     tips: Mapping[bool, Array],
     conditions: Conditions,
 ) -> BentGroup:
-    """Return a group of beams under their loads (N, n, 6)."""
+    """Return a group of beams under their loads (N, n, 6); `at` is the rigid pose's."""
+    at = at._replace(length=_lengths(structure, group.slots, at.length, state, conditions))
     inner = np.logical_not(at.inboard_is_root)
     # At the inner end the beam's tip feels the opposite of what the joint carries.
     tip = np.where(inner, -1.0, 1.0)[:, None] * load

@@ -22,7 +22,7 @@ from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "masses_of"]
+__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "masses_of", "sliding_force"]
 
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
 _UNBALANCED, _OPEN, _JAMMED = 1e-6, 1e-8, 1e-10
@@ -95,7 +95,7 @@ def evaluated(
     residual = np.zeros((len(placements), sum(structure.sizes)))
     residual[:, :nq] = along[:, :nq]
     for sliding in structure.sliding_beams:
-        residual[:, sliding.place] = _sliding_force(structure, sliding, modules, seen.wrench)
+        residual[:, sliding.place] = sliding_force(structure, sliding, modules, seen.wrench)
     if conditions.torques is not None:
         residual[:, :nq] -= conditions.torques
     residual[:, nq : nq + nd] = state.drive - drives.displacement
@@ -232,7 +232,7 @@ def _module_loads(structure: Structure, frames: ModuleFrames, carried: Array) ->
     return ModuleLoads(force, moment, point, wrench)
 
 
-def _sliding_force(structure: Structure, sliding: Sliding, modules: ModuleDeformations, loads: Array) -> Array:
+def sliding_force(structure: Structure, sliding: Sliding, modules: ModuleDeformations, loads: Array) -> Array:
     """Return the force that moves a free slide along its beam, (N,).
 
     The bush follows the beam's deformed centre line: the power of sliding is the axial force at the bush, and half the

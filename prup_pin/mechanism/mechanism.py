@@ -30,7 +30,7 @@ from .description import (
 )
 from .joints import Joint, joints_of
 
-__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "with_values"]
+__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module"]
 
 
 @dataclass(frozen=True)
@@ -179,6 +179,14 @@ class Mechanism:
             f"'{self.name}' has no tool frame: load(..., tool=\"frame\"). Frames at the ends of its chains: "
             f"{', '.join(tips[:12])}"
         )
+
+    @cached_property
+    def bodies(self) -> Mapping[int, str]:
+        """What each joint's body is called, by joint id: the first link on it, else the joint."""
+        names: dict[int, str] = {}
+        for name, frame in self._frames.items():
+            names.setdefault(frame.joint, name)
+        return names
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -392,10 +400,16 @@ class Mechanism:
                 own = [key for key in self.parameters if key.startswith(f"{owner}.")]
                 raise UnknownNameError("parameter", name, own or list(self.parameters))
         for owner, values in touched.items():
-            modules[owner] = with_values(modules[owner], values)
+            modules[owner] = _with_values(modules[owner], values)
         description = replace(self.description, modules=tuple(modules.values()), lengths=tuple(lengths.values()))
         moved = any(name in lengths for name in changes)
         return Mechanism(description, self.locked, None if moved else self.model)
+
+    def module_values(self, name: str, value: float) -> Mapping[str, Any]:
+        """Return all values of a module with its parameter `name` changed, as `with_parameters` would have them."""
+        owner, _, short = name.rpartition(".")
+        described = next(module for module in self.description.modules if module.name == owner)
+        return resolve_values(_with_values(described, {short: value}))
 
     def with_locked_joints(self, names) -> Mechanism:
         """Return the mechanism with brakes on the named joints; see `Robot.with_locked_joints`."""
@@ -418,7 +432,7 @@ def _number(name: str, value: Any) -> float:
     return number
 
 
-def with_values(module: ModuleDescription, values: Mapping[str, Any]) -> ModuleDescription:
+def _with_values(module: ModuleDescription, values: Mapping[str, Any]) -> ModuleDescription:
     """Return the module with other values; given values that were derived from a changed one are dropped.
 
     A changed value keeps its tolerance: a share of the value stays that share, an absolute one stays absolute.

@@ -9,8 +9,7 @@ import numpy as np
 from ..errors import InputError
 from ..modules import CompliantModule
 from ..parameters import Quantity
-from .description import resolve_values
-from .mechanism import Mechanism, Module, with_values
+from .mechanism import Mechanism, Module
 
 __all__ = ["kind_of_value", "value_tolerances", "values_following"]
 
@@ -57,10 +56,9 @@ def values_following(mechanism: Mechanism, name: str, value: float) -> dict[str,
     What the robot file gives beside (a tabulated area beside the diameter) follows in the same proportion.
     """
     owner, _, short = name.rpartition(".")
-    module = next(module for module in mechanism.description.modules if module.name == owner)
     given = mechanism.module(owner).values
     try:
-        drawn, other = (resolve_values(with_values(module, {short: each})) for each in (float(given[short]), value))
+        drawn, other = (mechanism.module_values(name, each) for each in (float(given[short]), value))
     except InputError:  # what it would follow from is not known
         return {short: value}
     found = {short: value}

@@ -1,0 +1,84 @@
+"""One module with other values, at the present state: what its equations leave over then.
+
+Its loads stay what they are, so nothing but its own law is evaluated, a bent beam's along its deformed line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..mechanism import Module
+from ..modules import DriveModule, ModuleGeometry
+from ..spatial import Array
+from ..statics.wrench_jacobians import ModuleGroup
+from .equilibrium import Equilibria
+from .module_laws import ModuleDeformations, bent_group
+from .residual import sliding_force
+
+__all__ = ["law_rows", "values_of_one"]
+
+
+def law_rows(found: Equilibria, name: str, values: Mapping[str, Any]) -> dict[int, Array]:
+    """Return what a module with other `values` adds to the residual, by row (N,): less its deformation.
+
+    A beam that a slide makes longer adds the force along that slide.
+    """
+    chain = found.chain
+    layout = chain.structure.layout
+    if name in layout.drive_names:
+        return _drive_row(found, layout.drive_names.index(name), values)
+    nq, nd, _, _ = chain.sizes
+    slot = layout.wrench_names.index(name)
+    module = chain.structure.modules[slot]
+    group = ModuleGroup(module.kind, (module,), slice(slot, slot + 1), values_of_one(module, values))
+    index, column = _place(chain.values.wrench_groups, slot)
+    at, load = _one(found.rigid.geometries[index], column), found.evaluation.loads[:, slot : slot + 1]
+    if not (module.kind.spans_frames and module.kind.bends_exactly):
+        strain = group.kind.deformation(group.values, at, load)[:, 0]
+        return {nq + nd + 6 * slot + axis: -strain[:, axis] for axis in range(6)}
+    frames = found.evaluation.frames
+    tips = {True: frames.inboard, False: frames.deformed}
+    bent = bent_group(chain.structure, group, at, load, found.state, tips, found.conditions)
+    strain = np.concatenate((bent.shift, bent.turn), axis=-1)[:, 0]
+    rows = {nq + nd + 6 * slot + axis: -strain[:, axis] for axis in range(6)}
+    laws = ModuleDeformations(strain, (bent,), ())
+    for sliding in chain.structure.sliding_beams:
+        if sliding.slot == slot:
+            rows[sliding.place] = sliding_force(chain.structure, sliding, laws, found.evaluation.loads)
+    return rows
+
+
+def _drive_row(found: Equilibria, slot: int, values: Mapping[str, Any]) -> dict[int, Array]:
+    chain = found.chain
+    layout, groups = chain.structure.layout, chain.values.drive_groups
+    index, column = _place(groups, slot)
+    module = groups[index].modules[column]
+    assert isinstance(module.kind, DriveModule)
+    stacked = values_of_one(module, values)
+    at = _one(found.rigid.geometries[len(chain.values.wrench_groups) + index], column)
+    row = int(layout.drive_rows[slot])
+    ratio = float(np.ravel(module.kind.ratio(stacked))[0])
+    load = found.evaluation.drive_loads[:, row, None, None] * ratio
+    return {chain.sizes[0] + row: -ratio * module.kind.deformation(stacked, at, load)[:, 0, 0]}
+
+
+def values_of_one(module: Module, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return one module's values as those of a group of one."""
+    return module.kind.prepare(
+        {quantity.name: np.array([values[quantity.name]]) for quantity in module.kind.quantities}
+    )
+
+
+def _place(groups: tuple[ModuleGroup, ...], slot: int) -> tuple[int, int]:
+    """Return the group that holds a slot, and the module's place in it."""
+    index = next(index for index, group in enumerate(groups) if group.slots.start <= slot < group.slots.stop)
+    return index, slot - groups[index].slots.start
+
+
+def _one(at: ModuleGeometry, column: int) -> ModuleGeometry:
+    """Return the geometry of one module of a group."""
+    one = slice(column, column + 1)
+    return ModuleGeometry(at.length[:, one], at.position[:, one], at.inboard_is_root[one], at.anchored_at_tip[one])

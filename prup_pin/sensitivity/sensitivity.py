@@ -1,0 +1,288 @@
+"""dδ/dp and dC/dp: what each parameter does to the loaded tool, and to the linear compliance at the pose.
+
+At the equilibrium a parameter moves the tool by what it changes in the equations (`loaded.first_order`). The compliance
+C = d(motion)/d(wrench) at rest changes
+
+    with a module's value by J^T (dΛ/dp) J: the self-stress of least energy does not count, as it is stationary;
+    with a displaced joint by d/dw of the motion that the displacement makes, and by the turn that it makes itself:
+    of a rotation that depends on p and w, with spins ω_p and ω_w,   dω_w/dp = dω_p/dw + ω_p x ω_w;
+    with a length as the difference of two redrawn robots' C.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, NotConvergedError, UnknownNameError, UnreachablePoseError
+from ..loaded import Conditions, FirstOrder, LoadedPose, find_equilibria
+from ..loaded.other_values import values_of_one
+from ..mechanism import Module
+from ..modules import DriveModule, ModuleGeometry
+from ..parameters import Parameter
+from ..spatial import Array, rotation_exp, rotation_tangent, skew
+from ..statics import Compliance, solve_statics
+from .redrawn import Redrawn, by_length, compliance_by_length, rigid_motion_by_length
+
+__all__ = ["Sensitivity", "Stiffening", "sensitivity_of"]
+
+#: Share of a value by which a module's own law is differentiated: central differences, right to 1e-9.
+_STEP = 1e-5
+#: Share of the robot's size by which a length is.
+_LENGTH_STEP = 3e-5
+#: Wrenches under which displaced joints are asked for dC/dp move the tool by this share of the robot's size.
+_LITTLE = 1e-4
+#: What changes the deflection by a smaller share is not worth a line.
+_NOTHING = 1e-9
+
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Stiffening:
+    """One line of 'stiffen this first'.
+
+    percent: change of the deflection along the load, in per cent, per per cent of the value. per_kilogram: the same per
+    kilogram by which the value makes its body heavier, [%/kg]; None where it does not, or no density is known.
+    """
+
+    parameter: Parameter
+    percent: float
+    per_kilogram: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Derivatives by parameter, at the equilibrium `loaded`; SI units, base axes, the actuators held.
+
+    By name: `motion` (6,), translation and turn of the loaded tool per unit of the parameter; `displacement` (6,), the
+    derivative of `loaded.displacement`, which is counted from the unloaded tool, wherever that has gone; `compliance`
+    (6, 6), that of the linear compliance C of the pose, without load and weight.
+
+    Module values that are finite and positive; a change of one changes what follows from it, as in `with_parameters`.
+    Lengths of the robot file. Displacements of joints, 'elbow.x' [m] along the parent's axes to 'elbow.rz' [rad] about
+    the joint's own, and of the two ends of loops; beams keep their lengths then. Masses 'forearm.mass' where weight
+    acts. `impossible` are displacements after which a redundant loop would not close, and values that cannot be changed
+    alone.
+    """
+
+    loaded: LoadedPose
+    parameters: Mapping[str, Parameter]
+    motion: Mapping[str, Array]
+    displacement: Mapping[str, Array]
+    compliance: Mapping[str, Array]
+    impossible: tuple[str, ...]
+    _heavier: Mapping[str, float]  # kg per unit of a beam's value
+
+    @cached_property
+    def stiffen_first(self) -> tuple[Stiffening, ...]:
+        """Values and lengths by what a per cent of each does to the deflection along the load, the most first.
+
+        The deflection along the load is w . δ / |w|; of force and moment together, the work's share. Values that the
+        robot file leaves to others are not listed. Raises InputError where the load deflects nothing along itself.
+        """
+        wrench = self.loaded.wrench
+        work = float(wrench @ self.loaded.displacement)
+        if work == 0.0:
+            raise InputError("the load deflects nothing along itself; give a --wrench that does")
+        lines = []
+        for name, parameter in self.parameters.items():
+            if parameter.source in ("derived", _DRAWN):
+                continue
+            slope = float(wrench @ self.displacement[name]) / work
+            percent = slope * parameter.value
+            if abs(percent) > _NOTHING:
+                heavier = self._heavier.get(name)
+                lines.append(Stiffening(parameter, percent, 100 * slope / heavier if heavier else None))
+        return tuple(sorted(lines, key=lambda line: (-abs(round(line.percent, 9)), line.parameter.name)))
+
+
+#: Source of parameters that are displacements or masses of the drawing.
+_DRAWN = "drawn"
+
+
+def sensitivity_of(loaded: LoadedPose, length: float) -> Sensitivity:
+    """Return the sensitivities at a loaded pose; `length` [m] is the robot's size.
+
+    Raises PrupPinError like `robot.compliance`, NotConvergedError where the robot gives way under hardly any load.
+    """
+    table = _Table(loaded)
+    _add_values(table)
+    _add_lengths(table, _LENGTH_STEP * length)
+    _add_displacements(table, length)
+    _add_masses(table)
+    return Sensitivity(
+        loaded,
+        table.parameters,
+        table.motion,
+        table.displacement,
+        table.compliance,
+        tuple(table.impossible),
+        table.heavier,
+    )
+
+
+class _Table:
+    """Derivatives as they are gathered, by name."""
+
+    def __init__(self, loaded: LoadedPose):
+        self.pose, self.first = loaded.pose, loaded.first_order
+        self.layout = self.first.chain.structure.layout
+        self.statics = solve_statics(self.layout, self.pose)
+        self.c = Compliance(self.statics, np.ones((6, 6)), None).C
+        self.parameters: dict[str, Parameter] = {}
+        self.motion: dict[str, Array] = {}
+        self.displacement: dict[str, Array] = {}
+        self.compliance: dict[str, Array] = {}
+        self.impossible: list[str] = []
+        self.heavier: dict[str, float] = {}
+        turn = loaded.displacement[3:]
+        self._turn, self._by_spin = rotation_exp(turn), np.linalg.inv(rotation_tangent(turn))
+
+    def add(self, parameter: Parameter, motion: Array, rigid: Array, compliance: Array) -> None:
+        """Add the motions (6,) of the loaded and the unloaded tool, and dC (6, 6), per unit of a parameter."""
+        spin = self._by_spin @ (motion[3:] - self._turn @ rigid[3:])
+        displacement = np.concatenate((motion[:3] - rigid[:3], spin))
+        name = parameter.name
+        self.parameters[name] = parameter
+        for into, values in (
+            (self.motion, motion),
+            (self.displacement, displacement),
+            (self.compliance, compliance),
+        ):
+            values.setflags(write=False)
+            into[name] = values
+
+
+# ------------------------------------------------------------------------------------------------------ module values
+
+
+def _add_values(table: _Table) -> None:
+    mechanism = table.pose.mechanism
+    for name, parameter in mechanism.parameters.items():
+        quantity, value = parameter.quantity, parameter.value
+        if quantity is None or quantity.shape or not (np.isfinite(value) and value > 0):
+            continue
+        step = _STEP * value
+        ends = value - step, min(value + step, quantity.upper)
+        module = mechanism.module(parameter.owner)
+        try:
+            behind, ahead = (mechanism.module_values(name, end) for end in ends)
+        except InputError:  # what follows from it would not be known any more
+            table.impossible.append(name)
+            continue
+        span = ends[1] - ends[0]
+        motion = table.first.by_values(module.name, ahead, behind)[0] / span
+        before, after = (_part(table, module, values) for values in (behind, ahead))
+        table.add(parameter, motion, np.zeros(6), (after - before) / span)
+        grown = (_mass(table, module, ahead) - _mass(table, module, behind)) / span
+        if grown:
+            table.heavier[name] = grown
+
+
+def _part(table: _Table, module: Module, values: Mapping[str, Any]) -> Array:
+    """Return the part of C that a module has with other values under the loads that it bears now, (6, 6)."""
+    layout = table.layout
+    stacked = values_of_one(module, values)
+    lam = module.kind.compliance(stacked, _geometry(table, module), None)
+    index = layout.index[module.name]
+    if not isinstance(module.kind, DriveModule):
+        jacobian = table.statics.jacobians[0][index]
+        return jacobian.T @ lam.reshape(6, 6) @ jacobian
+    slot = index - len(layout.wrench_names)
+    ratio = float(np.ravel(module.kind.ratio(stacked))[0]) / float(layout.drive_ratios[slot, 0, 0])
+    jacobian = ratio * table.statics.jacobians[1][slot]
+    return jacobian.T @ lam.reshape(1, 1) @ jacobian
+
+
+def _mass(table: _Table, module: Module, values: Mapping[str, Any]) -> float:
+    """Return the mass of the body that a module says it is [kg]; zero where it says nothing."""
+    weight = module.kind.weight(values_of_one(module, values), _geometry(table, module))
+    return 0.0 if weight is None else float(np.ravel(weight.mass)[0])
+
+
+def _geometry(table: _Table, module: Module) -> ModuleGeometry:
+    """Return what the unloaded pose tells one module, (1,)."""
+    for group, at in zip(table.layout.groups, table.statics.geometries, strict=True):
+        if module in group.modules:
+            column, wide = group.modules.index(module), (len(group.modules),)
+            return ModuleGeometry(*(np.broadcast_to(array, wide)[column : column + 1] for array in at))
+    raise UnknownNameError("module", module.name, table.layout.names)
+
+
+# ----------------------------------------------------------------------------------------------------------- geometry
+
+
+def _add_lengths(table: _Table, step: float) -> None:
+    for length in table.pose.mechanism.description.lengths:
+        name = length.parameter.name
+        try:
+            redrawn = Redrawn.of(table.pose.mechanism, name, table.pose, step)
+        except UnreachablePoseError:
+            table.impossible.append(name)
+            continue
+        motion = by_length(table.first, table.pose, redrawn)[0]
+        table.add(length.parameter, motion, rigid_motion_by_length(redrawn), compliance_by_length(redrawn))
+
+
+def _add_displacements(table: _Table, length: float) -> None:
+    """Add joints and ends of loops, displaced along and about their axes."""
+    mechanism = table.pose.mechanism
+    little, wrenches = _hardly_loaded(table, length)
+    for joint in mechanism.joints:
+        _add_place(table, joint.name, wrenches, table.first.by_joint(joint.id), little.by_joint(joint.id))
+    for index, loop in enumerate(mechanism.loops):
+        for end, word in enumerate(("first", "second")):
+            columns = table.first.by_loop_end(index, end), little.by_loop_end(index, end)
+            _add_place(table, f"{loop.name}.{word}", wrenches, *columns)
+
+
+def _add_place(table: _Table, place: str, wrenches: Array, loaded: Array, little: Array) -> None:
+    """Add the six displacements of a place, with what they do (n, 6, 6) under the load and under hardly any."""
+    c = table.c
+    for column, axis in enumerate(_AXES):
+        name = f"{place}.{axis}"
+        motion, moved = loaded[0, :, column], little[:, :, column]
+        if not (np.isfinite(motion).all() and np.isfinite(moved).all()):
+            table.impossible.append(name)
+            continue
+        change = ((moved[1:7] - moved[7:]) / (2 * wrenches[:, None])).T
+        change[3:] += skew(moved[0, 3:]) @ c[3:]
+        unit = "m" if column < 3 else "rad"
+        parameter = Parameter(name, 0.0, unit, _DRAWN, "beyond where the robot file has it")
+        table.add(parameter, motion.copy(), moved[0], change)
+
+
+def _hardly_loaded(table: _Table, length: float) -> tuple[FirstOrder, Array]:
+    """Return first order at 13 equilibria, and small wrenches (6,): under none, each of them, each of them reversed."""
+    c = np.abs(table.c)
+    moved = np.maximum(c[:3].max(axis=0), length * c[3:].max(axis=0))
+    moved = np.where(moved > 0, moved, np.max(moved, initial=0.0) or 1.0)
+    wrenches = _LITTLE * length / moved
+    rows = np.concatenate((np.zeros((1, 6)), np.diag(wrenches), -np.diag(wrenches)))
+    found = find_equilibria(table.first.chain, [table.pose], np.zeros(len(rows), int), Conditions(rows))
+    if not found.converged.all():
+        lost = int(np.argmin(found.converged))
+        text = "the robot finds no equilibrium under next to no load, so its compliance has no slope"
+        raise NotConvergedError(text, table.pose.coordinates, rows[lost], 0.0)
+    return FirstOrder(found), wrenches
+
+
+# ------------------------------------------------------------------------------------------------------------- weight
+
+
+def _add_masses(table: _Table) -> None:
+    gravity = table.first.found.conditions.gravity
+    if gravity is None:
+        return
+    mechanism, structure = table.pose.mechanism, table.first.chain.structure
+    for joint in mechanism.joints:
+        mass = float(structure.masses[joint.id])
+        if mass > 0:
+            name = f"{mechanism.bodies.get(joint.id, joint.name)}.mass"
+            parameter = Parameter(name, mass, "kg", _DRAWN, "mass of the body, at its centre")
+            table.add(parameter, table.first.by_mass(joint.id, gravity)[0], np.zeros(6), np.zeros((6, 6)))
