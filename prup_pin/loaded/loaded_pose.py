@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError, NoStiffnessError, NotConvergedError
+from ..kernel import NEGLIGIBLE
 from ..kinematics import ClosedPose
 from ..modules import CompliantModule, DriveModule
 from ..spatial import Array, as_wrench, turn_between
@@ -42,8 +43,6 @@ _SMALLEST_STEP = 1e-4
 _MOST_STEPS = 200
 #: Relative accuracy of a critical load, and what is accepted where its neighbourhood cannot be entered.
 _SHARP, _BLUNT = 1e-9, 1e-5
-#: The edge of a path is estimated anew after steps of at least this share of what is left of it.
-_TELLING = 0.1
 #: A load step may not change the derivative by more, or critical loads could hide in it.
 _MUCH = 1.0
 #: Eigenvalues this close to the real axis are real but for rounding.
@@ -380,6 +379,16 @@ class _LoadPath:
 
     def lost(self, reached: float) -> NotConvergedError:
         wrench = self.conditions.wrench[0]
+        turned = self._turned_idle()
+        if turned:
+            return NotConvergedError(
+                f"no equilibrium near {self.pose!r}: what acts on the robot moves {turned}, which moves neither tool "
+                "nor actuators and which nothing holds. Expected a load that leaves it alone; drive or lock the joint, "
+                "or balance what hangs on it",
+                self.pose,
+                wrench,
+                reached,
+            )
         return NotConvergedError(
             f"no equilibrium found at {self.pose!r} under the wrench {wrench.tolist()} [N, N m]: raised in proportion "
             f"from zero, it could be followed to {reached:.6g} of it. Expected a load that the robot can bear; "
@@ -388,6 +397,19 @@ class _LoadPath:
             wrench,
             reached,
         )
+
+    def _turned_idle(self) -> str:
+        """Return the name of the idle joint that the load moves most at the rigid pose; '' where it moves none."""
+        idle, chain = self.pose.balance.idle, self.chain
+        if not idle.shape[1]:
+            return ""
+        row = np.zeros(1, int)
+        at = chain.evaluate(chain.rigid_samples([self.pose], row), chain.rigid_state([self.pose], row), self.conditions)
+        work = idle.T @ at.residual[0, : len(idle)]
+        if not np.abs(work).max() > NEGLIGIBLE * np.abs(at.carried).max():
+            return ""
+        motion = np.abs(idle @ work)
+        return f"'{chain.mechanism.dof_names[chain.structure.free[int(np.argmax(motion))]]}'"
 
     def fall(self, at: _Point) -> float:
         """Return the full weights times the way of their centres since the rigid pose [J]."""
@@ -423,6 +445,18 @@ class _LoadPath:
         """Return the derivative relative to that at rest: singular where the equilibrium is."""
         return self._reference @ at.equilibria.bordered()[0]
 
+    def ratios(self, low: tuple[_Point, Array], after: Array) -> np.ndarray:
+        """Return the eigenvalues of before^-1 after, for a point with its derivative `before`: all 1 if they are equal.
+
+        Of derivatives that differ little, one is negative where a derivative between them is singular. Raises
+        NotConvergedError where `before` is singular itself.
+        """
+        at, before = low
+        try:
+            return np.linalg.eigvals(np.linalg.solve(before, after))
+        except np.linalg.LinAlgError:
+            raise self.lost(at.share) from None
+
     @cached_property
     def sensitivity(self) -> float:
         """By how much the derivative changes with the wrench, relative to itself, from how little of it changes it."""
@@ -431,7 +465,9 @@ class _LoadPath:
         before, little = self.relative(self.foot), _LITTLE
         while True:
             found = self.step(self.foot, little)
-            change = np.inf if found is None else np.abs(_ratios(before, self.relative(found)) - 1).max(initial=0.0)
+            change = np.inf
+            if found is not None:
+                change = np.abs(self.ratios((self.foot, before), self.relative(found)) - 1).max(initial=0.0)
             if change < 1 / 30 or little < _SHARP:
                 return float(change / little)
             little /= 100
@@ -448,14 +484,6 @@ def _real(values: np.ndarray) -> Array:
     return values.real[np.abs(values.imag) < _REAL * np.maximum(np.abs(values), 1e-3)]
 
 
-def _ratios(before: Array, after: Array) -> np.ndarray:
-    """Return the eigenvalues of before^-1 after: all 1 where nothing changes, negative ones where one was singular.
-
-    That holds for derivatives that differ little: then after is singular somewhere between where a ratio is below 0.
-    """
-    return np.linalg.eigvals(np.linalg.solve(before, after))
-
-
 def _first_singular(ratios: np.ndarray) -> float:
     """Return the least t > 0 at which before + t (after - before) is singular; infinite where none is."""
     least = _real(ratios).min(initial=1.0)
@@ -469,7 +497,7 @@ def _follow_until(path: _LoadPath, limit: float) -> tuple[float, _Point]:
     """
     low = path.foot
     matrix = path.relative(low)
-    if _first_singular(_ratios(path.relative(path.start), matrix)) <= 1:
+    if _first_singular(path.ratios((path.start, path.relative(path.start)), matrix)) <= 1:
         return 0.0, low
     if not np.any(path.conditions.wrench):
         return np.inf, low
@@ -480,7 +508,7 @@ def _follow_until(path: _LoadPath, limit: float) -> tuple[float, _Point]:
         found = path.step(low, min(low.share + size, limit))
         if found is not None:
             after = path.relative(found)
-            ratios = _ratios(matrix, after)
+            ratios = path.ratios((low, matrix), after)
             least = float(_real(ratios).min(initial=1.0))
             if least <= 0:
                 share = _crossing(path, (low, matrix), (found, after))
@@ -496,10 +524,8 @@ def _follow_until(path: _LoadPath, limit: float) -> tuple[float, _Point]:
             before, edge = edge, found.share + way * least**2 / (1 - least**2) if least < 1 else np.inf
             if found.share >= limit:
                 return np.inf, found
-            # Two estimates of the edge say something only if a good part of the way to it lies between them.
-            telling = way > _TELLING * (edge - found.share)
             low, matrix, size = found, after, _GROWTH * size
-            if failed and telling and abs(edge - before) < 10 * _SHARP * edge < np.inf:
+            if failed and abs(edge - before) < 10 * _SHARP * edge < np.inf:
                 return edge, low
         if failed:
             size = min(size, 0.85 * (edge - low.share))
@@ -514,8 +540,8 @@ def _crossing(path: _LoadPath, low: tuple[_Point, Array], high: tuple[_Point, Ar
     """Return the share between two points, with their derivatives, at which one is singular; None where none is."""
     last = np.inf
     for _ in range(_MOST_STEPS):
-        (before, first), (after, second) = low, high
-        part = _first_singular(_ratios(first, second))
+        (before, _), (after, second) = low, high
+        part = _first_singular(path.ratios(low, second))
         if part > 1:
             return None
         share = before.share + part * (after.share - before.share)
@@ -530,7 +556,7 @@ def _crossing(path: _LoadPath, low: tuple[_Point, Array], high: tuple[_Point, Ar
             if found is None:
                 return None
         last, middle = share, (found, path.relative(found))
-        if _first_singular(_ratios(first, middle[1])) <= 1:
+        if _first_singular(path.ratios(low, middle[1])) <= 1:
             high = middle
         else:
             low = middle

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from lxml import etree
 
 import prup_pin
 from prup_pin.errors import NotConvergedError, PrupPinError
 from prup_pin.loaded import Conditions, find_equilibria, loaded_rod
+from prup_pin.loaded.loaded_pose import _LoadPath
 from prup_pin.robot import random_poses
 
 from ..modules.examples import EXAMPLES, geometry, kind_named, stacked
-from .arms import EI, LENGTH, cantilever
+from ..statics.build import RobotFile
+from .arms import EI, LENGTH, SLENDER, cantilever
 from .test_at_rest import BOX
 
+ROBOTS = Path(__file__).parents[1] / "robots"
 EULER = np.pi**2 * EI / (4 * LENGTH**2)
 
 
@@ -44,6 +50,58 @@ def test_a_load_that_cannot_be_followed(tmp_path):
     with pytest.raises(NotConvergedError) as failure:
         robot.equilibrium(pose, 50 * EULER * np.array([-1.0, 0, 0.01, 0, 0, 0]))
     assert 1 / 50 < failure.value.reached < 1
+
+
+def test_a_weight_that_turns_an_idle_joint(tmp_path):
+    """A pendulum beside the tool hangs askew: where it would come to rest is no small motion, and not looked for."""
+    file = RobotFile((0, 0, -9.81))
+    file.link("arm", mass=3.0)
+    file.link("end")
+    file.link("bob", mass=1.0, centre=(0.1, 0, -0.05))
+    file.held("hold", "base", "arm")
+    file.held("rest", "arm", "end", xyz=(LENGTH, 0, 0))
+    file.joint("hinge", "revolute", "arm", "bob", axis=(0, 1, 0))
+    file.module("beam", "beam", "hold", SLENDER, root="base", tip="end")
+    robot = file.load(tmp_path, "end")
+    pose = robot.pose_from_actuators([0.0, 0.0])
+    for wrench in (np.zeros(6), [0, 0, 5.0, 0, 0, 0]):
+        with pytest.raises(NotConvergedError, match=r"moves 'hinge', which .* nothing holds"):
+            robot.equilibrium(pose, wrench, gravity=True)
+    assert robot.equilibrium(pose, [0, 0, 5.0, 0, 0, 0]).displacement[2] > 0
+
+
+def delta_with_a_heavy_rod(tmp_path, centre):
+    root = etree.parse(str(ROBOTS / "delta" / "robot.urdf")).getroot()
+    inertial = etree.SubElement(root.find("link[@name='rod1a']"), "inertial")
+    etree.SubElement(inertial, "origin", xyz=centre)
+    etree.SubElement(inertial, "mass", value="0.5")
+    etree.SubElement(inertial, "inertia", ixx="0.01", iyy="0.01", izz="0.01", ixy="0", ixz="0", iyz="0")
+    (tmp_path / "robot.urdf").write_bytes(etree.tostring(root))
+    (tmp_path / "robot.yaml").write_text((ROBOTS / "delta" / "robot.yaml").read_text())
+    return prup_pin.load(tmp_path / "robot.urdf", tool="centre", joint_stiffness=1e4)
+
+
+def test_a_rod_between_two_balls_whose_weight_turns_it(tmp_path):
+    robot = delta_with_a_heavy_rod(tmp_path, "0 0.03 0.1")
+    with pytest.raises(NotConvergedError, match="which moves neither tool nor actuators and which nothing holds"):
+        robot.equilibrium(robot.home, [0, 0, 20.0, 0, 0, 0], gravity=True)
+
+
+def test_a_rod_between_two_balls_whose_weight_stands_over_its_axis(tmp_path):
+    robot = delta_with_a_heavy_rod(tmp_path, "0.03 0 0.1")
+    wrench = np.array([0, 0, 20.0, 0, 0, 0])
+    compliance = robot.compliance(robot.home)
+    linear = compliance.sag() + compliance.C @ wrench
+    found = robot.equilibrium(robot.home, wrench, gravity=True).displacement
+    assert found == pytest.approx(linear, abs=0.01 * np.abs(linear).max())
+
+
+def test_the_derivative_at_a_critical_load_is_no_bare_error(tmp_path):
+    robot, pose = cantilever(tmp_path)
+    path = _LoadPath(robot._chain, pose, Conditions(np.array([[-0.5 * EULER, 0, 0, 0, 0, 0]])))
+    singular = np.zeros_like(path.relative(path.start))
+    with pytest.raises(NotConvergedError):
+        path.ratios((path.start, singular), path.relative(path.start))
 
 
 def test_the_3prup_gives_way():
