@@ -89,6 +89,7 @@ def marks(answer: Answer, truth: Mapping[str, Any]) -> dict[str, Any]:
         "verdict": answer.get("verdict", ""),
         "findings": [{key: item.get(key) for key in ("physics", "location", "candidates")} for item in found],
         "effects": effects,
+        "false": [item["physics"] for item in found if not named_places(item) & set(truth["beyond"])],
         "inside": [] if truth["effects"] or truth["misjudged"] else held(answer, truth["scatter"]),
     }
 
@@ -179,8 +180,8 @@ def table(answers: Mapping[str, Sequence[Mapping[str, Any]]], share) -> str:
         ("… and nothing named elsewhere", lambda t: _effects(t, "one", "alone")),
         ("outside the library: a law named", lambda t: _count(t, "outside", _a_law)),
         (
-            "tolerances misjudged by two: something found on scatter alone",
-            lambda t: _count(t, "misjudged clean", lambda x: bool(x["findings"])),
+            "tolerances misjudged by two, scatter alone: found what is within three of them",
+            lambda t: _count(t, "misjudged clean", lambda x: bool(x["false"])),
         ),
         ("… one effect: place right", lambda t: _effects(t, "misjudged one", "place")),
         ("95 % intervals of calibrated parameters that hold the truth", lambda t: _inside(t)),

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[2]
 TRUTH = {
     "effects": [{"physics": "backlash", "location": "leg1/drive", "places": ["leg1/drive", "leg1_slide"], "size": 5.0}],
     "misjudged": False,
+    "beyond": [],
     "scatter": {"leg1/drive.stiffness": 0.1, "leg1_slide.encoder_offset": 2e-5, "hub.mass": 0.3},
 }
 RIGHT = {"physics": "backlash", "location": "leg1_slide", "candidates": ["leg1_slide (axial)"], "heldout_gain": 0.2}

@@ -144,3 +144,14 @@ def test_what_a_tolerance_can_imitate_does_not_count():
     )  # two tolerances, and a little more in stiffness than in compliance
     assert yardstick.strength([gap])[:6].max() > 0.3 * bare.strength([gap])[:6].max() > 1.0
     assert (yardstick.strength([gap])[:6] < 1.05 * bare.strength([gap])[:6].max()).all()
+
+
+def test_a_hose_pulls_where_the_robot_stands():
+    """At each sample it is a dead force of its own, which the package can be given."""
+    effect = {"physics": "external_spring", "location": "environment", "stiffness": 300.0, "rest": [0.05, -0.02, 0.35]}
+    seen = Device([effect]).simulate(RUN.q, RUN.w)
+    force = -300.0 * (seen.p - effect["rest"])
+    assert np.abs(force).max() > 10
+    dead = Device([]).simulate(RUN.q, RUN.w + np.hstack([force, 0 * force]))
+    np.testing.assert_allclose(dead.p, seen.p, atol=1e-9)
+    np.testing.assert_allclose(dead.r, seen.r, atol=1e-8)

@@ -314,6 +314,7 @@ class Device:
         self.shear = self.torsion = False
         self.weight: dict | None = None
         self.payload: list[dict] = []
+        self.springs: list[dict] = []
         self.thermal: list[dict] = []
         self.lead: list[dict] = []
         self.encoder = np.zeros((3, 1))
@@ -530,6 +531,10 @@ class Device:
     def _effect_payload(self, e):
         """mass (kg), lever (m, 3, platform frame), g (m/s^2, along +z)."""
         self.payload.append({"lever": np.zeros(3), "g": G} | e)
+
+    def _effect_external_spring(self, e):
+        """stiffness (N/m) of a hose from P to where it is slack, at `rest` (m, 3, base frame)."""
+        self.springs.append(e)
 
     def _effect_alien(self, e):
         """Physics outside every library, by `kind`.
@@ -839,6 +844,8 @@ class Device:
             f, m = np.stack(_qrot(qhub, out["f"])), np.stack(_qrot(qhub, out["m"]))
             wrench = np.concatenate([f, m])  # (6, P, 3, N)
             total, stiffness = self._external(w, quat)
+            for spring in self.springs:
+                total[:3] -= spring["stiffness"] * (p - np.reshape(spring["rest"], (3, 1)))
             eq = wrench[:, 0].sum(1) + total
             res = np.concatenate([e[:, 0].transpose(1, 0, 2).reshape(18, n), eq * 1e2])
             size = np.abs(res).max(0)
@@ -861,6 +868,8 @@ class Device:
                 J[:, 18:21, 3:6] -= _skew(f[:, 0, i]) * 1e2
                 J[:, 21:24, 3:6] -= _skew(m[:, 0, i]) * 1e2
             J[:, 18:, 3:6] += stiffness * 1e2
+            for spring in self.springs:
+                J[:, 18:21, :3] -= 1e2 * spring["stiffness"] * np.eye(3)
             step = -np.linalg.solve(J, res.T[..., None])[..., 0].T  # (24, N)
             du = step[6:].reshape(3, 6, n).transpose(1, 0, 2)
             cut = (np.abs(du) / limit[:, None, None]).max((0, 1))

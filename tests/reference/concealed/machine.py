@@ -107,13 +107,18 @@ class Machine:
         raise NotImplementedError
 
     # ---- effects -------------------------------------------------------------------------------------------------
+    def _at(self, e) -> list[int]:
+        """The drives of an effect: that of its location, or all alike at "robot"."""
+        here = e["location"]
+        return list(range(len(self.DRIVES))) if here == "robot" else [self.DRIVES.index(here)]
+
     def _effect_self_weight(self, e):
         """All bodies weigh."""
         self.weighs = True
 
     def _effect_stiffness_changed(self, e):
         """factor (1) of a drive's stiffness."""
-        self.stiffness[self.DRIVES.index(e["location"])] *= e["factor"]
+        self.stiffness[self._at(e)] *= e["factor"]
 
     def _effect_backlash(self, e):
         """half_gap (m, rad) and smooth (N, N m): half_gap tanh(load/smooth) on top of the elastic part."""
@@ -135,7 +140,7 @@ class Machine:
 
     def _effect_thermal_growth(self, e):
         """coefficient (1/K) of the length that a drive holds, against 20 degC."""
-        self.growth[self.DRIVES.index(e["location"])] += e["coefficient"]
+        self.growth[self._at(e)] += e["coefficient"]
 
     def _effect_geometric_offset(self, e):
         """place (a joint of `PARAMETERS`), translation (m, 3), rotation (rad, 3)."""

@@ -33,13 +33,21 @@ ORDINARY: dict[str, float] = {
 }
 #: Differences are taken over this share of a tolerance.
 _STEP = 0.2
-#: A parameter is beyond tolerance from three tolerances on and may itself be one off: so many of them count as one.
+#: From so many tolerances on a parameter is no longer within tolerance.
+BEYOND = 3.0
+#: A parameter beyond three tolerances was drawn with one of its own: so many of them count as one.
 TOLERANCES_TO_ONE = 2.0
 
 
 def draw_scatter(rng, parameters: Mapping[str, str], tolerances: Mapping[str, float]) -> dict[str, float]:
-    """Return by how much each parameter is off, in the unit of its tolerance; none where no tolerance is given."""
+    """Return by how much each parameter is off, in the unit of its tolerance; none where no tolerance is given.
+
+    What would be beyond three tolerances is drawn again: that is no scatter but something to be found.
+    """
     drawn = {name: float(rng.normal()) for name in parameters}
+    for name in drawn:
+        while abs(drawn[name]) > BEYOND:
+            drawn[name] = float(rng.normal())
     return {name: tolerances[kind] * drawn[name] for name, kind in parameters.items() if kind in tolerances}
 
 

@@ -22,13 +22,15 @@ import numpy as np
 from . import arm, device, draw, platform
 from .draw import LEVELS, Candidate, Programme, scaled
 from .machine import T_REF
-from .scatter import ORDINARY, Yardstick, draw_scatter
+from .scatter import BEYOND, ORDINARY, Yardstick, draw_scatter
 
 #: Each kind's tolerance is drawn between these multiples of the ordinary one.
 FINER, COARSER = 0.5, 1.5
 #: Full load is this much more than what scattered devices bear.
 SHARE_OF_LOAD = 0.6
 WEIGHT = {"physics": "self_weight", "location": "robot"}
+#: Share of the effects that could be one part's which are all like parts' alike.
+ALIKE = 0.3
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,29 @@ def _prup_candidate(rng, physics: str) -> Candidate:
         return Candidate(lambda x: place | {"half_gap": x, "smooth": 0.5}, 1e-6, 3e-4)
     if physics == "target_misalignment":
         return _frame(rng, physics, "target")
-    return draw.candidate(rng, physics)
+    if physics == "external_spring":
+        return _hose(rng, np.array([0.0, 0.0, 0.4]))
+    found = draw.candidate(rng, physics)
+    if physics in ("thermal_growth", "stiffness_changed") and rng.random() < ALIKE:
+        return _alike(found)
+    return found
+
+
+def _alike(found: Candidate) -> Candidate:
+    """The same at every like place of the robot."""
+
+    def make(x):
+        effect = found.make(x)
+        module = effect["location"].split("/", 1)[1]
+        more = {"of": "q-d"} if module == "linear_rod" else {}
+        return effect | more | {"location": "robot", "module": module}
+
+    return Candidate(make, found.low, found.high)
+
+
+def _hose(rng, middle) -> Candidate:
+    place = {"physics": "external_spring", "location": "environment", "rest": list(middle + rng.uniform(-0.1, 0.1, 3))}
+    return Candidate(lambda x: place | {"stiffness": x}, 0.1, 1e6)
 
 
 def _frame(rng, physics, location) -> Candidate:
@@ -102,6 +126,8 @@ def _machine_candidate(rng, physics: str, robot: str) -> Candidate:
     place = {"physics": physics, "location": drive}
     if physics == "stiffness_changed":
         return Candidate(lambda x: place | {"factor": 1 / (1 + x)}, 0.05, 60.0)
+    if physics == "thermal_growth" and rng.random() < ALIKE:
+        return _alike(Candidate(lambda x: place | {"coefficient": x}, 1e-7, 1e-3))
     if physics == "backlash":
         smooth = float(unit * rng.uniform(0.2, 0.8))
         return Candidate(lambda x: place | {"half_gap": x, "smooth": smooth}, 1e-3 * soft, 1e3 * soft)
@@ -130,9 +156,7 @@ def _machine_candidate(rng, physics: str, robot: str) -> Candidate:
         most = 40.0 if serial else 400.0
         return Candidate(lambda x: {"physics": physics, "location": body, "mass": x, "lever": lever}, 0.02, most)
     if physics == "external_spring":
-        rest = list((np.array([0.7, 0.0, 1.3]) if serial else platform.HOME) + rng.uniform(-0.1, 0.1, 3))
-        place = {"physics": physics, "location": "environment", "rest": rest}
-        return Candidate(lambda x: place | {"stiffness": x}, 0.1, 1e6)
+        return _hose(rng, np.array([0.7, 0.0, 1.3]) if serial else platform.HOME)
     if physics in ("pose_sensor_misalignment", "target_misalignment"):
         return _frame(rng, physics, physics.removesuffix("_misalignment"))
     if physics == "wrench_sensor_bias":
@@ -159,7 +183,9 @@ def places(robot: str, effect: Mapping[str, Any]) -> list[str]:
     """Return all names of an effect's place in the robot file, the vocabulary's first."""
     location, physics = effect["location"], effect["physics"]
     out = [location]
-    if robot == "3prup":
+    if location == "robot" and "module" in effect:  # the same at all like places
+        out += [effect["module"], *(f"leg{leg}/{effect['module']}" for leg in range(1, 4 if robot == "3prup" else 7))]
+    elif robot == "3prup":
         joint = f"{location.split('/')[0]}_slide"
         if physics == "geometric_offset" and ("tilt" in effect or location.endswith("/base")):
             out.append(joint)
@@ -174,6 +200,23 @@ def places(robot: str, effect: Mapping[str, Any]) -> list[str]:
     elif physics == "encoder_offset":
         out.append(location.replace("_slide", "") + "/drive")
     return list(dict.fromkeys(out))
+
+
+def beyond(kind: Kind, scatter: Mapping[str, float], declared: Mapping[str, float]) -> list[str]:
+    """Return the places of parameters that are beyond three declared tolerances: misjudged devices have some."""
+    out: list[str] = []
+    for name, amount in scatter.items():
+        if abs(amount) > BEYOND * declared[kind.parameters[name]]:
+            place = name.rpartition(".")[0]
+            leg = place.partition("_")[0]
+            out.append(place)
+            if kind.name == "3prup" and place.endswith("_slide"):
+                out += [f"{leg}/{part}" for part in ("base", "linear_rod", "motor", "ball_screw")]
+            elif kind.name == "six_ups" and place.startswith("leg"):
+                out += [leg, f"{leg}/drive", f"{leg}_u1", f"{leg}_u2", f"{leg}_slide"]
+            elif place.startswith("joint"):
+                out += [f"{place}/drive", place.removesuffix("/drive")]
+    return sorted(set(out))
 
 
 # ---------------------------------------------------------------------------------------------- robots
@@ -197,7 +240,11 @@ KINDS: dict[str, Kind] = {
         draw.SLIDES,
         _prup_poses,
         _prup_candidate,
-        (*(name for name in draw.PHYSICS if name not in ("self_weight", "alien")), "target_misalignment"),
+        (
+            *(name for name in draw.PHYSICS if name not in ("self_weight", "alien")),
+            "target_misalignment",
+            "external_spring",
+        ),
         170.0,
         0.2,
         3,
@@ -311,6 +358,7 @@ def draw_scattered(
             "weight": always,
             "tolerances": actual,
             "scatter": scatter,
+            "beyond": beyond(kind, scatter, declared),
             "channels": ["p.x", "p.y", "p.z", "r.x", "r.y", "r.z"],
             "unit": "multiples of the channel's noise, RMS over the fitting part, after the best fit of all "
             "parameters within tolerance; 'strained': how far that fit is from the drawing, in two tolerances",
