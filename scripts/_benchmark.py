@@ -55,11 +55,12 @@ A tool answers with `answers/NAME/diagnosis.json`:
 
 ```
 {"findings": [{"physics": "backlash", "location": "leg1/ball_nut", "candidates": ["leg1/ball_nut", …],
-               "heldout_gain": 0.4}],
+               "alternatives": ["hertzian_contact at leg1/ball_nut", …], "heldout_gain": 0.4}],
  "calibration": [{"parameter": "leg1/R_lambda.tilting_stiffness", "nominal": 6268.45, "value": 6713.2, "sd": 41.0}]}
 ```
 
-strongest finding first, `candidates` being what the data cannot tell apart; `calibration` may be left out. With
+strongest finding first, `candidates` and `alternatives` being what the data cannot tell apart; `calibration` and
+`alternatives` may be left out. With
 `answers/NAME/heldout.csv` (`time`, `p.x` … `r.z` for the rows of the held-out recording) it is also judged by what it
 leaves there. `unknown` is the physics of what no law describes. `{command} --score {folder}` prints the table.
 """
@@ -72,14 +73,18 @@ def marks(answer: Answer, truth: Mapping[str, Any]) -> dict[str, Any]:
     for true in truth["effects"]:
         placed = [item for item in found if named_places(item) & set(true["places"])]
         right = [item for item in placed if item["physics"] == true["physics"]]
+        named = any(item["physics"] == true["physics"] for item in found)
+        others = {text.partition(" at ")[0] for item in found for text in item.get("alternatives") or ()}
         told = max(found, key=lambda item: item.get("heldout_gain") or 0.0)["physics"] if found else "nothing"
         effects.append(
             {
                 "physics": true["physics"],
                 "location": true["location"],
                 "size": true["size"],
+                "left": max(true["strength"]),
                 "place": bool(placed),
-                "named": any(item["physics"] == true["physics"] for item in found),
+                "named": named,
+                "among": named or true["physics"] in others,
                 "right": bool(right),
                 "alone": bool(right) and all(named_places(item) & set(true["places"]) for item in found),
                 "told": right[0]["physics"] if right else told,
@@ -176,8 +181,17 @@ def table(answers: Mapping[str, Sequence[Mapping[str, Any]]], share) -> str:
         ("scatter alone: something found", lambda t: _count(t, "clean", lambda x: bool(x["findings"]))),
         ("one effect of 3 x (noise and tolerance) or more: place right", lambda t: _effects(t, "one", "place")),
         ("… physics right", lambda t: _effects(t, "one", "named")),
+        (
+            "… physics right, or named among those that the data cannot tell apart",
+            lambda t: _effects(t, "one", "among"),
+        ),
         ("… both, in one finding", lambda t: _effects(t, "one", "right")),
         ("… and nothing named elsewhere", lambda t: _effects(t, "one", "alone")),
+        (
+            "of which scatter cannot imitate 3 x noise or more: place right",
+            lambda t: _effects(t, "one", "place", "left"),
+        ),
+        ("… physics right", lambda t: _effects(t, "one", "named", "left")),
         ("outside the library: a law named", lambda t: _count(t, "outside", _a_law)),
         (
             "tolerances misjudged by two, scatter alone: found what is within three of them",
@@ -211,8 +225,8 @@ def _count(trials, kind: str, hit) -> tuple[int, int]:
     return sum(map(hit, chosen)), len(chosen)
 
 
-def _effects(trials, kind: str, key: str) -> tuple[int, int]:
-    chosen = [e for t in trials if t["group"] == kind for e in t["effects"] if e["size"] >= 0.95 * LARGE]
+def _effects(trials, kind: str, key: str, size: str = "size") -> tuple[int, int]:
+    chosen = [e for t in trials if t["group"] == kind for e in t["effects"] if e[size] >= 0.95 * LARGE]
     return sum(e[key] for e in chosen), len(chosen)
 
 

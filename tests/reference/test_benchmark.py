@@ -10,7 +10,15 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 TRUTH = {
-    "effects": [{"physics": "backlash", "location": "leg1/drive", "places": ["leg1/drive", "leg1_slide"], "size": 5.0}],
+    "effects": [
+        {
+            "physics": "backlash",
+            "location": "leg1/drive",
+            "places": ["leg1/drive", "leg1_slide"],
+            "size": 5.0,
+            "strength": [1.0, 2.0, 0.1, 0.1, 0.1, 0.1],
+        }
+    ],
     "misjudged": False,
     "beyond": [],
     "scatter": {"leg1/drive.stiffness": 0.1, "leg1_slide.encoder_offset": 2e-5, "hub.mass": 0.3},
@@ -35,7 +43,12 @@ def test_a_place_counts_by_any_of_its_names_and_a_false_one_beside_it_is_seen(be
     (effect,) = benchmark_module.marks({"findings": [RIGHT, FALSE]}, TRUTH)["effects"]
     assert effect["right"]
     assert not effect["alone"]
+    twin = FALSE | {"alternatives": ["backlash at leg1/drive"]}
+    (effect,) = benchmark_module.marks({"findings": [twin]}, TRUTH)["effects"]
+    assert effect["among"]
+    assert not effect["named"]
     (effect,) = benchmark_module.marks({"findings": [FALSE]}, TRUTH)["effects"]
+    assert not effect["among"]
     assert not any(effect[key] for key in ("place", "named", "right"))
     assert effect["told"] == "payload"
 

@@ -319,7 +319,7 @@ def draw_scattered(
     for name in effects:
         target = float(np.exp(rng.uniform(*np.log(multiple))))
         best = None
-        for _ in range(12):  # where a size is out of reach, the place is drawn again
+        for _ in range(6):  # where a size is out of reach, the place is drawn again
             try:
                 effect, size = scaled(kind.candidate(rng, name), fit, target, noise, yardstick.strength)
             except RuntimeError:  # so large that nothing balances
