@@ -146,6 +146,25 @@ def test_changes_locks_and_variants(run):
     assert by_option["C"] == by_name["C"] != base["C"]
 
 
+def test_stiffness_says_what_to_stiffen_first(run):
+    at = ("--at", POSE, "--wrench", "fx=300")
+    text = run("stiffness", *at, "--sensitivity").stdout
+    assert "Stiffen this first" not in run("stiffness", *at).stdout
+    found = answer_as_json(run, *at, "--sensitivity")["sensitivity"]
+    first = found["stiffen_first"][0]
+    assert "% per kg" in text
+    assert text.index("Stiffen this first") < text.index(first["parameter"], text.index("Stiffen this first"))
+    robot = prup_pin.load("3prup")
+    pose = robot.pose(**SI_POSE)
+    slopes = robot.sensitivity(pose, {"fx": 300})
+    assert first["percent"] == slopes.stiffen_first[0].percent
+    assert found["parameters"][first["parameter"]]["C"] == slopes.compliance[first["parameter"]].tolist()
+    # a little more of it, and the deflection along the load changes in proportion
+    stronger = robot.with_parameters({first["parameter"]: 1.001 * robot.parameters[first["parameter"]].value})
+    after, before = (each.compliance(each.pose(**SI_POSE)).C[0, 0] for each in (stronger, robot))
+    assert (after / before - 1) / 0.001 == pytest.approx(first["percent"], rel=0.1)
+
+
 # -- stiffness: JSON -------------------------------------------------------------------------------------------------
 
 

@@ -14,6 +14,7 @@ from ..views.report.as_json import answer_as_json, dump
 from ..views.text import terminal
 from ..views.text.answer import Answer
 from ..views.text.answer_text import print_answer
+from ..views.text.sensitivity_text import print_stiffen_first
 from .files import list_written, write
 from .options import Frame
 from .question import Question
@@ -30,17 +31,23 @@ def stiffness(
     pictures: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (extra: figures).")
     ] = None,
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity", help="Also say which values to change first to make it stiffer.")
+    ] = False,
 ) -> None:
     """K, C, deflection and each module's share at one pose."""
     case = question.understood(frame)
     answer = Answer(case.compliance(), case.wrench, frame)
+    slopes = case.robot.sensitivity(case.pose, answer.load.wrench) if sensitivity else None
     written = [] if pictures is None else _draw(pictures, case.robot, answer)
+    document = answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__, slopes)
     if as_json == "-":
-        typer.echo(dump(answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__)))
+        typer.echo(dump(document))
         return
     print_answer(terminal.console(), case.robot, answer, case.source, case.changes, case.notes)
+    if slopes is not None:
+        print_stiffen_first(terminal.console(), slopes)
     if as_json is not None:
-        document = answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__)
         write(Path(as_json), dump(document) + "\n", "--json")
         written.append(Path(as_json))
     if written:

@@ -91,7 +91,7 @@ class Sensitivity:
             raise InputError("the load deflects nothing along itself; give a --wrench that does")
         lines = []
         for name, parameter in self.parameters.items():
-            if parameter.source in ("derived", _DRAWN):
+            if parameter.source in ("derived", _DRAWN) or self._follows(parameter):
                 continue
             slope = float(wrench @ self.displacement[name]) / work
             percent = slope * parameter.value
@@ -99,6 +99,11 @@ class Sensitivity:
                 heavier = self._heavier.get(name)
                 lines.append(Stiffening(parameter, percent, 100 * slope / heavier if heavier else None))
         return tuple(sorted(lines, key=lambda line: (-abs(round(line.percent, 9)), line.parameter.name)))
+
+    def _follows(self, parameter: Parameter) -> bool:
+        """Whether a given value would follow from another one that is given too: an area from a diameter."""
+        sources = () if parameter.quantity is None else parameter.quantity.derived_from
+        return any(f"{parameter.owner}.{source}" in self.parameters for source in sources)
 
 
 #: Source of parameters that are displacements or masses of the drawing.

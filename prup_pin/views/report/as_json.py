@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...robot import Robot
+from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
 from ..text.answer import Answer
 from ..text.joints import coordinate_dimensions, dimension
@@ -20,7 +21,13 @@ _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
 
 def answer_as_json(
-    robot: Robot, answer: Answer, pose_source: str, changes: Mapping[str, float], notes: Sequence[str], version: str
+    robot: Robot,
+    answer: Answer,
+    pose_source: str,
+    changes: Mapping[str, float],
+    notes: Sequence[str],
+    version: str,
+    sensitivity: Sensitivity | None = None,
 ) -> dict[str, Any]:
     """Return the document of `prup-pin stiffness --json`. Arrays are lists, numbers that do not exist are None."""
     compliance, mechanism = answer.compliance, robot.mechanism
@@ -82,7 +89,28 @@ def answer_as_json(
         "assumptions": list(robot.assumptions),
         "notes": list(notes),
     }
+    if sensitivity is not None:
+        document["sensitivity"] = _sensitivity(sensitivity)
     return plain(document)
+
+
+def _sensitivity(sensitivity: Sensitivity) -> dict[str, Any]:
+    """Return the lines of 'stiffen this first', and both derivatives of every parameter."""
+    first = [
+        {"parameter": line.parameter.name, "percent": line.percent, "percent_per_kilogram": line.per_kilogram}
+        for line in sensitivity.stiffen_first
+    ]
+    parameters = {
+        name: {
+            "value": parameter.value,
+            "unit": parameter.unit,
+            "displacement": sensitivity.displacement[name],
+            "motion": sensitivity.motion[name],
+            "C": sensitivity.compliance[name],
+        }
+        for name, parameter in sensitivity.parameters.items()
+    }
+    return {"stiffen_first": first, "parameters": parameters, "impossible": list(sensitivity.impossible)}
 
 
 def dump(document: Mapping[str, Any]) -> str:
