@@ -19,12 +19,13 @@ import numpy as np
 
 import prup_pin
 from prup_pin.laws import Effect, Inputs, Place, law_at
-from prup_pin.loaded import Conditions, chain_of
+from prup_pin.loaded import Conditions, FirstOrder, chain_of
 from prup_pin.recordings import Recording
 from prup_pin.robot import random_poses
 from prup_pin.simulation import Simulator
 
 TARGET, MEMORY_TARGET = 3.0, 10.0  # ms a sample
+SLOPES_TARGET = 10.0  # ms a parameter of all samples
 
 
 def job(robot, copies: int = 1) -> Inputs:
@@ -77,6 +78,32 @@ def plain_newton(robot, inputs, samples):
     return 1e3 * (time.perf_counter() - begun) / len(samples), np.array(positions)
 
 
+def slopes(run) -> tuple[float, int]:
+    """Return seconds for all first-order changes of a solved run, and how many they are.
+
+    Places of joints and of loops' ends, masses, and a step of every finite value of the modules.
+    """
+    begun = time.perf_counter()
+    first = FirstOrder(run.equilibria)
+    mechanism, count = first.chain.mechanism, 0
+    for joint in mechanism.joints:
+        first.by_joint(joint.id)
+        first.by_mass(joint.id, mechanism.gravity)
+        count += 7
+    for loop in range(len(mechanism.loops)):
+        for end in (0, 1):
+            first.by_loop_end(loop, end)
+            count += 6
+    for module in mechanism.modules:
+        for quantity in module.kind.quantities:
+            value = module.values[quantity.name]
+            if np.ndim(value) == 0 and np.isfinite(value) and value > 0:
+                ends = [{**module.values, quantity.name: value * factor} for factor in (1 + 1e-5, 1 - 1e-5)]
+                first.by_values(module.name, *ends)
+                count += 1
+    return time.perf_counter() - begun, count
+
+
 def recorded(robot, copies: int) -> float:
     """Return ms a row of `prup_pin.simulate`, which takes long recordings in parts."""
     inputs = job(robot, copies)
@@ -105,6 +132,11 @@ def main() -> None:
     peer, positions = plain_newton(robot, inputs, samples)
     apart = np.abs(positions - run.position[samples]).max()
     print(f"plain Newton          {peer:6.0f} ms a sample, ratio {peer / plain:.0f} x; apart by {apart:.1e} m")
+    seconds, count = slopes(run)
+    told = "met" if seconds <= SLOPES_TARGET else "missed"
+    print(
+        f"first order           {seconds:6.2f} s, {count} parameters x {len(inputs)}, target {SLOPES_TARGET:g}: {told}"
+    )
     base = recorded(robot, 1)
     for copies in (2, 4):
         each = recorded(robot, copies)

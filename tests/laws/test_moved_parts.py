@@ -1,4 +1,4 @@
-"""Parts that are not where the drawing has them, or weigh otherwise: first order against the whole simulation."""
+"""Parts that stand, weigh or yield otherwise than drawn: first order against the whole simulation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import prup_pin
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.errors import UnknownNameError
 from prup_pin.laws import Inputs
-from prup_pin.laws.deeds import MovedJoint, MovedLoopEnd, ScaledMass, Weight
+from prup_pin.laws.deeds import ChangedValue, MovedJoint, MovedLoopEnd, ScaledMass, Weight
 from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_log
 
@@ -163,6 +163,29 @@ def test_every_mass(name):
             return ScaledMass(joint, 1.0 + change)
 
         assert far(first_order(name, deed), difference(name, deed, 0.3), 1e-7) < CLOSE, joint
+
+
+@pytest.mark.parametrize("name", ["three_prup", "ur5"])
+def test_every_value_of_a_module(name):
+    """Bent beams too: their change by a value is that of the bent line."""
+    robot, _ = MACHINES[name]()
+    simulator, deeds, run, influence = machine(name)
+    count = 0
+    for module in robot.mechanism.modules:
+        for quantity in module.kind.quantities:
+            value = module.values[quantity.name]
+            if np.ndim(value) or not (np.isfinite(value) and value > 0):
+                continue
+            ends = []
+            for sign in (1, -1):
+                deed = ChangedValue(module.name, quantity.name, value * (1 + sign * 1e-3))
+                setup = simulator.setup()
+                setup.take([*deeds, deed])
+                ends.append((moved(simulator.run_setup(setup, run), run), influence.change(setup)))
+            expected = (ends[0][0] - ends[1][0]) / 2e-3
+            assert far((ends[0][1] - ends[1][1]) / 2e-3, expected, 1e-5) < 1e-5, f"{module.name}.{quantity.name}"
+            count += 1
+    assert count > 5
 
 
 def test_a_fault_of_one_per_cent_does_not_pass():
