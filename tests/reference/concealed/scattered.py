@@ -319,7 +319,7 @@ def draw_scattered(
     for name in effects:
         target = float(np.exp(rng.uniform(*np.log(multiple))))
         best = None
-        for _ in range(6):  # where a size is out of reach, the place is drawn again
+        for tries in range(16):  # where a size is out of reach, the place is drawn again
             try:
                 effect, size = scaled(kind.candidate(rng, name), fit, target, noise, yardstick.strength)
             except RuntimeError:  # so large that nothing balances
@@ -329,7 +329,8 @@ def draw_scattered(
                 miss += 10.0
             if best is None or miss < best[0]:
                 best = (miss, effect, size)
-            if best[0] < 0.2:
+            reached = 0.95 * multiple[0] < best[2].max() < 1.05 * multiple[1]
+            if best[0] < 0.2 or (tries > 2 and reached and best[0] < 5):
                 break
         if best is None:
             raise RuntimeError(f"no {name} of size {target:.3g} found for seed {seed}")
