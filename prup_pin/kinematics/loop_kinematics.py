@@ -98,6 +98,8 @@ class LoopKinematics:
             size = sqrt(error @ error)
             if size < ROUNDING or (size < TOLERANCE and longest < _LAST_STEP):
                 return q, self._tree.completed(at)
+            if longest < _LAST_STEP and self._as_drawn(at.gap, wanted):
+                return q, self._tree.completed(at)
             if not size < np.inf:
                 break
             if solve is None or longest > _SAME or longest > 0.1 * before:
@@ -112,6 +114,15 @@ class LoopKinematics:
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
+
+    def _as_drawn(self, gap: Array, wanted: Array) -> bool:
+        """Return True where all that is left open is what the drawing of frames makes of redundant closures.
+
+        Seven digits tell a hinge's axis to 1e-7: parallel ones then say the same thing a little differently, and no
+        motion of the joints closes that.
+        """
+        rows, _ = self._newton_scales
+        return bool(np.abs(gap * rows).max(initial=0.0) < NEGLIGIBLE and np.abs(wanted).max(initial=0.0) < TOLERANCE)
 
     def _solver(self, matrix: Array, right: Array) -> Callable[[Array], Array]:
         """Return what solves with the matrix, least where rows are redundant or motions free, as `right` tells."""

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..kernel import semidefinite_null
+from ..kernel import NEGLIGIBLE, semidefinite_null
 from ..kinematics import ClosedPose
 from ..spatial import Array, base_wrench_from_point
 from .structure import Structure
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Border", "gathered", "inverted", "left_solved", "no_border", "slack", "undetermined"]
 
-#: Self-stress that cancels in a module leaves rounding there, below this share of the closure forces.
-_NOISE = 1e-11
 #: A matrix of a greater condition number is singular: no digit of its inverse is right.
 _SINGULAR = 1e15
 
@@ -99,10 +97,13 @@ def undetermined(structure: Structure, pose: ClosedPose, at: Evaluation, matrix:
 
 
 def _energy(structure: Structure, stress: Array, at: Evaluation, matrix: Array) -> Array:
-    """Return what the modules store under unit self-stresses, sum B^T Lambda B, (h, h)."""
+    """Return what the modules store under unit self-stresses, sum B^T Lambda B, (h, h).
+
+    Self-stress that cancels in a module leaves there what the drawing of frames and rounding leave: no load.
+    """
     nq, nd, ne, _ = structure.sizes
     deformed = matrix[nq + nd + ne :, nq : nq + nd + ne].T @ stress
-    loads = np.where(np.abs(deformed) > _NOISE * np.abs(stress).max(initial=0.0), deformed, 0.0)
+    loads = np.where(np.abs(deformed) > NEGLIGIBLE * np.abs(stress).max(initial=0.0), deformed, 0.0)
     drive, wrench = loads[:nd], loads[nd:].reshape(ne // 6, 6, stress.shape[1])
     strains = np.nan_to_num(at.modules.slopes.by_load[0]) @ wrench
     return (wrench.mT @ strains).sum(axis=0) + drive.T @ (np.nan_to_num(at.drives.slope[0])[:, None] * drive)

@@ -28,7 +28,7 @@ from ..statics import StaticsLayout
 from . import derivative
 from .border import Border, gathered, no_border, undetermined
 from .residual import Evaluation, evaluated, is_balanced
-from .rigid_samples import RigidSamples, geometries_of
+from .rigid_samples import RigidSamples, gaps_of, geometries_of
 from .state import Conditions, State, rigid_state, stepped, with_actuators
 from .structure import Structure, structure_of
 from .values import ModuleValues, revalued, values_of
@@ -74,7 +74,7 @@ class Chain:
         Where these leave something undetermined, `strains` are conditions whose strains may make modules yield.
         """
         geometries = geometries_of(self.structure.layout, poses, rows)
-        return RigidSamples(geometries, self.border(poses, rows, strains))
+        return RigidSamples(geometries, self.border(poses, rows, strains), gaps_of(poses, rows))
 
     def border(self, poses: list[ClosedPose], rows: Array, strains: Conditions | None = None) -> Border:
         """Return the border of the matrices of samples `rows` (N,) that stand in `poses`."""
@@ -86,7 +86,7 @@ class Chain:
             rest = Conditions(np.zeros((1, 6)), strains={} if strains is None else strains.take(members).strains)
             geometries = geometries_of(self.structure.layout, [pose], first)
             state = self.rigid_state([pose], first)
-            at = self.evaluate(RigidSamples(geometries, no_border(1, unknowns)), state, rest)
+            at = self.evaluate(RigidSamples(geometries, no_border(1, unknowns), gaps_of([pose], first)), state, rest)
             each[index] = undetermined(self.structure, pose, at, self.matrix(state, at, rest)[0])
         return gathered(each, rows, unknowns)
 
@@ -108,9 +108,9 @@ class Chain:
         """Return the equations' residual at a state, and what it is made of."""
         return evaluated(self.structure, self.values, rigid, state, conditions)
 
-    def balanced(self, rigid: RigidSamples, at: Evaluation) -> np.ndarray:
+    def balanced(self, rigid: RigidSamples, state: State, at: Evaluation) -> np.ndarray:
         """Return which samples obey all equations, (N,), also those that Newton's steps leave out."""
-        return is_balanced(self.structure, at, rigid.border.holds)
+        return is_balanced(self.structure, state, at, rigid.border.holds)
 
     def matrix(self, state: State, at: Evaluation, conditions: Conditions) -> Array:
         """Return d(residual)/d(unknowns), (N, m, m)."""

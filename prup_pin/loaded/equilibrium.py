@@ -72,10 +72,17 @@ class Equilibria:
         return self.rigid.border.around(self.matrix())
 
     def tangent_compliance(self) -> Array:
-        """Return d(tool's displacement)/d(wrench) at the equilibrium, (N, 6, 6), geometric stiffness included."""
-        inverse = self.own_inverses()
+        """Return d(tool's displacement)/d(wrench) at the equilibrium, (N, 6, 6), geometric stiffness included.
+
+        Where only the load holds idle joints, an inverse alone leaves rounding that passes for a soft direction: what
+        it misses is solved once more.
+        """
+        matrix = self.matrix()
+        inverse = inverted(matrix, self.rigid.border)
         loads = self.chain.load_columns(self.evaluation)
-        return -self.chain.tool_columns(self.evaluation) @ (inverse @ loads)
+        moved = inverse @ loads
+        moved += inverse @ (loads - matrix @ moved)
+        return -self.chain.tool_columns(self.evaluation) @ moved
 
 
 def find_equilibria(
@@ -194,7 +201,7 @@ def _newton(
         active, part = active[left], part.take(left)
         inside, some = rigid.take(active), conditions.take(active)
     evaluation = chain.evaluate(rigid, state, conditions)
-    return state, evaluation, (size < TOLERANCE) & chain.balanced(rigid, evaluation), size, iteration, shared
+    return state, evaluation, (size < TOLERANCE) & chain.balanced(rigid, state, evaluation), size, iteration, shared
 
 
 def _by_steps(chain, poses, rows, rigid, conditions, state, converged, steps):

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError, NoStiffnessError, NotConvergedError
-from ..kernel import NEGLIGIBLE
+from ..kernel import NEGLIGIBLE, NEGLIGIBLE_ENERGY
 from ..kinematics import ClosedPose
 from ..modules import CompliantModule, DriveModule
 from ..spatial import Array, as_wrench, turn_between
@@ -49,9 +49,6 @@ _MUCH = 1.0
 _REAL = 1e-6
 #: Smallest motion that tells one equilibrium from another [m, rad].
 _APART = 1e-8
-#: Directions softer than this share of the softest one count as rigid. Loads leave more rounding than geometry does,
-#: for which NEGLIGIBLE_ENERGY stands: a delta's three rigid directions come out at 1e-12 of the softest.
-_RIGID = 1e-9
 #: Gauss points of a load step.
 _GAUSS = 4
 
@@ -123,7 +120,7 @@ class LoadedPose:
     def K(self) -> Array:  # noqa: N802 - the field's symbol
         """Tangent stiffness, the inverse of C, (6, 6). Raises NoStiffnessError where some directions are rigid."""
         left, values, right = np.linalg.svd(self.C * self._scaling)
-        rigid = values <= _RIGID * values.max()
+        rigid = values <= NEGLIGIBLE_ENERGY * values.max()
         if rigid.any():
             directions = right[rigid] * self._scaling[:1]
             directions = directions / np.abs(directions).max(axis=1, keepdims=True)

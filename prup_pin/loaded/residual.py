@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel import LoopForces, LoopGaps
+from ..kernel import NEGLIGIBLE, LoopForces, LoopGaps
 from ..spatial import Array, rotation_exp, rotation_tangent, skew
 from .module_laws import DriveDeformations, ModuleDeformations, drive_deformations, module_deformations
 from .rigid_samples import RigidSamples
@@ -100,22 +100,25 @@ def evaluated(
         residual[:, :nq] -= conditions.torques
     residual[:, nq : nq + nd] = state.drive - drives.displacement
     residual[:, nq + nd : nq + nd + ne] = (state.strain - modules.strain).reshape(len(placements), -1)
-    residual[:, nq + nd + ne :] = gaps.gap
+    residual[:, nq + nd + ne :] = gaps.gap - rigid.gaps
     return Evaluation(
         residual, placements, moving, tool, screws, carried, along[:, nq:], frames, seen, gaps, loops, drives, modules
     )
 
 
-def is_balanced(structure: Structure, at: Evaluation, bordered: np.ndarray) -> np.ndarray:
+def is_balanced(structure: Structure, state: State, at: Evaluation, bordered: np.ndarray) -> np.ndarray:
     """Return which samples obey all equations, (N,), also those that the steps of a bordered matrix leave out.
 
-    What these leave open is a jam, and no rounding: of samples that are `bordered` (N,) less is allowed.
+    What these leave open is a jam, and no rounding: of samples that are `bordered` (N,) less is allowed, and what a
+    drawing to seven digits opens while the joints move.
     """
     free = len(structure.free)
     carried = np.abs(at.carried).max(axis=(1, 2), initial=0.0)
     forces = np.abs(at.residual[:, :free]).max(axis=1, initial=0.0)
     gaps = np.abs(at.residual[:, free:]).max(axis=1, initial=0.0)
-    return (forces <= _UNBALANCED * (carried + _UNBALANCED)) & (gaps <= np.where(bordered, _JAMMED, _OPEN))
+    moved = np.abs(state.travel).max(axis=1, initial=0.0)
+    least = np.where(bordered, _JAMMED + NEGLIGIBLE * moved, _OPEN)
+    return (forces <= _UNBALANCED * (carried + _UNBALANCED)) & (gaps <= least)
 
 
 # ------------------------------------------------------------------------------------------------------------- motions

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..kinematics import ClosedPose, LoopKinematics
 from ..loaded import Chain, Equilibria, FirstOrder, RigidSamples, State, chain_of
-from ..loaded.rigid_samples import geometries_of
+from ..loaded.rigid_samples import gaps_of, geometries_of
 from ..mechanism import Mechanism
 from ..spatial import Array, rotation_log
 from ..statics import Compliance, StaticsLayout, solve_statics
@@ -67,7 +67,8 @@ def by_length(first: FirstOrder, pose: ClosedPose, redrawn: Redrawn) -> Array:
         chain = chain_of(StaticsLayout(other.mechanism))
         geometries = geometries_of(chain.structure.layout, [other], rows)
         state = _travelled(chain, found, pose, other)
-        ends.append(chain.evaluate(RigidSamples(geometries, found.rigid.border), state, found.conditions))
+        rigid = RigidSamples(geometries, found.rigid.border, gaps_of([other], rows))
+        ends.append(chain.evaluate(rigid, state, found.conditions))
     before, after = ends
     moved = _motion(before.tool, after.tool) + first.by_residual(after.residual - before.residual)
     return moved / (2 * redrawn.step)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import PrupPinError, UnreachablePoseError
-from ..kernel import semidefinite_inverse
+from ..kernel import NEGLIGIBLE, semidefinite_inverse
 from ..kinematics import ClosedPose
 from ..modules import ModuleGeometry
 from ..spatial import Array
@@ -21,8 +21,6 @@ from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_s
 __all__ = ["Statics", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
-#: Loads below this share of the closure forces that cause them are rounding.
-_NOISE = 1e-11
 
 
 class Statics(NamedTuple):
@@ -79,8 +77,9 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
             raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
     stress: tuple[Array, Array] | None = None
     if pose.balance.self_stress.shape[-1]:
-        # Forces that cancel between closures leave rounding noise in the modules; it must not pass for a load.
-        least = _NOISE * np.abs(pose.balance.self_stress).max()
+        # Forces that cancel between closures leave in the modules what the drawing of frames and rounding leave; it
+        # must not pass for a load.
+        least = NEGLIGIBLE * np.abs(pose.balance.self_stress).max()
         wrench, drive = layout.split(self_stress_loads(layout, pose, maps))
         stress = np.where(np.abs(wrench) > least, wrench, 0.0), np.where(np.abs(drive) > least, drive, 0.0)
     loads = None

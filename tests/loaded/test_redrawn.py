@@ -17,7 +17,7 @@ import pytest
 from lxml import etree
 
 import prup_pin
-from prup_pin.errors import JointLimitWarning
+from prup_pin.errors import JointLimitWarning, NoStiffnessError
 from prup_pin.loaded import Conditions, find_equilibria
 from prup_pin.robots import packaged_folder
 from prup_pin.spatial import rotation_rpy
@@ -37,6 +37,7 @@ class Machine:
     wrench: tuple[float, ...]
     options: dict[str, Any] = field(default_factory=dict)
     masses: tuple[str, ...] = ()
+    bearings: tuple[str, ...] = ()
 
 
 FIVE_BAR = Machine(
@@ -46,6 +47,8 @@ FIVE_BAR = Machine(
     {"tool": "tip", "joint_stiffness": {"left_motor": 9e3, "right_motor": 1.1e4}},
     ("left_arm", "left_rod", "right_arm", "right_rod"),
 )
+#: With bearings that yield in every joint, what its loop says several times puts it under stress.
+YIELDING_FIVE_BAR = replace(FIVE_BAR, bearings=("left_motor", "left_elbow", "right_motor", "right_elbow"))
 DELTA = Machine(
     ROBOTS / "delta/robot.urdf",
     (0.1, -0.05, 0.2),
@@ -107,6 +110,14 @@ CASES: dict[str, tuple[Machine, Drawing]] = {
         }.items()
     },
 }
+#: Drawings with angles and lengths of many digits.
+CROOKED = {
+    "five-bar": (FIVE_BAR, CASES["five-bar, standing turned, all joints"][1]),
+    "five-bar with bearings": (YIELDING_FIVE_BAR, CASES["five-bar, all joints"][1]),
+    "delta": (DELTA, CASES["delta, all loops"][1]),
+    "delta, standing turned": (DELTA, CASES["delta, standing turned"][1]),
+    "3prup": (THREE_PRUP, CASES["3prup, standing turned"][1]),
+}
 CASE = pytest.mark.parametrize(("machine", "drawing"), CASES.values(), ids=CASES)
 
 
@@ -125,6 +136,10 @@ def drawn(machine: Machine, drawing: Drawing, folder: Path):
         extension = etree.SubElement(root, "prup_pin", version="1")
     if extension.find("gravity") is None:
         etree.SubElement(extension, "gravity", xyz="1.5 -9.0 -3.0")
+    for index, name in enumerate(machine.bearings):
+        module = etree.SubElement(extension, "module", name=f"{name}_bearing", type="bearing", joint=name, axis="0 0 1")
+        for key, value in (("radial_stiffness", 3e7), ("axial_stiffness", 2e7), ("tilting_stiffness", 4e4)):
+            etree.SubElement(module, "parameter", name=key, value=repr(value * (1 + 0.3 * index)))
     (folder / "source").mkdir(exist_ok=True)
     source = folder / "source" / machine.source.name
     source.write_bytes(etree.tostring(root))
@@ -240,6 +255,41 @@ def test_a_hinge_askew_jams_the_five_bar_alike_in_both_models(tmp_path, angle):
     assert not agree(C, straight.compliance(straight.home).C, 0.1)
     wrench = np.array([0.1, -0.2, 0, 0, 0, 0.01])
     assert agree(robot.equilibrium(askew, wrench).displacement, C @ wrench, 1e-5)
+
+
+def rigid_directions(result) -> np.ndarray:
+    """Return an orthonormal basis (6, n) of what no module yields to."""
+    try:
+        assert np.isfinite(result.K).all()
+    except NoStiffnessError as error:
+        return np.linalg.qr(error.directions.T)[0]
+    return np.zeros((6, 0))
+
+
+@pytest.mark.parametrize("digits", [7, 9, 11, 13])
+@pytest.mark.parametrize(("machine", "drawing"), CROOKED.values(), ids=CROOKED)
+def test_seven_digits_of_a_drawing_are_enough(tmp_path, machine, drawing, digits):
+    """Parallel axes are then parallel to 1e-7: redundant loops still close, and nothing is stiff that was free."""
+    results = []
+    for each in (drawing, replace(drawing, digits=digits)):
+        folder = tmp_path / str(each.digits)
+        folder.mkdir()
+        robot, pose = drawn(machine, each, folder)
+        at_rest = robot.compliance(pose)
+        loaded = robot.equilibrium(pose, turned(np.array(machine.wrench), drawing.ground.T))
+        counted = robot.mobility(pose)
+        results.append((at_rest, loaded, (counted.rank, counted.idle_joints, counted.redundant_loops)))
+    (at_rest, loaded, counted), (rounded, rounded_loaded, recounted) = results
+    assert recounted == counted
+    assert agree(rounded.C, at_rest.C, 1e-6)
+    assert agree(rounded_loaded.C, loaded.C, 1e-6)
+    assert agree(rounded_loaded.displacement, loaded.displacement, 1e-6)
+    for found, exact in ((rounded, at_rest), (rounded_loaded, loaded)):
+        basis, expected = rigid_directions(found), rigid_directions(exact)
+        assert basis.shape == expected.shape
+        assert basis @ basis.T == pytest.approx(expected @ expected.T, abs=2e-6)
+    # ... and under load no more and no less is rigid than at rest
+    assert rigid_directions(loaded).shape == rigid_directions(at_rest).shape
 
 
 def test_many_samples_of_a_redundant_robot_at_once(tmp_path):
