@@ -12,19 +12,39 @@ and the posterior covariance is (J^T J + 1)^-1. What the data say nothing about 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import norm
 
 from ..laws import Effect, Place
-from ..laws.deviations import Calibration, Deviation
+from ..laws.deviations import Calibration, Deviation, amounts_of, deviations_of
+from ..mechanism import Mechanism
+from ..recordings import Recording
 from ..simulation import Run
 from ..spatial import Array
-from .criteria import CALIBRATION_ROUNDS, CALIBRATION_STEP, SETTLED, TWINS
+from .candidates import Candidate
+from .criteria import (
+    BEYOND,
+    CALIBRATION_ROUNDS,
+    CALIBRATION_STEP,
+    FALSE_ALARM,
+    SETTLED,
+    TWINS,
+    WEIGHT_SHOWS,
+)
 from .influence import Influence
 
-__all__ = ["Calibrated", "Toleranced", "calibrate"]
+__all__ = [
+    "Calibrated",
+    "CalibratedParameter",
+    "Toleranced",
+    "calibrate",
+    "calibrated_parameters",
+    "toleranced_of",
+    "within_tolerances",
+]
 
 #: Share of a tolerance by which the simulation's first order is differentiated: some kinds act by a logarithm.
 _STEP = 1e-3
@@ -73,8 +93,8 @@ class Toleranced:
 class Calibrated:
     """A simulation at the parameters' likeliest values, and what is known of them.
 
-    x (p,) in multiples of the tolerances; jacobian (K n, p), whitened change per tolerance; residual (n, K), whitened;
-    objective: chi squared plus x^T x. `effects` act beside.
+    x (p,) in multiples of the tolerances; changes (n, K, p) of the columns per tolerance, and jacobian (K n, p), the
+    same whitened; residual (n, K), whitened; objective: chi squared plus x^T x. `effects` act beside.
     """
 
     toleranced: Toleranced
@@ -82,6 +102,7 @@ class Calibrated:
     effects: tuple[Effect, ...]
     influence: Influence
     residual: Array
+    changes: Array
     jacobian: Array
     objective: float
     rounds: int
@@ -138,6 +159,73 @@ class Calibrated:
         return tuple(groups)
 
 
+@dataclass(frozen=True)
+class CalibratedParameter:
+    """What is known of a parameter that may be off.
+
+    x: by how many tolerances it is off; share: its posterior standard deviation in tolerances. value, sd and tolerance
+    in its unit.
+    """
+
+    deviation: Deviation
+    x: float
+    share: float
+    value: float
+    sd: float
+    tolerance: float
+
+    @property
+    def name(self) -> str:
+        return self.deviation.name
+
+    @property
+    def learned(self) -> float:
+        """1 - sd / tolerance."""
+        return 1 - self.share
+
+    def is_beyond(self, count: int) -> bool:
+        """Return True where it lies beyond its tolerance: farther than chance takes any of `count` parameters."""
+        return abs(self.x) > max(BEYOND, float(norm.isf(FALSE_ALARM / (2 * count))))
+
+
+def toleranced_of(recording: Recording, mechanism: Mechanism) -> Toleranced:
+    """Return the parameters that a robot file and a recording say may be off."""
+    markers = [name for name in recording.markers if name in mechanism.frame_names]
+    deviations = deviations_of(mechanism, markers)
+    return Toleranced.of(deviations, amounts_of(deviations, mechanism, recording.tolerances.declared))
+
+
+def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candidate]):
+    """Return a problem with its parameters calibrated, the robot's weight beside them where it explains more.
+
+    Whether weight acts has no parameter to be found, and without it others would be bent to take its place.
+    """
+    light = problem.within(toleranced)
+    heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
+    if heavy is None:
+        return light
+    whole = heavy.term(heavy.coordinates_of(np.ones(heavy.size)))
+    weighed = problem.within(toleranced, [whole])
+    return weighed if weighed.first.chi2 < light.first.chi2 - WEIGHT_SHOWS else light
+
+
+def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
+    """Return what is known of every toleranced parameter at a fit, its terms free beside them, the best known first."""
+    toleranced: Toleranced = problem.tolerances.toleranced
+    free = problem.jacobian(fit)
+    size = np.linalg.norm(free, axis=0)
+    free = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
+    held = problem.held - free @ (free.T @ problem.held)
+    shares = np.sqrt(np.diagonal(np.linalg.inv(held.T @ held + np.eye(len(fit.x)))))
+    found = []
+    for item, x, share, amount in zip(toleranced.law.deviations, fit.x, shares, toleranced.tolerances, strict=True):
+        value = item.value(float(x * amount))
+        unit = float(amount) * item.per_amount(value)
+        nominal = float(amount) * item.per_amount(item.nominal)
+        found.append(CalibratedParameter(item, float(x), float(share), value, float(share) * unit, nominal))
+    return sorted(found, key=lambda item: item.share)
+
+
 def calibrate(
     problem,
     toleranced: Toleranced,
@@ -153,10 +241,9 @@ def calibrate(
     x = np.zeros(len(toleranced)) if x is None else x
     now = _at(problem, toleranced, x, effects, start)
     for rounds in range(CALIBRATION_ROUNDS):
-        jacobian = _jacobian(problem, now)
-        now = _with(now, jacobian, rounds)
-        normal = jacobian.T @ jacobian + np.eye(len(x))
-        step = np.linalg.solve(normal, jacobian.T @ now.residual.ravel() - now.x)
+        now = _differentiated(problem, now, rounds)
+        normal = now.jacobian.T @ now.jacobian + np.eye(len(x))
+        step = np.linalg.solve(normal, now.jacobian.T @ now.residual.ravel() - now.x)
         if float(step @ normal @ step) < SETTLED:
             return now
         share, better = 1.0, None
@@ -167,7 +254,7 @@ def calibrate(
         if better is None:
             return now
         now = better
-    return _with(now, _jacobian(problem, now), CALIBRATION_ROUNDS)
+    return _differentiated(problem, now, CALIBRATION_ROUNDS)
 
 
 def _at(problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None) -> Calibrated:
@@ -176,22 +263,18 @@ def _at(problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], st
     residual = problem.whitened(influence, problem.stack.residual(run)[run.samples])
     lost = bool((problem.nominal.run.solved & ~run.solved).any())
     objective = np.inf if lost else float((residual**2).sum() + x @ x)
-    none = np.zeros((residual.size, len(x)))
-    return Calibrated(toleranced, x, tuple(effects), influence, residual, none, objective, 0)
+    none = np.zeros((*residual.shape, 0))
+    return Calibrated(toleranced, x, tuple(effects), influence, residual, none, none[:, 0], objective, 0)
 
 
-def _with(found: Calibrated, jacobian: Array, rounds: int) -> Calibrated:
-    return Calibrated(
-        found.toleranced, found.x, found.effects, found.influence, found.residual, jacobian, found.objective, rounds
-    )
-
-
-def _jacobian(problem, found: Calibrated) -> Array:
-    """Return d(whitened columns)/d(x), (K n, p), to first order about a calibrated run."""
+def _differentiated(problem, found: Calibrated, rounds: int) -> Calibrated:
+    """Return a calibrated run with its changes per tolerance, to first order about it."""
     columns = []
     for index in range(len(found.x)):
         moved = found.x.copy()
         moved[index] += _STEP
         setup = problem.simulator.setup([found.toleranced.effect(moved), *found.effects])
-        columns.append(problem.whitened(found.influence, found.influence.change(setup)).ravel() / _STEP)
-    return np.array(columns).T if columns else np.zeros((found.residual.size, 0))
+        columns.append(found.influence.change(setup) / _STEP)
+    changes = np.stack(columns, axis=-1) if columns else np.zeros((*found.residual.shape, 0))
+    jacobian = (problem.whiteners(found.influence) @ changes).reshape(found.residual.size, -1)
+    return replace(found, changes=changes, jacobian=jacobian, rounds=rounds)

@@ -15,7 +15,7 @@ from ..parameters import Quantity
 from ..spatial import Array
 from .criteria import LEAST_WARMING
 
-__all__ = ["Candidate", "candidates"]
+__all__ = ["Candidate", "Term", "candidates"]
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,10 @@ class Candidate:
         named = {q.name: float(value) for q, value in zip(self.quantities, values, strict=True)}
         return Effect(self.law, self.place, named)
 
+    def term(self, coordinates: Array) -> Term:
+        """Return the candidate with fitted coordinates (p,)."""
+        return Term(self, coordinates)
+
     def starts(self) -> list[Array]:
         """Return the coordinates from which a fit starts."""
         return [self._coordinates(start) for start in self.law.starts(self.place, self.mechanism)]
@@ -132,6 +136,18 @@ class Candidate:
     def scales(self) -> Array:
         """Return a typical change of every coordinate, (p,)."""
         return np.array([1.0 if log else abs(self._scale(q)) or 1.0 for q, log in self._pairs()])
+
+
+@dataclass(frozen=True)
+class Term:
+    """A candidate with fitted coordinates (p,)."""
+
+    candidate: Candidate
+    coordinates: Array
+
+    @property
+    def effect(self) -> Effect:
+        return self.candidate.effect(self.coordinates)
 
 
 def candidates(mechanism: Mechanism, inputs: Inputs) -> list[Candidate]:

@@ -62,7 +62,7 @@ from .criteria import (
     USUAL_MULTIPLE,
     clean_bound,
 )
-from .fit import Fit, Problem, Term, without
+from .fit import Beside, Fit, Problem, Term, with_priors, without
 from .locate import least_left, yieldings
 from .whiteness import compared
 
@@ -93,7 +93,7 @@ class _Search:
         candidate: Candidate,
         starts: Sequence[Array] | None = None,
         limit: int = 25,
-        beside: Array | None = None,
+        beside: Beside | None = None,
     ) -> tuple[float, Term, Array]:
         """Return what `Problem.quick` does."""
         self.spent += len(fit.samples) * (MEMORY_WORK if candidate.remembers else 1.0)
@@ -161,10 +161,11 @@ def unlikely(candidate: Candidate) -> float:
 def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = FOLDS) -> float:
     """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly)."""
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
-    return _held_out(fit.residual, jacobian, blocks, folds)
+    held = problem.held.reshape(*fit.residual.shape, -1)
+    return _held_out(fit.residual, jacobian, blocks, folds, held, fit.x)
 
 
-def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int) -> float:
+def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int, held: Array, x: Array) -> float:
     total = 0.0
     labels = _segments(blocks)
     kinds = np.unique(labels)
@@ -173,12 +174,15 @@ def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int) 
     for index in np.unique(fold):
         out = fold == index
         target = residual[out].ravel()
-        if jacobian.shape[-1] and (~out).any():
+        if (jacobian.shape[-1] or len(x)) and (~out).any():
             columns = jacobian[~out].reshape(-1, jacobian.shape[-1])
             scale = np.linalg.norm(columns, axis=0)
             scale = np.where(scale > 0, scale, 1.0)
-            step = np.linalg.lstsq(columns / scale, residual[~out].ravel(), rcond=1e-8)[0] / scale
-            target = target - jacobian[out].reshape(-1, jacobian.shape[-1]) @ step
+            within = held[~out].reshape(-1, len(x))
+            step = np.linalg.lstsq(*with_priors(columns / scale, within, residual[~out].ravel(), x), rcond=1e-8)[0]
+            step[: len(scale)] /= scale
+            every = np.concatenate((jacobian[out], held[out]), axis=-1)
+            target = target - every.reshape(-1, every.shape[-1]) @ step
         total += float(target @ target)
     return total
 
@@ -344,7 +348,8 @@ def screen(
     present = {term.candidate.name for term in kept}
     beside = problem.beside(fit, range(len(kept)))
     modules = {problem.module_of(candidate): candidate for candidate in library}
-    least = {module: _least_chi2(problem, fit, one, fit.residual, beside) for module, one in modules.items()}
+    target = problem.target(fit)
+    least = {module: _least_chi2(problem, fit, one, target, beside) for module, one in modules.items()}
     best = fit.chi2
     for index, candidate in enumerate(sorted(library, key=lambda candidate: least[problem.module_of(candidate)])):
         tell(index / len(library))
@@ -361,7 +366,7 @@ def screen(
     return sorted([*front, *rivals[len(front) :]], key=lambda rival: rival.score)
 
 
-def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Array, beside: Array | None) -> float:
+def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Array, beside: Beside | None) -> float:
     """Return a chi squared that a candidate cannot go below, to first order; zero where it is not known."""
     module = problem.module_of(candidate)
     if module is None or module not in fit.influence.rows:
@@ -369,7 +374,7 @@ def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Arra
     return least_left(problem, fit, module, residual, beside)
 
 
-def _finished(search: _Search, fit: Fit, kept: Sequence[Term], rival: Rival, beside: Array | None) -> Rival:
+def _finished(search: _Search, fit: Fit, kept: Sequence[Term], rival: Rival, beside: Beside | None) -> Rival:
     candidate, around = rival.term.candidate, rival.term.candidate.around(rival.term.coordinates)
     chi2, new, change = search.quick(fit, kept, candidate, around, LAST_STEPS, beside)
     return Rival(new, chi2, change) if chi2 < rival.chi2 else rival
@@ -395,7 +400,7 @@ def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candida
             continue
         module = problem.module_of(candidate)
         if module not in least:
-            least[module] = _least_chi2(problem, fit, candidate, fit.residual - removed, beside)
+            least[module] = _least_chi2(problem, fit, candidate, problem.target(fit) - removed, beside)
         if least[module] > worst:
             continue
         chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)

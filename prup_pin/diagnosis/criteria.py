@@ -260,3 +260,8 @@ SETTLED: Final = 0.05
 CALIBRATION_STEP: Final = 0.01
 #: Cosine of two parameters' changes beyond which they are told only together.
 TWINS: Final = 0.995
+#: A parameter farther than this many tolerances from the robot file is a finding, or farther where chance takes one of
+#: so many parameters there.
+BEYOND: Final = 3.0
+#: Chi squared by which the robot's own weight must help the calibration to be taken into it: three deviations and more.
+WEIGHT_SHOWS: Final = 25.0

@@ -15,6 +15,7 @@ from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, inputs_of
 from ..spatial import Array
+from .calibrate import CalibratedParameter, calibrated_parameters, toleranced_of, within_tolerances
 from .candidates import Candidate, candidates
 from .compete import Budget, Selection, cross_validated, penalty, scale_of, select
 from .criteria import (
@@ -104,13 +105,19 @@ def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
     problem = Problem.of(simulator, stack, noise, nominal)
     raw_linear = stack.residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs)
+    toleranced = toleranced_of(recording, robot.mechanism)
+    if len(toleranced) and compared(problem, problem.first):
+        tell("calibration within tolerances", 0.02)
+        problem = within_tolerances(problem, toleranced, library)
     selection = Selection.nothing(problem.first, library)
     if compared(problem, problem.first):
         selection = select(problem, library, inputs.blocks, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         if larger is not None:
             remarks.append(_noisier(noise, larger))
-            problem = replace(problem, noise=larger)
+            problem = replace(problem, noise=larger, tolerances=None)
+            if len(toleranced):
+                problem = within_tolerances(problem, toleranced, library)
             selection = select(problem, library, inputs.blocks, problem.first, tell)
     tell("the verdict", 0.9)
     return _verdict(problem, selection, inputs, raw_linear, remarks, unused, robot, tell)
@@ -204,14 +211,18 @@ def _verdict(
         unknown = [located or _nowhere(problem, final, selection, count)]
     white_before = _rms(float((before**2).sum()), count)
     silent = not findings and not unknown and white_before > clean_bound(count)
-    deflection = _finite_deflection(first, last, before, silent)
+    deflection = _finite_deflection(problem.drawn, last, before, silent)
     if deflection is not None:
         findings.append(deflection)
     findings.sort(key=lambda finding: -finding.heldout_gain)
     findings += unknown
     named = "explained" if findings else "nothing_missing"
     verdict = "unexplained" if unknown else named
+    calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
+    findings += [_beyond_tolerance(item, final, held) for item in calibrated if item.is_beyond(len(calibrated))]
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
+    if problem.tolerances is not None:
+        effects = (problem.tolerances.toleranced.effect(final.x), *effects)
     raw_after = problem.stack.residual(final.run)[samples]
     if count:
         findings = [
@@ -224,6 +235,8 @@ def _verdict(
         noise=problem.noise,
         before={"fit": white_before, "heldout": white_before},
         after={"fit": _rms(final.chi2, count), "heldout": _rms(held, count)},
+        within=_within(problem, first, count),
+        calibration=tuple(calibrated),
         by_channel=_channels(problem.stack, samples, before, final.residual, raw_linear, raw_after),
         findings=tuple(findings),
         not_detectable=tuple(not_detectable(problem, final, selection)) if count else (),
@@ -239,6 +252,32 @@ def _verdict(
         final=final.run,
     )
     return diagnosis
+
+
+def _within(problem: Problem, first: Fit, count: int) -> dict[str, float]:
+    """Return the residual of the drawing, and of the drawing within its tolerances, in multiples of the noise."""
+    if problem.tolerances is None:
+        return {}
+    return {"nominal": _rms(problem.drawn.chi2, count), "calibrated": _rms(first.chi2, count)}
+
+
+def _beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Finding:
+    """Return the finding that a parameter lies beyond its tolerance."""
+    reach = 1.96 * item.sd
+    gain = (item.x / item.share) ** 2
+    return Finding(
+        physics=item.deviation.physics,
+        location=item.deviation.place,
+        candidates=(item.deviation.place,),
+        parameters={
+            item.name: FittedParameter(item.value, item.deviation.unit, (item.value - reach, item.value + reach))
+        },
+        heldout_gain=float(gain / (gain + max(held, 1e-300))),
+        statement=(
+            f"{item.name} lies {abs(item.x):.3g} tolerances beside the robot file: "
+            f"{item.value:.6g} {item.deviation.unit} instead of {item.deviation.nominal:.6g}"
+        ),
+    )
 
 
 def _rms(chi2: float, count: int) -> float:
@@ -378,8 +417,8 @@ def _same_place(finding: Finding, found: Located | None) -> bool:
 def _alone(problem: Problem, fit: Fit, index: int) -> float:
     """Return how much chi squared would grow without a term."""
     kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
-    changed = problem.change(fit, kept)
-    return float(((fit.residual - changed) ** 2).sum()) - fit.chi2
+    left = problem.beyond((problem.target(fit) - problem.change(fit, kept)).ravel())
+    return float((left**2).sum()) - fit.chi2
 
 
 def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot: Robot, held: float) -> Finding:
@@ -412,7 +451,7 @@ def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot
 
 def _parameters(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
-    jacobian = problem.jacobian(fit)
+    jacobian = problem.beyond(problem.jacobian(fit))
     scale = np.linalg.norm(jacobian, axis=0)
     unseen = scale < UNSEEN
     scale = np.where(unseen, 1.0, scale)

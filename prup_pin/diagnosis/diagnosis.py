@@ -12,6 +12,7 @@ from ..channels import Columns, Noise
 from ..laws import Effect
 from ..simulation import Run
 from ..spatial import Array
+from .calibrate import CalibratedParameter
 from .local_curve import LocalCurve
 from .recovered import Agreement, Recovered, Residuals
 
@@ -74,13 +75,17 @@ class Diagnosis:
     Residuals are RMS values of the whitened residual: `before` and `after`, each {'fit', 'heldout'}; `by_channel` the
     same for position and rotation, with µm and µrad; NaN where nothing could be compared. `residual_before` and
     `residual_after` are the measured poses (n, 6) of `samples` less the simulated ones. `unused_columns`: what the
-    recording holds and the diagnosis has no use for.
+    recording holds and the diagnosis has no use for. Where tolerances were declared, `within` holds the residual of the
+    drawing ('nominal') and of the drawing within its tolerances ('calibrated'), and `calibration` what was learned of
+    each parameter, the best known first.
     """
 
     verdict: str
     noise: Noise
     before: Mapping[str, float]
     after: Mapping[str, float]
+    within: Mapping[str, float]
+    calibration: tuple[CalibratedParameter, ...]
     by_channel: Mapping[str, Mapping[str, float]]
     findings: tuple[Finding, ...]
     not_detectable: tuple[Detectable, ...]

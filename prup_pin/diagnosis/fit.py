@@ -13,37 +13,48 @@ from ..channels import Noise, Stack
 from ..laws import Effect
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .candidates import Candidate
+from .calibrate import Calibrated, Toleranced, calibrate
+from .candidates import Candidate, Term
 from .influence import Influence
 
-__all__ = ["Fit", "Problem", "Term", "without"]
-
-
-@dataclass(frozen=True)
-class Term:
-    """A candidate with fitted coordinates (p,)."""
-
-    candidate: Candidate
-    coordinates: Array
-
-    @property
-    def effect(self) -> Effect:
-        return self.candidate.effect(self.coordinates)
+__all__ = ["Beside", "Fit", "Problem", "Term", "with_priors", "without"]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A simulation with fitted terms: its run, influences, whitened residual (n, K) and chi squared."""
+    """A simulation with fitted terms: its run, influences, whitened residual (n, K) and chi squared.
+
+    x (p,): toleranced parameters in multiples of their tolerances, fitted with the terms; their squares are part of
+    `chi2`. none, where the robot file is taken at its word.
+    """
 
     terms: tuple[Term, ...]
     run: Run
     influence: Influence
     residual: Array
     chi2: float
+    x: Array
 
     @property
     def samples(self) -> np.ndarray:
         return self.run.samples
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerable:
+    """Parameters that may be off, calibrated once: what is fitted later begins there, and takes their changes there.
+
+    A change that is a little stale is no error of the residual: it is only what a further step of a parameter does.
+    """
+
+    toleranced: Toleranced
+    terms: tuple[Term, ...]
+    start: Calibrated
+
+    @classmethod
+    def of(cls, problem: Problem, toleranced: Toleranced, terms: Sequence[Term]) -> Tolerable:
+        start = calibrate(problem, toleranced, [term.effect for term in terms])
+        return cls(start.toleranced, tuple(terms), start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +72,7 @@ class Problem:
     nominal: Influence
     freed_module: str | None = None
     freed_at: Influence | None = None
+    tolerances: Tolerable | None = None
 
     @classmethod
     def of(cls, simulator: Simulator, stack: Stack, noise: Noise, nominal: Run | None = None) -> Problem:
@@ -73,8 +85,28 @@ class Problem:
 
     @cached_property
     def first(self) -> Fit:
-        """The fit of the robot as its file has it."""
-        return self._fit((), self.nominal)
+        """The fit of the robot as its file has it, within its tolerances."""
+        if self.tolerances is None:
+            return self._fit((), self.nominal, np.zeros(0))
+        return self._fit(self.tolerances.terms, self.tolerances.start.influence, self.tolerances.start.x)
+
+    @property
+    def drawn(self) -> Fit:
+        """The fit of the robot as its file has it, nothing off."""
+        return replace(self, tolerances=None).first
+
+    def within(self, toleranced: Toleranced, terms: Sequence[Term] = ()) -> Problem:
+        """Return the same problem with parameters that may be off; `terms` act where these are first calibrated."""
+        plain = replace(self, tolerances=None)
+        return replace(self, tolerances=Tolerable.of(plain, toleranced, terms))
+
+    @cached_property
+    def held(self) -> Array:
+        """Whitened changes of the columns per tolerance, (K n, p); p = 0 without tolerances."""
+        if self.tolerances is None:
+            return np.zeros((self.nominal.run.samples.size * self.stack.size, 0))
+        start = self.tolerances.start
+        return (self.whiteners(start.influence) @ start.changes).reshape(-1, len(start.x))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
@@ -109,18 +141,31 @@ class Problem:
             ("reach", self, module), lambda: _basis(self.whiteners(influence) @ influence.signature(module))
         )
 
-    def fit_at(self, terms: Sequence[Term], start: Run | None = None) -> Fit:
-        """Return the simulation with these terms, without fitting."""
-        run = self.simulator.run([term.effect for term in terms], start)
-        return self._fit(terms, Influence(self.simulator, run, self.stack))
+    def fit_at(self, terms: Sequence[Term], start: Run | None = None, x: Array | None = None) -> Fit:
+        """Return the simulation with these terms, and toleranced parameters at x (p,), without fitting."""
+        x = self._begin() if x is None else x
+        run = self.simulator.run(self._effects(x, [term.effect for term in terms]), start)
+        return self._fit(terms, Influence(self.simulator, run, self.stack), x)
 
-    def _fit(self, terms: Sequence[Term], influence: Influence) -> Fit:
+    def _begin(self) -> Array:
+        return np.zeros(0) if self.tolerances is None else self.tolerances.start.x
+
+    def _effects(self, x: Array, effects: Sequence[Effect]) -> list[Effect]:
+        return [*effects] if self.tolerances is None else [self.tolerances.toleranced.effect(x), *effects]
+
+    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array) -> Fit:
         run = influence.run
         residual = self.whitened(influence, self.stack.residual(run)[run.samples])
-        chi2 = float((residual**2).sum())
+        chi2 = float((residual**2).sum() + x @ x)
         if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
-        return Fit(tuple(terms), run, influence, residual, chi2)
+        return Fit(tuple(terms), run, influence, residual, chi2, x)
+
+    def target(self, fit: Fit) -> Array:
+        """Return the whitened residual (n, K) of a fit with what its toleranced parameters do put back, first order."""
+        if self.tolerances is None:
+            return fit.residual
+        return fit.residual + (self.held @ fit.x).reshape(fit.residual.shape)
 
     def whitened(self, influence: Influence, values: Array) -> Array:
         """Return values (n, K) of the columns in multiples of the noise."""
@@ -128,11 +173,21 @@ class Problem:
 
     def change(self, fit: Fit, effects: Sequence[Effect]) -> Array:
         """Return the whitened change of the columns (n, K) from a fit to other effects, to first order."""
-        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects)))
+        setup = self.simulator.setup(self._effects(fit.x, effects))
+        return self.whitened(fit.influence, fit.influence.change(setup))
 
     def module_of(self, candidate: Candidate) -> str | None:
         """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""
         return candidate.only_module
+
+    def beyond(self, values: Array) -> Array:
+        """Return whitened values (K n, ...) less what the toleranced parameters may take of them."""
+        return values if self._ease is None else self._ease.without(values)
+
+    @cached_property
+    def _ease(self) -> Beside | None:
+        none = np.zeros((len(self.held), 0))
+        return None if self.tolerances is None else Beside.within(none, self.held)
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 
@@ -143,15 +198,15 @@ class Problem:
         candidate: Candidate,
         starts: Sequence[Array] | None = None,
         limit: int = 25,
-        beside: Array | None = None,
+        beside: Beside | None = None,
     ) -> tuple[float, Term, Array]:
         """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
 
-        `beside` (K n, p): orthonormal changes by the kept terms, which are so fitted together with the candidate; the
-        change returned is what they cannot do.
+        `beside`: what the kept terms and the toleranced parameters may do with it, which are so fitted together with
+        the candidate; the change returned is what they cannot do.
         """
         effects = [term.effect for term in kept]
-        target = fit.residual
+        target = self.target(fit)
         low, high = candidate.bounds
 
         def left(coordinates: Array) -> Array:
@@ -188,26 +243,26 @@ class Problem:
         change = self.change(fit, [*effects, term.effect])
         return 2 * float(found.cost), term, without(change.ravel(), beside).reshape(change.shape)
 
-    def beside(self, fit: Fit, kept: Sequence[int]) -> Array | None:
-        """Return orthonormal changes (K n, p) by some of a fit's terms, given by their places; None for none."""
+    def beside(self, fit: Fit, kept: Sequence[int]) -> Beside | None:
+        """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
-        if not columns:
-            return None
-        jacobian = self.jacobian(fit)[:, columns]
-        left, size, _ = np.linalg.svd(
-            jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300), full_matrices=False
-        )
-        return left[:, size > 1e-6]
+        free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
+        if self.tolerances is not None:
+            return Beside.within(free, self.held)
+        return Beside.free(free) if columns else None
 
     def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
-        """Return the fit of all terms together through the whole simulation (Gauss-Newton, steps halved)."""
-        fit = self.fit_at(terms, start.run)
+        """Return the fit of all terms and toleranced parameters together through the whole simulation.
+
+        Gauss-Newton steps, shortened where they do not help.
+        """
+        fit = self.fit_at(terms, start.run, start.x)
+        held = None if self.tolerances is None else self.held
         for _ in range(rounds):
-            if not fit.terms or not np.isfinite(fit.chi2):
+            if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
                 return fit
-            jacobian = self.jacobian(fit)
-            step = _least_step(jacobian, fit.residual.ravel())
+            step = _least_step(self.jacobian(fit), fit.residual.ravel(), held, fit.x)
             share, better = 1.0, None
             sizes = [term.candidate.size for term in fit.terms]
             while share > 0.1:
@@ -220,7 +275,7 @@ class Problem:
                         moved = np.where(term.candidate.logarithmic, moved, share * step[place : place + size])
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
-                attempt = self.fit_at(trial, fit.run)
+                attempt = self.fit_at(trial, fit.run, fit.x + share * step[place:])
                 if attempt.chi2 < fit.chi2:
                     better = attempt
                     break
@@ -257,12 +312,63 @@ def _basis(directions: Array) -> Array:
     return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
 
 
-def without(values: Array, beside: Array | None) -> Array:
-    """Return values (m,) less their part in the span of orthonormal columns (m, p)."""
-    return values if beside is None else values - beside @ (beside.T @ values)
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What other parameters may do to the whitened columns: orthonormal changes (K n, p), and how freely, (p,).
+
+    Fitting them too takes the share `ease` of a residual's part along each: all of it, or less where a tolerance holds
+    them. Numbers v of variance 1 plus what the tolerances scatter become numbers of variance 1 (`without`): the metric
+    of noise plus tolerances, of low rank.
+    """
+
+    basis: Array
+    ease: Array
+
+    @classmethod
+    def free(cls, jacobian: Array) -> Beside:
+        """Return what parameters may do that nothing holds, by their changes (K n, p)."""
+        left, size, _ = np.linalg.svd(_scaled(jacobian), full_matrices=False)
+        basis = left[:, size > 1e-6]
+        return cls(basis, np.ones(basis.shape[1]))
+
+    @classmethod
+    def within(cls, jacobian: Array, held: Array) -> Beside:
+        """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
+        left, size, _ = np.linalg.svd(np.concatenate((_FREE * _scaled(jacobian), held), axis=1), full_matrices=False)
+        kept = size > 1e-6
+        return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2))
+
+    def without(self, values: Array) -> Array:
+        """Return values (K n, ...) less what these parameters take of them."""
+        return values - self.basis @ ((self.ease * (self.basis.T @ values).T).T)
 
 
-def _least_step(jacobian: Array, residual: Array) -> Array:
+#: Multiple of the noise by which a parameter may change the columns that nothing holds.
+_FREE = 1e6
+
+
+def _scaled(jacobian: Array) -> Array:
+    return jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+
+
+def without(values: Array, beside: Beside | None) -> Array:
+    """Return values (m,) less what parameters beside them take."""
+    return values if beside is None else beside.without(values)
+
+
+def _least_step(jacobian: Array, residual: Array, held: Array | None, x: Array) -> Array:
+    """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    return np.linalg.lstsq(jacobian / scale, residual, rcond=1e-8)[0] / scale
+    if held is None:
+        return np.linalg.lstsq(jacobian / scale, residual, rcond=1e-8)[0] / scale
+    count = jacobian.shape[1]
+    matrix, right = with_priors(jacobian / scale, held, residual, x)
+    step = np.linalg.lstsq(matrix, right, rcond=1e-10)[0]
+    return np.concatenate((step[:count] / scale, step[count:]))
+
+
+def with_priors(free: Array, held: Array, residual: Array, x: Array) -> tuple[Array, Array]:
+    """Return matrix and right side of least squares with a row for the prior of each held parameter."""
+    priors = np.concatenate((np.zeros((len(x), free.shape[1])), np.eye(len(x))), axis=1)
+    return np.vstack((np.concatenate((free, held), axis=1), priors)), np.concatenate((residual, -x))

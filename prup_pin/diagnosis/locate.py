@@ -15,7 +15,7 @@ import numpy as np
 
 from ..spatial import Array
 from .criteria import ALIKE, CHANCE_DEVIATIONS, CLEARER, NOT_REACHING
-from .fit import Fit, Problem
+from .fit import Beside, Fit, Problem
 from .local_curve import LocalCurve, curve_against, local_curve
 
 __all__ = ["Located", "Yielding", "least_left", "locate", "yieldings"]
@@ -74,10 +74,10 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
     return sorted(found, key=lambda item: -item.gain)
 
 
-def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside: Array | None = None) -> float:
+def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside: Beside | None = None) -> float:
     """Return what of a whitened residual (n, 6), squared and summed, no deformation of a module can take away.
 
-    `beside` (6 n, p): changes that may be made with it. No law of that module alone leaves less, to first order.
+    `beside`: what others may do with it. No law of that module alone leaves less, to first order.
     """
     basis = problem.reach(fit.influence, module)
 
@@ -86,7 +86,7 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside:
 
     rest = left(residual[..., None])[..., 0].ravel()
     if beside is not None:
-        others = left(beside.reshape(*residual.shape, -1)).reshape(len(rest), -1)
+        others = left(beside.basis.reshape(*residual.shape, -1)).reshape(len(rest), -1)
         rest = rest - others @ np.linalg.lstsq(others, rest, rcond=1e-9)[0]
     return float(rest @ rest)
 

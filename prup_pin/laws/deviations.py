@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism, Module
+from ..mechanism.tolerances import kind_of_value, value_tolerances
 from ..modules import DriveModule
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
@@ -24,7 +25,7 @@ from .pose_sensor import from_frame
 from .setup import Setup
 from .target import on_body
 
-__all__ = ["Calibration", "Deviation", "deviations_of"]
+__all__ = ["Calibration", "Deviation", "amounts_of", "deviations_of"]
 
 _AXES = "xyz"
 
@@ -98,6 +99,7 @@ def deviations_of(mechanism: Mechanism, markers: Sequence[str] = ()) -> tuple[De
     """
     return (
         *_values(mechanism),
+        *_lengths(mechanism),
         *_masses(mechanism),
         *_joint_places(mechanism),
         *_encoders(mechanism),
@@ -107,13 +109,29 @@ def deviations_of(mechanism: Mechanism, markers: Sequence[str] = ()) -> tuple[De
     )
 
 
+def amounts_of(deviations: Sequence[Deviation], mechanism: Mechanism, kinds: Mapping[str, float]) -> dict[str, float]:
+    """Return one standard deviation of the amount by which each parameter is off, of those that have a tolerance.
+
+    kinds: what is declared for all of a kind (`Tolerances.declared`); the robot file's own tolerances win.
+    """
+    values = value_tolerances(mechanism, kinds)
+    found = {}
+    for item in deviations:
+        own = values.get(item.name)
+        if own is not None:
+            found[item.name] = own / item.nominal if item.relative else own
+        elif item.kind in kinds and item.kind not in ("stiffness", "bending"):
+            found[item.name] = kinds[item.kind]
+    return found
+
+
 # -- modules and bodies ------------------------------------------------------------------------------------------------
 
 
 def _values(mechanism: Mechanism) -> Iterator[Deviation]:
     for module in mechanism.modules:
         for quantity in module.kind.quantities:
-            kind = kind_of_value(module, quantity)
+            kind = kind_of_value(module.kind, quantity)
             value = module.values[quantity.name]
             if kind is not None and np.ndim(value) == 0 and np.isfinite(value) and value > 0:
                 yield Deviation(
@@ -128,17 +146,6 @@ def _values(mechanism: Mechanism) -> Iterator[Deviation]:
                 )
 
 
-def kind_of_value(module: Module, quantity: Quantity) -> str | None:
-    """Return under which key the tolerance of a module's quantity is declared, or None for what has none."""
-    if quantity.shape:
-        return None
-    if module.kind.bends_exactly:
-        return "bending" if quantity.name == "youngs_modulus" else None
-    if quantity.name == "youngs_modulus" or quantity.unit in ("N/m", "N m/rad", "N/m or N m/rad"):
-        return "stiffness"
-    return None
-
-
 def _unit(mechanism: Mechanism, module: Module, quantity: Quantity) -> str:
     if " or " not in quantity.unit:
         return quantity.unit
@@ -148,6 +155,20 @@ def _unit(mechanism: Mechanism, module: Module, quantity: Quantity) -> str:
 
 def _other_value(module: str, quantity: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
     yield ChangedValue(module, quantity, setup.module_value(module, quantity) * (value / nominal))
+
+
+def _lengths(mechanism: Mechanism) -> Iterator[Deviation]:
+    for length in mechanism.description.lengths:
+        name, nominal = length.parameter.name, float(length.parameter.value)
+        act = partial(_other_length, length.moves, nominal)
+        yield Deviation(name, "length", "m", nominal, False, "geometric_offset", name.rpartition(".")[0], act)
+
+
+def _other_length(moves, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
+    for joint, direction in moves:
+        if joint in (item.name for item in setup.mechanism.joints):
+            shift = (value - nominal) * np.array(direction)
+            yield MovedJoint(joint, (*shift.tolist(), 0.0, 0.0, 0.0))
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Deviation]:

@@ -8,7 +8,7 @@ from prup_pin.channels import Noise, PoseChannel, Stack
 from prup_pin.diagnosis.calibrate import Toleranced, calibrate
 from prup_pin.diagnosis.fit import Problem
 from prup_pin.diagnosis.influence import Influence
-from prup_pin.laws.deviations import deviations_of
+from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 from prup_pin.spatial import rotation_exp, rotation_log
 
@@ -26,7 +26,7 @@ TOLERANCES = {
 
 def toleranced_of(robot, wanted=lambda item: True):
     found = deviations_of(robot.mechanism)
-    return Toleranced.of(found, {item.name: TOLERANCES[item.kind] for item in found if wanted(item)})
+    return Toleranced.of([item for item in found if wanted(item)], amounts_of(found, robot.mechanism, TOLERANCES))
 
 
 def weight_of(robot):
@@ -75,7 +75,7 @@ def test_parameters_have_the_names_units_and_values_of_the_robot_file():
     assert found["leg2_slide.encoder_offset"].unit == "m"
     assert {name for name in found if name.startswith("leg1_slide.r")} == {"leg1_slide.rx", "leg1_slide.ry"}
     for item in found.values():
-        assert item.kind in TOLERANCES
+        assert item.kind in TOLERANCES or item.kind == "length"
         assert item.amount(item.value(0.1)) == pytest.approx(0.1)
 
 

@@ -81,7 +81,7 @@ def test_a_candidate_is_fitted_together_with_what_is_there(simulator, library):
     whole = problem.refine([*fit.terms, found], fit)
     assert together == pytest.approx(whole.chi2, rel=0.02)
     assert together < 0.9 * alone
-    assert np.abs(beside.T @ change.ravel()).max() < 1e-9 * np.linalg.norm(change)
+    assert np.abs(beside.basis.T @ change.ravel()).max() < 1e-9 * np.linalg.norm(change)
 
 
 def test_no_law_of_a_module_beats_its_bound(simulator, library):
