@@ -22,7 +22,7 @@ from ..laws import Effect, Place
 from ..laws.deviations import Calibration, Deviation, amounts_of, deviations_of
 from ..mechanism import Mechanism
 from ..recordings import Recording
-from ..simulation import Run
+from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
@@ -42,6 +42,7 @@ __all__ = [
     "Toleranced",
     "calibrate",
     "calibrated_parameters",
+    "changes_per_tolerance",
     "toleranced_of",
     "within_tolerances",
 ]
@@ -200,12 +201,11 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
 
     Whether weight acts has no parameter to be found, and without it others would be bent to take its place.
     """
-    light = problem.within(toleranced)
     heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
+    light = problem.within(toleranced)
     if heavy is None:
         return light
-    whole = heavy.term(heavy.coordinates_of(np.ones(heavy.size)))
-    weighed = problem.within(toleranced, [whole])
+    weighed = problem.within(toleranced, [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))])
     return weighed if weighed.first.chi2 < light.first.chi2 - WEIGHT_SHOWS else light
 
 
@@ -215,7 +215,7 @@ def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
     free = problem.jacobian(fit)
     size = np.linalg.norm(free, axis=0)
     free = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
-    held = problem.held - free @ (free.T @ problem.held)
+    held = fit.held - free @ (free.T @ fit.held)
     shares = np.sqrt(np.diagonal(np.linalg.inv(held.T @ held + np.eye(len(fit.x)))))
     found = []
     for item, x, share, amount in zip(toleranced.law.deviations, fit.x, shares, toleranced.tolerances, strict=True):
@@ -267,14 +267,20 @@ def _at(problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], st
     return Calibrated(toleranced, x, tuple(effects), influence, residual, none, none[:, 0], objective, 0)
 
 
+def changes_per_tolerance(
+    simulator: Simulator, influence: Influence, toleranced: Toleranced, x: Array, effects: Sequence[Effect]
+) -> Array:
+    """Return the change of the columns (n, K, p) per tolerance of each parameter, to first order about a run at x."""
+    columns = []
+    for index in range(len(x)):
+        moved = x.copy()
+        moved[index] += _STEP
+        columns.append(influence.change(simulator.setup([toleranced.effect(moved), *effects])) / _STEP)
+    return np.stack(columns, axis=-1) if columns else np.zeros((len(influence), influence.stack.size, 0))
+
+
 def _differentiated(problem, found: Calibrated, rounds: int) -> Calibrated:
     """Return a calibrated run with its changes per tolerance, to first order about it."""
-    columns = []
-    for index in range(len(found.x)):
-        moved = found.x.copy()
-        moved[index] += _STEP
-        setup = problem.simulator.setup([found.toleranced.effect(moved), *found.effects])
-        columns.append(found.influence.change(setup) / _STEP)
-    changes = np.stack(columns, axis=-1) if columns else np.zeros((*found.residual.shape, 0))
+    changes = changes_per_tolerance(problem.simulator, found.influence, found.toleranced, found.x, found.effects)
     jacobian = (problem.whiteners(found.influence) @ changes).reshape(found.residual.size, -1)
     return replace(found, changes=changes, jacobian=jacobian, rounds=rounds)

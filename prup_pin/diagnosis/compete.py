@@ -161,7 +161,7 @@ def unlikely(candidate: Candidate) -> float:
 def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = FOLDS) -> float:
     """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly)."""
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
-    held = problem.held.reshape(*fit.residual.shape, -1)
+    held = fit.held.reshape(*fit.residual.shape, -1)
     return _held_out(fit.residual, jacobian, blocks, folds, held, fit.x)
 
 

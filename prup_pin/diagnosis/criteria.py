@@ -265,3 +265,5 @@ TWINS: Final = 0.995
 BEYOND: Final = 3.0
 #: Chi squared by which the robot's own weight must help the calibration to be taken into it: three deviations and more.
 WEIGHT_SHOWS: Final = 25.0
+#: Tolerances by which a parameter may move before the simulation is differentiated anew.
+STALE: Final = 0.5

@@ -10,7 +10,7 @@ from scipy.stats import chi2 as chi_squared
 from threadpoolctl import threadpool_limits
 
 from ..channels import Linear, Noise, PoseChannel, Stack, channels_of
-from ..laws import Inputs
+from ..laws import Effect, Inputs
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, inputs_of
@@ -205,7 +205,7 @@ def _verdict(
     final = last
     if not count:
         unknown = [_nothing_compared(problem, unused)]
-    elif _unexplained(first, last, count, curves, bool(findings)):
+    elif _unexplained(_without_laws(problem, first, last), last, count, curves, bool(findings)):
         findings, located, final = _with_unknown(findings, problem, selection, inputs.blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
         unknown = [located or _nowhere(problem, final, selection, count)]
@@ -222,7 +222,8 @@ def _verdict(
     findings += [_beyond_tolerance(item, final, held) for item in calibrated if item.is_beyond(len(calibrated))]
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
     if problem.tolerances is not None:
-        effects = (problem.tolerances.toleranced.effect(final.x), *effects)
+        findings += [_acting(effect, robot) for effect in problem.tolerances.effects]
+        effects = (*problem.tolerances.at(final.x), *effects)
     raw_after = problem.stack.residual(final.run)[samples]
     if count:
         findings = [
@@ -252,6 +253,19 @@ def _verdict(
         final=final.run,
     )
     return diagnosis
+
+
+def _acting(effect: Effect, robot: Robot) -> Finding:
+    """Return the finding of something without a parameter, which the calibration asked for."""
+    return Finding(
+        physics=effect.law.physics,
+        location=effect.place.name,
+        candidates=(effect.place.name,),
+        parameters={},
+        heldout_gain=0.0,
+        statement=effect.statement(robot.mechanism),
+        effect=effect,
+    )
 
 
 def _within(problem: Problem, first: Fit, count: int) -> dict[str, float]:
@@ -284,11 +298,18 @@ def _rms(chi2: float, count: int) -> float:
     return float(np.sqrt(chi2 / count)) if count else float("nan")
 
 
-def _unexplained(first: Fit, last: Fit, count: int, curves: Sequence[LocalCurve], named: bool) -> bool:
-    """Return True where structure is left over that no law takes away."""
+def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
+    """Return the chi squared that the laws began with: toleranced parameters held, which else take a part of it."""
+    if problem.tolerances is None:
+        return first.chi2
+    return last.chi2 + float((problem.change(last, ()) ** 2).sum())
+
+
+def _unexplained(start: float, last: Fit, count: int, curves: Sequence[LocalCurve], named: bool) -> bool:
+    """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
     if not count:
         return False
-    rms, began = _rms(last.chi2, count), _rms(first.chi2, count)
+    rms, began = _rms(last.chi2, count), _rms(start, count)
     structured = bool(curves) and chi_squared.sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
     if rms <= clean_bound(count):
         shows = rms > chance_bound(count, CURVE_DEVIATIONS)
@@ -417,7 +438,7 @@ def _same_place(finding: Finding, found: Located | None) -> bool:
 def _alone(problem: Problem, fit: Fit, index: int) -> float:
     """Return how much chi squared would grow without a term."""
     kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
-    left = problem.beyond((problem.target(fit) - problem.change(fit, kept)).ravel())
+    left = problem.beyond(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
     return float((left**2).sum()) - fit.chi2
 
 
@@ -451,7 +472,7 @@ def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot
 
 def _parameters(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
-    jacobian = problem.beyond(problem.jacobian(fit))
+    jacobian = problem.beyond(fit, problem.jacobian(fit))
     scale = np.linalg.norm(jacobian, axis=0)
     unseen = scale < UNSEEN
     scale = np.where(unseen, 1.0, scale)

@@ -13,8 +13,9 @@ from ..channels import Noise, Stack
 from ..laws import Effect
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, calibrate
+from .calibrate import Calibrated, Toleranced, calibrate, changes_per_tolerance
 from .candidates import Candidate, Term
+from .criteria import STALE
 from .influence import Influence
 
 __all__ = ["Beside", "Fit", "Problem", "Term", "with_priors", "without"]
@@ -25,7 +26,9 @@ class Fit:
     """A simulation with fitted terms: its run, influences, whitened residual (n, K) and chi squared.
 
     x (p,): toleranced parameters in multiples of their tolerances, fitted with the terms; their squares are part of
-    `chi2`. none, where the robot file is taken at its word.
+    `chi2`. held (K n, p): the whitened change per tolerance, taken at this fit or at one near by: what is a little
+    stale is no error of the residual, only of what a further step of a parameter does. p = 0 where the robot file is
+    taken at its word.
     """
 
     terms: tuple[Term, ...]
@@ -34,6 +37,7 @@ class Fit:
     residual: Array
     chi2: float
     x: Array
+    held: Array
 
     @property
     def samples(self) -> np.ndarray:
@@ -42,19 +46,20 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Tolerable:
-    """Parameters that may be off, calibrated once: what is fitted later begins there, and takes their changes there.
-
-    A change that is a little stale is no error of the residual: it is only what a further step of a parameter does.
-    """
+    """Parameters that may be off, calibrated once: where all fits begin. `effects` act whatever else does."""
 
     toleranced: Toleranced
-    terms: tuple[Term, ...]
+    effects: tuple[Effect, ...]
     start: Calibrated
 
     @classmethod
-    def of(cls, problem: Problem, toleranced: Toleranced, terms: Sequence[Term]) -> Tolerable:
-        start = calibrate(problem, toleranced, [term.effect for term in terms])
-        return cls(start.toleranced, tuple(terms), start)
+    def of(cls, problem: Problem, toleranced: Toleranced, effects: Sequence[Effect]) -> Tolerable:
+        start = calibrate(problem, toleranced, effects)
+        return cls(start.toleranced, tuple(effects), start)
+
+    def at(self, x: Array) -> list[Effect]:
+        """Return what acts before any law, with the parameters at x (p,)."""
+        return [self.toleranced.effect(x), *self.effects]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,26 +92,28 @@ class Problem:
     def first(self) -> Fit:
         """The fit of the robot as its file has it, within its tolerances."""
         if self.tolerances is None:
-            return self._fit((), self.nominal, np.zeros(0))
-        return self._fit(self.tolerances.terms, self.tolerances.start.influence, self.tolerances.start.x)
+            return self._fit((), self.nominal, np.zeros(0), np.zeros((self._size, 0)))
+        start = self.tolerances.start
+        held = self.whitened_changes(start.influence, start.changes)
+        return self._fit((), start.influence, start.x, held)
+
+    @property
+    def _size(self) -> int:
+        return len(self.nominal.run.samples) * self.stack.size
+
+    def whitened_changes(self, influence: Influence, changes: Array) -> Array:
+        """Return changes (n, K, p) of the columns in multiples of the noise, (K n, p)."""
+        return (self.whiteners(influence) @ changes).reshape(-1, changes.shape[-1])
 
     @property
     def drawn(self) -> Fit:
         """The fit of the robot as its file has it, nothing off."""
         return replace(self, tolerances=None).first
 
-    def within(self, toleranced: Toleranced, terms: Sequence[Term] = ()) -> Problem:
-        """Return the same problem with parameters that may be off; `terms` act where these are first calibrated."""
+    def within(self, toleranced: Toleranced, effects: Sequence[Effect] = ()) -> Problem:
+        """Return the same problem with parameters that may be off; `effects` act whatever else does."""
         plain = replace(self, tolerances=None)
-        return replace(self, tolerances=Tolerable.of(plain, toleranced, terms))
-
-    @cached_property
-    def held(self) -> Array:
-        """Whitened changes of the columns per tolerance, (K n, p); p = 0 without tolerances."""
-        if self.tolerances is None:
-            return np.zeros((self.nominal.run.samples.size * self.stack.size, 0))
-        start = self.tolerances.start
-        return (self.whiteners(start.influence) @ start.changes).reshape(-1, len(start.x))
+        return replace(self, tolerances=Tolerable.of(plain, toleranced, effects))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
@@ -141,31 +148,40 @@ class Problem:
             ("reach", self, module), lambda: _basis(self.whiteners(influence) @ influence.signature(module))
         )
 
-    def fit_at(self, terms: Sequence[Term], start: Run | None = None, x: Array | None = None) -> Fit:
-        """Return the simulation with these terms, and toleranced parameters at x (p,), without fitting."""
-        x = self._begin() if x is None else x
-        run = self.simulator.run(self._effects(x, [term.effect for term in terms]), start)
-        return self._fit(terms, Influence(self.simulator, run, self.stack), x)
+    def fit_at(self, terms: Sequence[Term], start: Run | None = None, like: Fit | None = None, x=None) -> Fit:
+        """Return the simulation with these terms, without fitting, toleranced parameters as in the fit `like`.
 
-    def _begin(self) -> Array:
-        return np.zeros(0) if self.tolerances is None else self.tolerances.start.x
+        x (p,): toleranced parameters elsewhere.
+        """
+        like = self.first if like is None else like
+        x = like.x if x is None else x
+        run = self.simulator.run(self._effects(x, [term.effect for term in terms]), start)
+        return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.held)
+
+    def relinearised(self, fit: Fit) -> Fit:
+        """Return a fit with the change per tolerance taken at it."""
+        if self.tolerances is None:
+            return fit
+        beside = [*self.tolerances.effects, *(term.effect for term in fit.terms)]
+        changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, beside)
+        return replace(fit, held=self.whitened_changes(fit.influence, changes))
 
     def _effects(self, x: Array, effects: Sequence[Effect]) -> list[Effect]:
-        return [*effects] if self.tolerances is None else [self.tolerances.toleranced.effect(x), *effects]
+        return [*effects] if self.tolerances is None else [*self.tolerances.at(x), *effects]
 
-    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array) -> Fit:
+    def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array) -> Fit:
         run = influence.run
         residual = self.whitened(influence, self.stack.residual(run)[run.samples])
         chi2 = float((residual**2).sum() + x @ x)
         if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
-        return Fit(tuple(terms), run, influence, residual, chi2, x)
+        return Fit(tuple(terms), run, influence, residual, chi2, x, held)
 
     def target(self, fit: Fit) -> Array:
         """Return the whitened residual (n, K) of a fit with what its toleranced parameters do put back, first order."""
         if self.tolerances is None:
             return fit.residual
-        return fit.residual + (self.held @ fit.x).reshape(fit.residual.shape)
+        return fit.residual + (fit.held @ fit.x).reshape(fit.residual.shape)
 
     def whitened(self, influence: Influence, values: Array) -> Array:
         """Return values (n, K) of the columns in multiples of the noise."""
@@ -180,14 +196,9 @@ class Problem:
         """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""
         return candidate.only_module
 
-    def beyond(self, values: Array) -> Array:
-        """Return whitened values (K n, ...) less what the toleranced parameters may take of them."""
-        return values if self._ease is None else self._ease.without(values)
-
-    @cached_property
-    def _ease(self) -> Beside | None:
-        none = np.zeros((len(self.held), 0))
-        return None if self.tolerances is None else Beside.within(none, self.held)
+    def beyond(self, fit: Fit, values: Array) -> Array:
+        """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
+        return without(values, self.beside(fit, ()))
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 
@@ -249,7 +260,9 @@ class Problem:
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
         if self.tolerances is not None:
-            return Beside.within(free, self.held)
+            return fit.influence.first.once(
+                ("beside", self, id(fit.held), tuple(kept)), lambda: Beside.within(free, fit.held)
+            )
         return Beside.free(free) if columns else None
 
     def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
@@ -257,12 +270,14 @@ class Problem:
 
         Gauss-Newton steps, shortened where they do not help.
         """
-        fit = self.fit_at(terms, start.run, start.x)
-        held = None if self.tolerances is None else self.held
+        fit = self.fit_at(terms, start.run, start)
+        taken_at = fit.x
         for _ in range(rounds):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
                 return fit
-            step = _least_step(self.jacobian(fit), fit.residual.ravel(), held, fit.x)
+            if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
+                fit, taken_at = self.relinearised(fit), fit.x
+            step = _least_step(self.jacobian(fit), fit.residual.ravel(), fit.held, fit.x)
             share, better = 1.0, None
             sizes = [term.candidate.size for term in fit.terms]
             while share > 0.1:
@@ -275,7 +290,7 @@ class Problem:
                         moved = np.where(term.candidate.logarithmic, moved, share * step[place : place + size])
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
-                attempt = self.fit_at(trial, fit.run, fit.x + share * step[place:])
+                attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])
                 if attempt.chi2 < fit.chi2:
                     better = attempt
                     break
@@ -356,11 +371,11 @@ def without(values: Array, beside: Beside | None) -> Array:
     return values if beside is None else beside.without(values)
 
 
-def _least_step(jacobian: Array, residual: Array, held: Array | None, x: Array) -> Array:
+def _least_step(jacobian: Array, residual: Array, held: Array, x: Array) -> Array:
     """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    if held is None:
+    if not len(x):
         return np.linalg.lstsq(jacobian / scale, residual, rcond=1e-8)[0] / scale
     count = jacobian.shape[1]
     matrix, right = with_priors(jacobian / scale, held, residual, x)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...loaded import Conditions
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -74,13 +73,13 @@ class Weight(Deed):
         new, old = (setup.weight, setup.spread_weight), (at.setup.weight, at.setup.spread_weight)
         if new == old:
             return None
-        total: Array | None = None
-        for sign, (share, spread) in ((1.0, new), (-1.0, old)):
-            if share:
-                whole = at.first.once(("weight", spread), partial(_by_weight, at, spread))
-                change = sign * share * whole
-                total = change if total is None else total + change
-        return total
+        (share, spread), (before, was_spread) = new, old
+        if share == 0 or before == 0 or spread == was_spread:
+            kind = spread if share else was_spread
+            return (share - before) * at.first.once(("weight", kind), partial(_by_weight, at, kind))
+        now = at.first.found.conditions
+        gravity = share * at.setup.mechanism.gravity
+        return at.first.by_conditions(now, replace(now, gravity=gravity, spread_weight=spread))
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def _by_mass(at: Solved, joint: int) -> Array:
 
 
 def _by_weight(at: Solved, spread: bool) -> Array:
-    """Return what is watched by the whole weight, (n, R)."""
-    wrench = at.setup.inputs.wrench[at.samples]
-    light = _LIGHT * at.setup.mechanism.gravity
-    return at.first.by_conditions(Conditions(wrench), Conditions(wrench, light, spread)) / _LIGHT
+    """Return what is watched per whole weight, (n, R), at the weight that acts."""
+    now, light = at.first.found.conditions, _LIGHT * at.setup.mechanism.gravity
+    more = light if now.gravity is None else now.gravity + light
+    return at.first.by_conditions(now, replace(now, gravity=more, spread_weight=spread)) / _LIGHT
