@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism, Module
-from ..mechanism.tolerances import kind_of_value, value_tolerances
+from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
 from ..modules import DriveModule
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
@@ -131,18 +131,21 @@ def amounts_of(deviations: Sequence[Deviation], mechanism: Mechanism, kinds: Map
 def _values(mechanism: Mechanism) -> Iterator[Deviation]:
     for module in mechanism.modules:
         for quantity in module.kind.quantities:
-            kind = kind_of_value(module.kind, quantity)
-            value = module.values[quantity.name]
+            name = f"{module.name}.{quantity.name}"
+            kind, value = kind_of_value(module.kind, quantity), module.values[quantity.name]
+            act: Callable = partial(_other_value, module.name, quantity.name, value)
+            if kind is None and mechanism.parameters[name].tolerance is not None:
+                kind, act = "value", partial(_with_what_follows, name)
             if kind is not None and np.ndim(value) == 0 and np.isfinite(value) and value > 0:
                 yield Deviation(
-                    f"{module.name}.{quantity.name}",
+                    name,
                     kind,
                     _unit(mechanism, module, quantity),
                     float(value),
                     True,
                     "stiffness_changed",
                     module.name,
-                    partial(_other_value, module.name, quantity.name, float(value)),
+                    act,
                 )
 
 
@@ -155,6 +158,14 @@ def _unit(mechanism: Mechanism, module: Module, quantity: Quantity) -> str:
 
 def _other_value(module: str, quantity: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
     yield ChangedValue(module, quantity, setup.module_value(module, quantity) * (value / nominal))
+
+
+def _with_what_follows(name: str, value: float, setup: Setup) -> Iterator[Deed]:
+    """Yield the changes of a value and of all that follows from it, each in proportion to what it was."""
+    module = setup.mechanism.module(name.rpartition(".")[0])
+    for quantity, other in values_following(setup.mechanism, name, value).items():
+        share = other / float(module.values[quantity])
+        yield ChangedValue(module.name, quantity, setup.module_value(module.name, quantity) * share)
 
 
 def _lengths(mechanism: Mechanism) -> Iterator[Deviation]:

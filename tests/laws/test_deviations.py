@@ -1,0 +1,52 @@
+"""What is off by the robot file's own tolerances, beside what is off by kind."""
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.laws import Effect, Place
+from prup_pin.laws.deviations import Calibration, amounts_of, deviations_of
+from prup_pin.robots import packaged_folder
+from prup_pin.simulation import Simulator
+
+from . import bench
+
+
+def robot_of(tmp_path, *changes):
+    """Return the 3-PRUP with changes to its file."""
+    text = (packaged_folder() / "3prup.urdf").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (tmp_path / "own.urdf").write_text(text)
+    return prup_pin.load(tmp_path / "own.urdf")
+
+
+def test_a_value_with_a_tolerance_of_its_own_is_a_parameter(tmp_path):
+    declared = ('name="diameter" value="0.020"', 'tolerance="1%" name="diameter" value="0.020"')
+    mechanism = robot_of(tmp_path, declared).mechanism
+    found = {item.name: item for item in deviations_of(mechanism)}
+    assert found["leg1/linear_rod.diameter"].unit == "m"
+    assert "leg2/linear_rod.diameter" not in found
+    amounts = amounts_of(tuple(found.values()), mechanism, {"bending": 0.03})
+    assert amounts["leg1/linear_rod.diameter"] == pytest.approx(0.01)
+    assert "leg1/linear_rod.youngs_modulus" not in amounts
+    assert amounts["leg2/linear_rod.youngs_modulus"] == pytest.approx(0.03)
+
+
+def test_a_diameter_that_is_off_takes_the_tabulated_section_along(tmp_path):
+    declared = ('name="diameter" value="0.020"', 'tolerance="1%" name="diameter" value="0.020"')
+    robot = robot_of(tmp_path, declared)
+    items = {item.name: item for item in deviations_of(robot.mechanism)}
+    thicker = items["leg1/linear_rod.diameter"]
+    assert thicker.value(np.log(1.01)) == pytest.approx(0.0202)
+
+    inputs = bench.inputs("3prup")
+    run = Simulator(robot, inputs).run([Effect(Calibration([thicker]), Place("robot"), {thicker.name: 0.0202})])
+    name, given = "leg1/linear_rod", robot.mechanism.module("leg1/linear_rod").values
+    changed = robot.with_parameters({f"{name}.diameter": 0.0202}).with_parameters(
+        {f"{name}.area": given["area"] * 1.01**2, f"{name}.second_moment": given["second_moment"] * 1.01**4}
+    )
+    expected = Simulator(changed, inputs).run()
+    assert np.abs(expected.position - Simulator(robot, inputs).run().position).max() > 1e-6
+    np.testing.assert_allclose(run.position, expected.position, atol=1e-12)
