@@ -85,7 +85,9 @@ class PoseChannel(Channel):
             return moved
         frame, placements = self.frame, at.first.found.evaluation.placements
         true = placements[:, frame.joint] @ frame.placement
-        before = at.setup.reported(true[:, :3, 3], true[:, :3, :3], frame.name)
+        before = at.first.once(
+            ("reported", frame.name), lambda: at.setup.reported(true[:, :3, 3], true[:, :3, :3], frame.name)
+        )
         turned = rotation_exp(moved[:, 3:]) @ true[:, :3, :3]
         after = setup.reported(true[:, :3, 3] + moved[:, :3], turned, frame.name)
         return np.concatenate((after[0] - before[0], turn_between(before[1], after[1])), axis=1)

@@ -1,4 +1,5 @@
-"""The command `prup-pin`: stiffness, view, report, info, robots, kinds, simulate, predict, diagnose, laws.
+"""The command `prup-pin`: stiffness, view, report, info, robots, kinds, simulate, predict, calibrate,
+diagnose, laws.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. One file holds a group of commands, and
 `options` what several of them ask for. Every error of the package ends as one message on stderr and exit code 2; any
@@ -11,6 +12,7 @@ from collections.abc import Callable
 
 from .answering import stiffness
 from .application import app, main
+from .calibrating import calibrate
 from .catalogue import info, kinds, laws, robots
 from .diagnosing import diagnose
 from .options import taken_apart
@@ -29,6 +31,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     kinds,
     simulate,
     predict,
+    calibrate,
     diagnose,
     laws,
 )

@@ -32,6 +32,7 @@ from .criteria import (
     FOLDS,
     FRONT,
     FRONT_GAIN,
+    HELD_WORK,
     HOPELESS,
     INDISTINCT,
     LARGE_MISJUDGED,
@@ -102,7 +103,8 @@ class _Search:
     def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
         """Return what `Problem.refine` does."""
         remembers = any(term.candidate.remembers for term in terms)
-        self.spent += len(start.samples) * (REFINE_MEMORY_WORK if remembers else REFINE_WORK)
+        each = REFINE_MEMORY_WORK if remembers else REFINE_WORK
+        self.spent += len(start.samples) * each * (HELD_WORK if len(start.x) else 1.0)
         return self.problem.refine(terms, start, rounds)
 
 
@@ -175,10 +177,11 @@ def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int, 
         out = fold == index
         target = residual[out].ravel()
         if (jacobian.shape[-1] or len(x)) and (~out).any():
-            columns = jacobian[~out].reshape(-1, jacobian.shape[-1])
+            inside = residual[~out].size
+            columns = jacobian[~out].reshape(inside, jacobian.shape[-1])
             scale = np.linalg.norm(columns, axis=0)
             scale = np.where(scale > 0, scale, 1.0)
-            within = held[~out].reshape(-1, len(x))
+            within = held[~out].reshape(inside, len(x))
             step = np.linalg.lstsq(*with_priors(columns / scale, within, residual[~out].ravel(), x), rcond=1e-8)[0]
             step[: len(scale)] /= scale
             every = np.concatenate((jacobian[out], held[out]), axis=-1)

@@ -267,3 +267,5 @@ BEYOND: Final = 3.0
 WEIGHT_SHOWS: Final = 25.0
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
+#: Work of a refinement beside toleranced parameters, relative to one without: it is differentiated anew as they move.
+HELD_WORK: Final = 4.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2 as chi_squared
@@ -15,7 +15,13 @@ from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, inputs_of
 from ..spatial import Array
-from .calibrate import CalibratedParameter, calibrated_parameters, toleranced_of, within_tolerances
+from .calibrate import (
+    CalibratedParameter,
+    Toleranced,
+    calibrated_parameters,
+    toleranced_of,
+    within_tolerances,
+)
 from .candidates import Candidate, candidates
 from .compete import Budget, Selection, cross_validated, penalty, scale_of, select
 from .criteria import (
@@ -52,7 +58,7 @@ from .recovered import recovered, residuals
 from .sensor_noise import estimate_noise, scatter_of_repeats
 from .whiteness import compared, noise_of_the_rest
 
-__all__ = ["diagnose"]
+__all__ = ["Asked", "asked", "diagnose"]
 
 Tell = Callable[[str, float], None]
 
@@ -84,7 +90,30 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
         return _diagnosed(robot, recording, _only_forward(tell))
 
 
-def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A recording as a problem, checked and thinned, with what may compete for it and what may be off.
+
+    raw_linear (n, K): what it leaves of the simulation that a user starts from. `remarks` grow as it is looked at.
+    """
+
+    problem: Problem
+    inputs: Inputs
+    raw_linear: Array
+    library: Sequence[Candidate]
+    toleranced: Toleranced
+    unused: tuple[str, ...]
+    remarks: list[str]
+
+    def within_tolerances(self, problem: Problem) -> Problem:
+        """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare."""
+        if not len(self.toleranced) or not compared(problem, problem.drawn):
+            return problem
+        return within_tolerances(problem, self.toleranced, self.library)
+
+
+def asked(robot: Robot, recording: Recording, tell: Tell) -> Asked:
+    """Return what a recording asks of a robot. Raises as `diagnose` does."""
     unused, told = unused_columns(recording, robot.mechanism)
     remarks = [*recording.remarks, *suspicions(recording), *told]
     recording = _thinned(recording, remarks)
@@ -106,21 +135,24 @@ def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
     raw_linear = stack.residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs)
     toleranced = toleranced_of(recording, robot.mechanism)
-    if len(toleranced) and compared(problem, problem.first):
-        tell("calibration within tolerances", 0.02)
-        problem = within_tolerances(problem, toleranced, library)
+    return Asked(problem, inputs, raw_linear, library, toleranced, unused, remarks)
+
+
+def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
+    given = asked(robot, recording, tell)
+    inputs, library = given.inputs, given.library
+    tell("calibration within tolerances", 0.02)
+    problem = given.within_tolerances(given.problem)
     selection = Selection.nothing(problem.first, library)
     if compared(problem, problem.first):
         selection = select(problem, library, inputs.blocks, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         if larger is not None:
-            remarks.append(_noisier(noise, larger))
-            problem = replace(problem, noise=larger, tolerances=None)
-            if len(toleranced):
-                problem = within_tolerances(problem, toleranced, library)
+            given.remarks.append(_noisier(problem.noise, larger))
+            problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None))
             selection = select(problem, library, inputs.blocks, problem.first, tell)
     tell("the verdict", 0.9)
-    return _verdict(problem, selection, inputs, raw_linear, remarks, unused, robot, tell)
+    return _verdict(problem, selection, inputs, given.raw_linear, given.remarks, given.unused, robot, tell)
 
 
 def _inputs(robot: Robot, recording: Recording) -> Inputs:

@@ -189,8 +189,9 @@ class Problem:
 
     def change(self, fit: Fit, effects: Sequence[Effect]) -> Array:
         """Return the whitened change of the columns (n, K) from a fit to other effects, to first order."""
-        setup = self.simulator.setup(self._effects(fit.x, effects))
-        return self.whitened(fit.influence, fit.influence.change(setup))
+        first = fit.influence.first
+        begin = first.once(("begin", fit.x.tobytes()), lambda: self.simulator.setup(self._effects(fit.x, ())))
+        return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
 
     def module_of(self, candidate: Candidate) -> str | None:
         """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""

@@ -25,7 +25,7 @@ from .pose_sensor import from_frame
 from .setup import Setup
 from .target import on_body
 
-__all__ = ["Calibration", "Deviation", "amounts_of", "deviations_of"]
+__all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviations_of"]
 
 _AXES = "xyz"
 
@@ -107,6 +107,13 @@ def deviations_of(mechanism: Mechanism, markers: Sequence[str] = ()) -> tuple[De
         *_targets(mechanism, markers),
         *_frame(),
     )
+
+
+def calibration_of(mechanism: Mechanism) -> Calibration:
+    """Return the law of all parameters of a robot, markers at any of its frames included."""
+    tool = mechanism.tool
+    markers = [name for name in mechanism.frame_names if tool is None or name != tool.name]
+    return Calibration(deviations_of(mechanism, markers))
 
 
 def amounts_of(deviations: Sequence[Deviation], mechanism: Mechanism, kinds: Mapping[str, float]) -> dict[str, float]:

@@ -75,8 +75,7 @@ class PeriodicLeadError(Law):
     def drawn(self, place: Place, at: Solved) -> Drawn:
         column, lead = screws(at.setup.mechanism)[place.name]
         within = at.setup.inputs.actuators[at.samples, column] % lead
-        direction = at.first.by_strain(place.name)[:, :, 0]
-        return Drawn(within, direction, ("position within a turn", "extra travel"), ("m", "m"))
+        return Drawn(within, at.first.by_travel(column), ("position within a turn", "extra travel"), ("m", "m"))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])

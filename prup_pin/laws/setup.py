@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,14 @@ class Setup:
             turns = np.broadcast_to(np.eye(3), (len(inputs), 3, 3))
         wrench = np.array(inputs.wrench, float)
         return cls(mechanism, inputs, wrench, np.zeros_like(wrench), np.zeros_like(inputs.actuators, float), turns)
+
+    def copy(self) -> Setup:
+        """Return a setup that may take more deeds; this one stays as it is."""
+        other = replace(self, travel=self.travel.copy(), strains={name: [*own] for name, own in self.strains.items()})
+        kept = ("deeds", "parameters", "values", "resistances", "remembered", "reports")
+        for name in (*kept, "offsets", "loop_offsets", "mass_factors"):
+            setattr(other, name, getattr(self, name).copy())
+        return other
 
     def take(self, deeds: Iterable[Deed]) -> None:
         """Let deeds enter, in their order."""

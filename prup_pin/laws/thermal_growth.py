@@ -46,11 +46,12 @@ class ThermalGrowth(Law):
 
     def drawn(self, place: Place, at: Solved) -> Drawn:
         found = screws(at.setup.mechanism)
-        by_strain = at.first.by_strain(place.name)
         if place.name in found:
-            length, direction = at.setup.inputs.actuators[:, found[place.name][0]], by_strain[:, :, 0]
+            column, _ = found[place.name]
+            length, direction = at.setup.inputs.actuators[:, column], at.first.by_travel(column)
         else:
-            length, direction = lengths_of(at.setup, at.setup.mechanism.module(place.name)), by_strain[:, :, 2]
+            direction = at.first.by_strain(place.name)[:, :, 2]
+            length = lengths_of(at.setup, at.setup.mechanism.module(place.name))
         warm = REFERENCE_TEMPERATURE + at.setup.inputs.warming[at.samples]
         labels, units = ("temperature", "growth per length"), ("°C", "m/m")
         return Drawn(warm, direction * length[at.samples, None], labels, units)

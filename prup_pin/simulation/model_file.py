@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
 from ..laws import LAWS, Effect, Law, Place
+from ..laws.deviations import Calibration, calibration_of
 from ..loading import load
 from ..mechanism import Mechanism
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
@@ -49,6 +50,8 @@ class CorrectedModel:
 
 def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | None = None) -> Law:
     """Return the law of that name; where several share it, the one that acts at `place`. Raises UnknownNameError."""
+    if physics == Calibration.physics:
+        return Calibration(()) if mechanism is None else calibration_of(mechanism)
     named = [law for law in LAWS if law.physics == physics]
     if not named:
         raise UnknownNameError("law", physics, sorted({law.physics for law in LAWS}))
@@ -61,6 +64,8 @@ def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | N
 
 def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> Place:
     """Return the place of a law on this robot; an empty aspect may stand for the only one. Raises UnknownNameError."""
+    if physics == Calibration.physics:
+        return Place(name, aspect)
     law_named(physics)
     places = [place for law in LAWS if law.physics == physics for place in law.places(mechanism)]
     if not places:
@@ -265,7 +270,7 @@ class _Reader:
             except ParameterError:
                 self.wrong(f"{at}.value", f"is the number {number:g}; expected {quantity.expected()}")
         for name, quantity in quantities.items():
-            if name not in given:
+            if name not in given and not law.partial:
                 self.wrong(f"{key}.{name}", f"is missing; expected a number {quantity.expected()}")
         return values
 

@@ -112,9 +112,9 @@ class Simulator:
             turns[there] = np.array([pose.base_from_tool[:3, :3] for pose in geometry.poses])[geometry.rows[there]]
         return turns
 
-    def setup(self, effects: Sequence[Effect] = ()) -> Setup:
-        """Return what a simulation with these effects is run with."""
-        setup = Setup.nominal(self.robot.mechanism, self.inputs, self._turns)
+    def setup(self, effects: Sequence[Effect] = (), begin: Setup | None = None) -> Setup:
+        """Return what a simulation with these effects is run with, after those of `begin`."""
+        setup = Setup.nominal(self.robot.mechanism, self.inputs, self._turns) if begin is None else begin.copy()
         for effect in effects:
             setup.take(effect.deeds(setup))
         return setup

@@ -99,6 +99,8 @@ def _inside(effect: Effect, mechanism: Mechanism) -> Effect:
     """Return the effect with values that a fit left on a bound, or a rounding beyond it, just inside."""
     values = dict(effect.values)
     for quantity in effect.law.quantities_at(effect.place, mechanism):
+        if quantity.name not in values:
+            continue
         low = np.nextafter(quantity.lower, np.inf) if quantity.positive else quantity.lower
         values[quantity.name] = float(np.clip(values[quantity.name], low, quantity.upper))
     return replace(effect, values=values)

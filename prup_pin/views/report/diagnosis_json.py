@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.calibrate import CalibratedParameter
 from ...diagnosis.local_curve import LocalCurve
 from ...laws.drawn import load_units
 from ...robot import Robot
@@ -34,9 +35,11 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot, version: str = "") -> 
             "unit": UNIT,
             "before": dict(diagnosis.before),
             "after": dict(diagnosis.after),
+            **diagnosis.within,
             "by_channel": {name: dict(values) for name, values in diagnosis.by_channel.items()},
         },
         "findings": [_finding(finding, robot) for finding in diagnosis.findings],
+        "calibration": [_calibrated(item) for item in diagnosis.calibration],
         "not_detectable": [
             {
                 "physics": item.physics,
@@ -54,6 +57,18 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot, version: str = "") -> 
         "unused_columns": list(diagnosis.unused_columns),
     }
     return plain(document)
+
+
+def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
+    return {
+        "parameter": item.name,
+        "nominal": item.deviation.nominal,
+        "value": item.value,
+        "sd": item.sd,
+        "tolerance": item.tolerance,
+        "unit": item.deviation.unit,
+        "learned": item.learned,
+    }
 
 
 def _finding(finding: Finding, robot: Robot) -> dict[str, Any]:

@@ -1,0 +1,77 @@
+"""`calibrated`: from a robot and a recording to the likeliest value of everything that is a little off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..channels import Noise
+from ..errors import InputError
+from ..laws import Effect
+from ..recordings import Recording
+from ..robot import Robot
+from .calibrate import CalibratedParameter, calibrated_parameters
+from .criteria import clean_bound
+from .diagnose import asked
+from .whiteness import compared
+
+__all__ = ["Calibration", "calibrated"]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What a recording says of every parameter that may be off.
+
+    nominal, calibrated: residual of the drawing, and within its tolerances, in multiples of the noise. `effects` are
+    the calibrated values, and weight where it acts; `parameters` the best known first; `twins` are told only together.
+    """
+
+    noise: Noise
+    nominal: float
+    calibrated: float
+    parameters: tuple[CalibratedParameter, ...]
+    twins: tuple[tuple[str, ...], ...]
+    effects: tuple[Effect, ...]
+    samples: int
+    remarks: tuple[str, ...]
+
+    @property
+    def is_explained(self) -> bool:
+        """True where what is left within the tolerances may be noise."""
+        return self.calibrated <= clean_bound(6 * self.samples)
+
+
+def calibrated(
+    robot: Robot, recording: Recording, *, tell: Callable[[str, float], None] = lambda stage, share: None
+) -> Calibration:
+    """Return the posterior of all toleranced parameters; no physics is looked for beside them.
+
+    Raises InputError where nothing has a tolerance or nothing can be compared, and as `diagnose` does.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        given = asked(robot, recording, tell)
+        if not len(given.toleranced):
+            raise InputError(
+                "nothing may be off: neither the recording nor the robot file declares a tolerance. Declare some "
+                "(docs/tolerances.md), or give --tolerances typical"
+            )
+        count = compared(given.problem, given.problem.first)
+        if not count:
+            raise InputError("no sample with a measured pose could be simulated: there is nothing to calibrate by")
+        tell("calibration within tolerances", 0.2)
+        problem = given.within_tolerances(given.problem)
+        assert problem.tolerances is not None
+        first = problem.first
+        return Calibration(
+            noise=problem.noise,
+            nominal=float(np.sqrt(problem.drawn.chi2 / count)),
+            calibrated=float(np.sqrt(first.chi2 / count)),
+            parameters=tuple(calibrated_parameters(problem, first)),
+            twins=problem.tolerances.start.twins,
+            effects=tuple(problem.tolerances.at(first.x)),
+            samples=len(first.samples),
+            remarks=tuple(dict.fromkeys(given.remarks)),
+        )

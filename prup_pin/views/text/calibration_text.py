@@ -1,0 +1,63 @@
+"""A calibration as text for a terminal."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.text import Text
+
+from ...diagnosis.calibration import Calibration
+from ...recordings import Recording
+from ...robot import Robot
+from .quantities import number
+from .terminal import heading, listed, make_table, paragraph, print_table
+
+__all__ = ["print_calibration"]
+
+#: Parameters that are shown: the best known ones, and all that lie far from the robot file.
+_SHOWN, _FAR = 20, 2.0
+#: What is learned less than this was not seen.
+_UNSEEN = 0.01
+
+
+def print_calibration(out: Console, robot: Robot, recording: Recording, found: Calibration) -> None:
+    """Print before and after, what was learned, what these data tell only together and what they never saw."""
+    out.print(Text(_verdict(found), style="bold"))
+    out.print()
+    listed(out, "robot", [robot.name])
+    listed(out, "recording", [f"{len(recording)} samples, {found.samples} used"], ", ")
+    listed(out, "parameters", [f"{len(found.parameters)} that may be off"], ", ")
+    acting = [effect.statement(robot.mechanism) for effect in found.effects[1:]]
+    if acting:
+        listed(out, "acting", acting)
+    heading(out, "What was learned", "(off: in tolerances; known: share of the tolerance that is left)")
+    table = make_table(("", "left"), ("calibrated", "right"), ("", "left"), ("off", "right"), ("known", "right"))
+    known = [item for item in found.parameters if item.learned > _UNSEEN]
+    for place, item in enumerate(known):
+        if place < _SHOWN or abs(item.x) > _FAR:
+            unit = "" if item.deviation.unit == "1" else item.deviation.unit
+            table.add_row(
+                item.name,
+                f"{number(item.value, 5)} ± {number(item.sd, 2)}",
+                unit,
+                f"{item.x:+.2f}",
+                f"{100 * item.share:.3g} %",
+            )
+    print_table(out, table)
+    if found.twins:
+        heading(out, "Told only together")
+        for group in found.twins:
+            paragraph(out, ", ".join(group), "- ")
+    unseen = [item.name for item in found.parameters if item.learned <= _UNSEEN]
+    if unseen:
+        heading(out, "Never seen by these data", f"({len(unseen)} parameters)")
+        paragraph(out, ", ".join(unseen), "  ")
+    if found.remarks:
+        heading(out, "Remarks")
+        for text in found.remarks:
+            paragraph(out, text, "- ")
+
+
+def _verdict(found: Calibration) -> str:
+    before, after = number(found.nominal, 3), number(found.calibrated, 3)
+    end = "which is noise" if found.is_explained else "more than noise: something is left out, see prup-pin diagnose"
+    return f"The drawing leaves {before} times the noise; within its tolerances it leaves {after}, {end}."
