@@ -1,0 +1,104 @@
+"""Devices on which everything is a little off, and one thing is left out, or nothing."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import prup_pin
+from prup_pin.cli import app
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.calibrate import Toleranced
+from prup_pin.errors import InputError
+from prup_pin.laws.deviations import amounts_of, deviations_of
+from prup_pin.recordings import Noise, Tolerances, add_noise, read_recording, write_recording
+from prup_pin.simulation import effect_named, simulate
+
+from ..simulation.bench import inputs
+
+DECLARED = {
+    "stiffness": 0.1, "bending": 0.03, "mass": 0.1, "encoder_offset": 5e-5, "encoder_slope": 1e-4,
+    "frame_position": 3e-4, "frame_rotation": 1e-3, "target_position": 3e-4, "target_rotation": 1e-3,
+    "wrench_gain": 0.01, "wrench_rotation": 5e-3,
+}  # fmt: skip
+CYCLE = (0.0, 0.5, 1.0, 0.0, -0.5, -1.0)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return prup_pin.load("3prup")
+
+
+def bench(robot, seed, *faults):
+    """A recording of a robot whose weight acts, whose parameters scatter, and which has some faults."""
+    deviations = deviations_of(robot.mechanism)
+    toleranced = Toleranced.of(deviations, amounts_of(deviations, robot.mechanism, DECLARED))
+    off = toleranced.effect(np.random.default_rng(seed).normal(size=len(toleranced)))
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
+    plan = inputs(robot, poses=10, cycle=CYCLE, seed=seed)
+    seen = simulate(robot, plan, [off, weight, *faults])
+    measured = plan.with_measurements(position=seen.position, rotation=seen.rotation)
+    recording = add_noise(measured, Noise(position=2e-6, rotation=1e-5, force=0.03, moment=0.002), seed)
+    object.__setattr__(recording, "tolerances", Tolerances(**DECLARED))
+    return recording
+
+
+def run(*arguments):
+    done = CliRunner().invoke(app, [str(word) for word in arguments])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_a_faultless_robot_has_nothing_but_its_weight(robot):
+    found = diagnose(robot, bench(robot, 21))
+    assert found.verdict == "explained"
+    assert {finding.physics for finding in found.findings} <= {"self_weight", "finite_deflection"}
+    assert found.within["nominal"] > 50
+    assert found.within["calibrated"] == pytest.approx(1.0, abs=0.15)
+    known = found.calibration[0]
+    assert known.learned > 0.9
+    assert known.sd == pytest.approx((1 - known.learned) * known.tolerance, rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("physics", "place", "aspect", "values"),
+    [
+        ("backlash", "leg1/ball_nut", "", {"half_gap": 4e-5, "closing_load": 1.0}),
+        ("geometric_offset", "leg3/linear_rod", "direction", {"rx": 2.5e-3, "ry": -1.5e-3}),
+    ],
+)
+def test_a_fault_beyond_the_tolerances_is_named(robot, physics, place, aspect, values):
+    fault = effect_named(physics, place, aspect, values, robot.mechanism)
+    found = diagnose(robot, bench(robot, 5, fault))
+    named = [item for item in found.findings if item.physics not in ("self_weight", "finite_deflection")]
+    assert named[0].physics == physics
+    assert place in named[0].candidates
+    assert found.after["fit"] < 1.25
+
+
+def test_calibrate_from_the_shell_and_predict_with_what_it_learned(robot, tmp_path):
+    path, other, model = tmp_path / "bench.csv", tmp_path / "other.csv", tmp_path / "model.json"
+    write_recording(bench(robot, 21), path)
+    write_recording(bench(robot, 21).select(slice(0, 12)), other)
+    said = run("calibrate", path, "--robot", "3prup", "--out", model)
+    assert "which is noise" in said
+    assert "target.rz" in said
+    assert "Never seen by these data" in said or "Told only together" in said
+    effects = json.loads(model.read_text(encoding="utf-8"))["effects"]
+    assert [item["physics"] for item in effects] == ["calibration", "self_weight"]
+    predicted = tmp_path / "predicted.csv"
+    run("predict", model, other, "--out", predicted)
+    table = np.genfromtxt(predicted, delimiter=",", names=True, deletechars="", dtype=None, encoding="utf-8")
+    apart = read_recording(other).position - np.column_stack([table[f"p.{axis}"] for axis in "xyz"])
+    assert np.sqrt((apart**2).mean()) < 4e-6
+
+
+def test_without_a_tolerance_there_is_nothing_to_calibrate(robot, tmp_path):
+    from prup_pin.diagnosis.calibration import calibrated
+
+    recording = bench(robot, 21)
+    object.__setattr__(recording, "tolerances", Tolerances())
+    with pytest.raises(InputError, match=r"nothing may be off.*--tolerances typical"):
+        calibrated(robot, recording)
