@@ -27,6 +27,8 @@ FEWEST_FOLLOWERS: Final = 12
 FEWEST_POSES: Final = 40
 #: Where a law takes away all but this share, a slightly rough law is still the right one ...
 ROUGH_SHARE: Final = 0.01
+#: ... or this one beside toleranced parameters, which shift the load at which a gap closes or a joint slides ...
+ROUGH_SHARE_WITHIN: Final = 0.02
 #: ... up to this many times the noise.
 ROUGH: Final = 1.25
 #: Declared noise this many times what repeats show hides effects, and is told.

@@ -40,6 +40,7 @@ from .criteria import (
     MUCH_LARGER,
     ROUGH,
     ROUGH_SHARE,
+    ROUGH_SHARE_WITHIN,
     STRUCTURE_CHANCE,
     UNSEEN,
     WIDEST_LOGARITHM,
@@ -346,7 +347,8 @@ def _unexplained(start: float, last: Fit, count: int, curves: Sequence[LocalCurv
     if rms <= clean_bound(count):
         shows = rms > chance_bound(count, CURVE_DEVIATIONS)
         return structured and not named and shows and curves[0].gain > CURVE_SHARE * last.chi2
-    return not (named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1))
+    share = ROUGH_SHARE_WITHIN if len(last.x) else ROUGH_SHARE
+    return not (named and rms <= ROUGH and (rms**2 - 1) <= share * (began**2 - 1))
 
 
 def _with_unknown(

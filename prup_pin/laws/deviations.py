@@ -18,7 +18,7 @@ from ..mechanism.tolerances import kind_of_value, value_tolerances, values_follo
 from ..modules import DriveModule
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
-from .deeds import ChangedValue, Deed, MovedJoint, PoseReport, ScaledMass, Travel, WrenchReading
+from .deeds import ChangedValue, Deed, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .joint_places import across
 from .law import Law, Place
 from .pose_sensor import from_frame
@@ -102,6 +102,7 @@ def deviations_of(mechanism: Mechanism, markers: Sequence[str] = ()) -> tuple[De
         *_lengths(mechanism),
         *_masses(mechanism),
         *_joint_places(mechanism),
+        *_loop_ends(mechanism),
         *_encoders(mechanism),
         *_wrench_sensor(),
         *_targets(mechanism, markers),
@@ -214,6 +215,18 @@ def _joint_places(mechanism: Mechanism) -> Iterator[Deviation]:
             for name, turn in across(joint.axis).items():
                 act = partial(_moved, joint.name, np.concatenate((np.zeros(3), turn)))
                 yield _geometric(f"{joint.name}.{name}", "direction", "rad", joint.name, act)
+
+
+def _loop_ends(mechanism: Mechanism) -> Iterator[Deviation]:
+    for loop in mechanism.loops:
+        for end, frame in enumerate((loop.first, loop.second)):
+            for column, axis in enumerate(_AXES):
+                act = partial(_moved_end, loop.name, end, _column(column))
+                yield _geometric(f"{loop.name}.{frame.name}.{axis}", "position", "m", frame.name, act)
+
+
+def _moved_end(loop: str, end: int, unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
+    yield MovedLoopEnd(loop, end, tuple((value * unit).tolist()))
 
 
 def _geometric(name: str, kind: str, unit: str, place: str, act) -> Deviation:
