@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import norm
 
 from ..laws import Effect, Place
 from ..laws.deviations import Calibration, Deviation, amounts_of, deviations_of
@@ -26,13 +25,12 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
-    BEYOND,
     CALIBRATION_ROUNDS,
     CALIBRATION_STEP,
-    FALSE_ALARM,
     SETTLED,
     TWINS,
     WEIGHT_SHOWS,
+    beyond_tolerance,
 )
 from .influence import Influence
 
@@ -186,7 +184,7 @@ class CalibratedParameter:
 
     def is_beyond(self, count: int) -> bool:
         """Return True where it lies beyond its tolerance: farther than chance takes any of `count` parameters."""
-        return abs(self.x) > max(BEYOND, float(norm.isf(FALSE_ALARM / (2 * count))))
+        return abs(self.x) > beyond_tolerance(count)
 
 
 def toleranced_of(recording: Recording, mechanism: Mechanism) -> Toleranced:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from scipy.stats import norm
 
 # -- is what is left noise? --------------------------------------------------------------------------------------------
 
@@ -271,3 +272,8 @@ WEIGHT_SHOWS: Final = 25.0
 STALE: Final = 0.5
 #: Work of a refinement beside toleranced parameters, relative to one without: it is differentiated anew as they move.
 HELD_WORK: Final = 4.0
+
+
+def beyond_tolerance(count: int) -> float:
+    """Return how many tolerances off a parameter must be to be a finding, one of `count` that may be off."""
+    return max(BEYOND, float(norm.isf(FALSE_ALARM / (2 * max(count, 1)))))

@@ -19,7 +19,7 @@ from ..modules import DriveModule
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
-from .joint_places import across
+from .joint_places import across, parts
 from .law import Law, Place
 from .pose_sensor import from_frame
 from .setup import Setup
@@ -207,14 +207,14 @@ def _other_mass(joint: str, nominal: float, value: float, setup: Setup) -> Itera
 
 
 def _joint_places(mechanism: Mechanism) -> Iterator[Deviation]:
-    for joint in mechanism.joints:
+    for part, joint in parts(mechanism).items():
         for column, axis in enumerate(_AXES):
             act = partial(_moved, joint.name, _column(column))
-            yield _geometric(f"{joint.name}.{axis}", "position", "m", joint.name, act)
+            yield _geometric(f"{joint.name}.{axis}", "position", "m", part, act)
         if joint.nv == 1:
             for name, turn in across(joint.axis).items():
                 act = partial(_moved, joint.name, np.concatenate((np.zeros(3), turn)))
-                yield _geometric(f"{joint.name}.{name}", "direction", "rad", joint.name, act)
+                yield _geometric(f"{joint.name}.{name}", "direction", "rad", part, act)
 
 
 def _loop_ends(mechanism: Mechanism) -> Iterator[Deviation]:

@@ -42,12 +42,12 @@ class JointPosition(Law):
         able = _taken_up(mechanism)
         return [
             Place(name, self.variant)
-            for name, joint in _parts(mechanism).items()
+            for name, joint in parts(mechanism).items()
             if joint.name not in drawn and _is_set_up(joint, mechanism) and able(joint, np.eye(6)[:3])
         ]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        joint = _parts(setup.mechanism)[place.name]
+        joint = parts(setup.mechanism)[place.name]
         yield MovedJoint(joint.name, (*(values[axis] for axis in _AXES), 0.0, 0.0, 0.0))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
@@ -72,21 +72,21 @@ class JointDirection(Law):
         able = _taken_up(mechanism)
         return [
             Place(name, self.variant)
-            for name, joint in _parts(mechanism).items()
+            for name, joint in parts(mechanism).items()
             if joint.nv == 1 and _is_set_up(joint, mechanism) and able(joint, _turns(joint))
         ]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return tuple(
             Quantity(name, "rad", f"turn {_about(name)}", 1e-3, lower=-0.1, upper=0.1)
-            for name in across(_parts(mechanism)[place.name].axis)
+            for name in across(parts(mechanism)[place.name].axis)
         )
 
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        joint = _parts(setup.mechanism)[place.name]
+        joint = parts(setup.mechanism)[place.name]
         turn = sum((values[name] * axis for name, axis in across(joint.axis).items()), np.zeros(3))
         yield MovedJoint(joint.name, (0.0, 0.0, 0.0, *turn.tolist()))
 
@@ -143,7 +143,7 @@ def _about(name: str) -> str:
     return f"about {name[1]}" if name[0] == "r" else f"across ({name[-1]})"
 
 
-def _parts(mechanism: Mechanism) -> dict[str, Joint]:
+def parts(mechanism: Mechanism) -> dict[str, Joint]:
     """Return the joints by the place's name: the beam that stands at one, else another module, else their own."""
     found: dict[str, Joint] = {}
     for joint in mechanism.joints:
