@@ -343,7 +343,7 @@ def _forward(
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:
     """Return True where a law brings parameters back within tolerance that were driven beyond it to take its place.
 
-    One culprit, its own tolerance lifted, is weighed against many that hide it; held-out samples cannot tell them apart.
+    One culprit, its own tolerance lifted, is weighed against many that hide it: held-out samples cannot tell them.
     """
     beyond = np.abs(fit.x).max(initial=0.0) > beyond_tolerance(len(fit.x))
     return bool(beyond and fit.x @ fit.x - trial.x @ trial.x >= least)
