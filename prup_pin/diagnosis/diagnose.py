@@ -398,7 +398,7 @@ def _with_unknown(
     again = select(freed, selection.library, labels, begin, tell, Budget(BESIDE_WORK))
     beside = problem.fit_at(again.last.terms, again.last.run)
     # else what was freed has taken what the others explain, or they explain what it alone did
-    if beside.chi2 < WORSE * fit.chi2 and beside.chi2 <= selection.first.chi2:
+    if beside.chi2 < WORSE * fit.chi2 and _no_worse(problem, selection.first, beside, labels):
         around = cross_validated(freed, again.last, labels[again.last.samples])
         kept = [_finding(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
         fit, found = beside, locate(problem, beside) or found
@@ -420,6 +420,12 @@ def _with_unknown(
         curve=found.curve,
     )
     return kept, unknown, fit
+
+
+def _no_worse(problem: Problem, first: Fit, fit: Fit, labels: np.ndarray) -> bool:
+    """Return True where the laws of a fit do not raise the residual: neither the whole nor that of blocks left out."""
+    held = [cross_validated(problem, each, labels[each.samples]) for each in (first, fit)]
+    return fit.chi2 <= first.chi2 and held[1] <= held[0]
 
 
 def _nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Finding:
