@@ -149,6 +149,12 @@ def turn_between(before: Array, after: Array) -> Array:
     return rotation_log(after @ before.mT)
 
 
+def motion_between(before: Array, after: Array) -> Array:
+    """Return translations and rotation vectors (..., 6) that take placements (..., 4, 4) into others, base axes."""
+    turn = turn_between(before[..., :3, :3], after[..., :3, :3])
+    return np.concatenate((after[..., :3, 3] - before[..., :3, 3], turn), axis=-1)
+
+
 def rotation_tangent(vector: Array) -> Array:
     """Return T (..., 3, 3) with exp(v + dv) = exp(T dv) exp(v) to first order, for rotation vectors v (..., 3)."""
     squared = (vector * vector).sum(-1)[..., None, None]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ..laws import Effect, Place
 from ..laws.deviations import Calibration, Deviation, amounts_of, deviations_of
@@ -142,20 +143,10 @@ class Calibrated:
         columns = self.jacobian[:, seen_at_all] / sizes[seen_at_all]
         correlation = np.eye(len(sizes))
         correlation[np.ix_(seen_at_all, seen_at_all)] = np.abs(columns.T @ columns)
+        count, group = connected_components(correlation > TWINS, directed=False)
+        members = [np.flatnonzero(group == label) for label in range(count)]
         names = [item.name for item in self.toleranced.law.deviations]
-        groups, seen = [], set[int]()
-        for index in range(len(names)):
-            if index in seen:
-                continue
-            members, front = {index}, [index]
-            while front:
-                near = np.flatnonzero(correlation[front.pop()] > TWINS).tolist()
-                front += [other for other in near if other not in members]
-                members |= set(near)
-            seen |= members
-            if len(members) > 1:
-                groups.append(tuple(names[member] for member in sorted(members)))
-        return tuple(groups)
+        return tuple(tuple(names[index] for index in several) for several in members if len(several) > 1)
 
 
 @dataclass(frozen=True)

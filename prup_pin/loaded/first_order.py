@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..mechanism import Frame
-from ..spatial import Array, rotation_log
+from ..spatial import Array, motion_between
 from .border import left_solved
 from .border import slack as slack_of
 from .derivative import Motions, frame_motions
@@ -196,8 +196,7 @@ class FirstOrder:
         parts = []
         for frame in self.frames:
             old, new = (placements[:, frame.joint] @ frame.placement for placements in (before, after))
-            parts.append(new[:, :3, 3] - old[:, :3, 3])
-            parts.append(rotation_log(new[:, :3, :3] @ old[:, :3, :3].mT))
+            parts.append(motion_between(old, new))
         return np.concatenate(parts, axis=1)
 
 

@@ -16,7 +16,7 @@ from ..errors import InputError, NoStiffnessError, NotConvergedError
 from ..kernel import NEGLIGIBLE, NEGLIGIBLE_ENERGY
 from ..kinematics import ClosedPose
 from ..modules import CompliantModule, DriveModule
-from ..spatial import Array, as_wrench, turn_between
+from ..spatial import Array, as_wrench, motion_between
 from ..statics.compliance import _direction, _Named
 from .border import inverted, no_border
 from .chain import Chain
@@ -253,8 +253,7 @@ def find_loaded_pose(
 
 def _displacement(pose: ClosedPose, equilibria: Equilibria) -> Array:
     """Return the tool's translation and rotation vector since the rigid pose, (6,)."""
-    rigid, moved = pose.base_from_tool, equilibria.tool[0]
-    return np.concatenate((moved[:3, 3] - rigid[:3, 3], turn_between(rigid[:3, :3], moved[:3, :3])))
+    return motion_between(pose.base_from_tool, equilibria.tool[0])
 
 
 def _frozen(values: Array) -> Array:

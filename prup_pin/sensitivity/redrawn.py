@@ -14,7 +14,7 @@ from ..kinematics import ClosedPose, LoopKinematics
 from ..loaded import Chain, Equilibria, FirstOrder, RigidSamples, State, chain_of
 from ..loaded.rigid_samples import gaps_of, geometries_of
 from ..mechanism import Mechanism
-from ..spatial import Array, rotation_log
+from ..spatial import Array, motion_between
 from ..statics import Compliance, StaticsLayout, solve_statics
 
 __all__ = ["Redrawn", "by_length", "compliance_by_length", "rigid_motion_by_length"]
@@ -46,7 +46,7 @@ def _near(mechanism: Mechanism, pose: ClosedPose) -> ClosedPose:
 def rigid_motion_by_length(redrawn: Redrawn) -> Array:
     """Return the motion of the unloaded tool per length, (6,)."""
     before, after = (pose.base_from_tool[None] for pose in redrawn.poses)
-    return _motion(before, after)[0] / (2 * redrawn.step)
+    return motion_between(before, after)[0] / (2 * redrawn.step)
 
 
 def compliance_by_length(redrawn: Redrawn) -> Array:
@@ -70,7 +70,7 @@ def by_length(first: FirstOrder, pose: ClosedPose, redrawn: Redrawn) -> Array:
         rigid = RigidSamples(geometries, found.rigid.border, gaps_of([other], rows))
         ends.append(chain.evaluate(rigid, state, found.conditions))
     before, after = ends
-    moved = _motion(before.tool, after.tool) + first.by_residual(after.residual - before.residual)
+    moved = motion_between(before.tool, after.tool) + first.by_residual(after.residual - before.residual)
     return moved / (2 * redrawn.step)
 
 
@@ -81,9 +81,3 @@ def _travelled(chain: Chain, found: Equilibria, pose: ClosedPose, other: ClosedP
         if joint.nv == 1:
             travel[:, joint.first_v] += joint.position(pose.q) - joint.position(other.q)
     return replace(found.state, travel=travel)
-
-
-def _motion(before: Array, after: Array) -> Array:
-    """Return translation and turn (n, 6) between placements (n, 4, 4)."""
-    turn = rotation_log(after[:, :3, :3] @ before[:, :3, :3].mT)
-    return np.concatenate((after[:, :3, 3] - before[:, :3, 3], turn), axis=1)
