@@ -42,8 +42,9 @@ class PoseChannel(Channel):
 
     @classmethod
     def of_marker(cls, recording: Recording, frame: Frame) -> PoseChannel:
-        """Return the positions of a marker of that frame's name."""
-        return cls._of(recording.markers[frame.name], None, len(recording), frame, f"marker {frame.name}")
+        """Return the pose of a marker of that frame's name, or as much of it as was measured."""
+        position, rotation = recording.markers.get(frame.name), recording.marker_rotations.get(frame.name)
+        return cls._of(position, rotation, len(recording), frame, f"marker {frame.name}")
 
     @classmethod
     def nothing(cls, frame: Frame, count: int) -> PoseChannel:

@@ -26,8 +26,8 @@ __all__ = ["Stack", "channels_of", "whitening"]
 def channels_of(recording: Recording, mechanism: Mechanism) -> tuple[Channel, ...]:
     """Return what a recording measured of a robot: the tool's pose, and the markers that are its frames."""
     found: list[Channel] = [PoseChannel.of_tool(recording, mechanism.need_tool())]
-    known = set(mechanism.frame_names)
-    found += [PoseChannel.of_marker(recording, mechanism.frame(name)) for name in recording.markers if name in known]
+    names = [name for name in recording.marker_names if name in mechanism.frame_names]
+    found += [PoseChannel.of_marker(recording, mechanism.frame(name)) for name in names]
     return tuple(found)
 
 
@@ -45,8 +45,12 @@ class Stack:
     @property
     def mainly(self) -> PoseChannel:
         """The pose that most is measured of: the tool's, else the first marker's."""
-        poses = [channel for channel in self.channels if isinstance(channel, PoseChannel)]
-        return next((channel for channel in poses if channel.exists.any()), poses[0])
+        return next((channel for channel in self.poses if channel.exists.any()), self.poses[0])
+
+    @property
+    def poses(self) -> tuple[PoseChannel, ...]:
+        """The tool's pose and those of markers."""
+        return tuple(channel for channel in self.channels if isinstance(channel, PoseChannel))
 
     @property
     def size(self) -> int:

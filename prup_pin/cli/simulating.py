@@ -45,6 +45,10 @@ def simulate(
         list[str] | None,
         typer.Option(metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."),
     ] = None,
+    marker: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FRAME", help="Also where this frame is, and how it is turned. Repeatable."),
+    ] = None,
     workers: Workers = 1,
     stop: Stop = False,
     *,
@@ -69,16 +73,21 @@ def simulate(
         *(parse_effect(text, loaded.mechanism) for text in effect or ()),
     ]
     if read is not None:
-        _predict(loaded, read, effects, out, workers, stop, [])
+        _predict(loaded, read, effects, out, workers, stop, [], marker or ())
         return
     assert programme is not None
     inputs = programme.inputs(lambda at: loaded.pose(**at).actuators)
     if programme.noise.effort is not None:
         none = np.full(len(inputs), np.nan)
         inputs = inputs.with_measurements(efforts=dict.fromkeys(loaded.mechanism.actuated, none))
-    prediction = _simulated(loaded, inputs, effects, workers, stop)
+    markers = tuple(dict.fromkeys((*programme.markers, *(marker or ()))))
+    prediction = _simulated(loaded, inputs, effects, workers, stop, markers)
     measured = inputs.with_measurements(
-        position=prediction.position, rotation=prediction.rotation, efforts=prediction.efforts
+        position=prediction.position,
+        rotation=prediction.rotation,
+        efforts=prediction.efforts,
+        markers=prediction.markers,
+        marker_rotations=prediction.marker_rotations,
     )
     written = replace(add_noise(measured, programme.noise, programme.seed), robot=name)
     write_recording(written, out)
@@ -112,10 +121,11 @@ def _predict(
     workers: int,
     stop: bool,
     notes: Sequence[str],
+    markers: Sequence[str] = (),
 ) -> None:
     """Write what the robot would have measured, and print how it compares."""
     try:
-        prediction = _simulated(robot, recording, effects, workers, stop)
+        prediction = _simulated(robot, recording, effects, workers, stop, markers)
     except SimulationStoppedError as error:
         if len(error.prediction):
             _write_prediction(out, recording.select(slice(0, error.row)), error.prediction)
@@ -126,10 +136,14 @@ def _predict(
     list_written((out,))
 
 
-def _simulated(robot: Robot, recording: Recording, effects: Sequence[Effect], workers: int, stop: bool) -> Prediction:
+def _simulated(
+    robot: Robot, recording: Recording, effects: Sequence[Effect], workers: int, stop: bool, markers: Sequence[str] = ()
+) -> Prediction:
     """Return the simulation, with a bar on stderr where it takes longer. Raises where no row has an answer."""
     with progress.rows() as show:
-        prediction = simulation.simulate(robot, recording, effects, workers=workers, stop=stop, progress=show)
+        prediction = simulation.simulate(
+            robot, recording, effects, markers=markers, workers=workers, stop=stop, progress=show
+        )
     if len(prediction) and "ok" not in prediction.status:
         reasons = "\n".join(f"  {word}: {text}" for word, text in prediction.reasons.items())
         raise PrupPinError(f"none of {len(prediction)} rows has an answer\n{reasons}")
@@ -147,6 +161,7 @@ def _write_prediction(out: Path, recording: Recording, prediction: Prediction) -
         status=prediction.status,
         run=run,
         markers=prediction.markers,
+        marker_rotations=prediction.marker_rotations,
     )
 
 

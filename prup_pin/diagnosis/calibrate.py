@@ -180,7 +180,8 @@ class CalibratedParameter:
 
 def toleranced_of(recording: Recording, mechanism: Mechanism) -> Toleranced:
     """Return the parameters that a robot file and a recording say may be off."""
-    markers = [name for name in recording.markers if name in mechanism.frame_names]
+    tool = mechanism.need_tool().name  # whose target is that of a marker there, too
+    markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     deviations = deviations_of(mechanism, markers)
     return Toleranced.of(deviations, amounts_of(deviations, mechanism, recording.tolerances.declared))
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2 as chi_squared
 from threadpoolctl import threadpool_limits
 
-from ..channels import Linear, Noise, PoseChannel, Stack, channels_of
+from ..channels import Linear, Noise, Stack, channels_of
 from ..laws import Effect, Inputs
 from ..recordings import Recording, suspicions
 from ..robot import Robot
@@ -120,18 +120,17 @@ def asked(robot: Robot, recording: Recording, tell: Tell) -> Asked:
     recording = _thinned(recording, remarks)
     inputs = _inputs(robot, recording)
     stack = Stack(channels_of(recording, robot.mechanism))
-    measured = stack.mainly
-    remarks += what_is_missing(inputs, measured)
+    remarks += what_is_missing(inputs, stack)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
-    check_belongs(measured, linear, inputs)
+    check_belongs(stack, linear, inputs)
     tell("the nominal simulation", 0.0)
     nominal = simulator.run()
     lost = int((stack.exists.any(axis=1) & ~nominal.solved).sum())
     if lost:
         remarks.append(f"{lost} of {len(inputs)} samples could not be simulated, and say nothing here")
-    noise = _noise(recording, measured, linear, inputs)
-    remarks += _quieter(noise, recording, measured, linear, inputs)
+    noise = _noise(recording, stack, linear, inputs)
+    remarks += _quieter(noise, recording, stack, linear, inputs)
     problem = Problem.of(simulator, stack, noise, nominal)
     raw_linear = stack.residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs)
@@ -184,18 +183,16 @@ def _thinned(recording: Recording, remarks: list[str]) -> Recording:
     return recording.select(rows)
 
 
-def _noise(recording: Recording, measured: PoseChannel, linear: Linear, inputs: Inputs) -> Noise:
+def _noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs) -> Noise:
     if not linear.samples.any():
         return Noise(1e-6, 1e-5, 0.0, 0.0, "declared")
-    return estimate_noise(
-        recording, measured, np.nan_to_num(linear.compliance(measured.frame)), inputs.blocks, inputs.wrench
-    )
+    return estimate_noise(recording, stack, linear, inputs.blocks, inputs.wrench)
 
 
-def _quieter(noise: Noise, recording, measured: PoseChannel, linear: Linear, inputs: Inputs) -> list[str]:
+def _quieter(noise: Noise, recording, stack: Stack, linear: Linear, inputs: Inputs) -> list[str]:
     """Return sentences on declared noise that is much larger than the scatter of repeats."""
     remarks = []
-    seen = scatter_of_repeats(measured, np.nan_to_num(linear.compliance(measured.frame)), inputs.blocks, inputs.wrench)
+    seen = scatter_of_repeats(stack, linear, inputs.blocks, inputs.wrench)
     for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
         declared = getattr(recording.noise, name)
         if declared is not None and found is not None and declared > MUCH_LARGER * found:
@@ -454,7 +451,7 @@ def _nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     why = (
         "no sample with a measured pose could be simulated"
         if measured
-        else "the recording holds no measured pose of the tool (columns p.x … r.z)"
+        else "the recording holds no measured pose, of the tool (columns p.x … r.z) or of a marker"
     )
     rest = f"; not used were {', '.join(unused)}" if unused else ""
     return _unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..channels import PoseChannel, Stack
 from ..errors import PrupPinError
 from ..laws import Inputs
 from ..robot import Robot
@@ -59,8 +60,11 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     value = np.zeros(count)
     why = "the largest deflections, where anything left out shows most"
     run = simulator.run()
-    influence = Influence(simulator, run)
-    noise = np.array(3 * [problem.noise.position] + 3 * [problem.noise.rotation])
+    seen = [channel for channel in problem.stack.poses if channel.exists.any()] or problem.stack.poses[:1]
+    influence = Influence(simulator, run, Stack(tuple(PoseChannel.nothing(channel.frame, count) for channel in seen)))
+    noise = influence.stack.deviation(problem.noise)
+    unmeasured = np.concatenate([channel.exists.any() & ~channel.exists.any(axis=0) for channel in seen])
+    noise[unmeasured] = np.inf
     if pairs and len(usable) == 2 * len(pairs):
         for one, other in pairs:
             both = [influence.change(simulator.setup([term.effect])) for term in (one, other)]
@@ -93,6 +97,8 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
         }
         for place, i in enumerate(best)
     ]
+    if markers := [channel.frame.name for channel in seen if channel is not problem.stack.poses[0]]:
+        plan["markers"] = markers
     return {"why": why, "plan": plan}
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..channels import Linear, PoseChannel
+from ..channels import Linear, PoseChannel, Stack
 from ..errors import InputError
 from ..laws import Inputs
 from ..mechanism import Mechanism
 from ..recordings import Recording
-from ..recordings.columns import AXES
+from ..recordings.columns import AXES, MARKER_GROUPS
 from ..spatial import Array, turn_between
 from .criteria import (
     COARSE,
@@ -27,14 +27,15 @@ from .criteria import (
 __all__ = ["check_belongs", "unused_columns", "what_is_missing"]
 
 
-def what_is_missing(inputs: Inputs, measured: PoseChannel) -> list[str]:
+def what_is_missing(inputs: Inputs, stack: Stack) -> list[str]:
     """Return sentences on what a recording lacks."""
     remarks = []
-    if not measured.exists.any():
+    measured = {unit for _, unit, where in stack.groups() if stack.exists[:, where].any()}
+    if not measured:
         remarks.append("no pose was measured (columns p.x … r.z): this recording cannot be compared with a simulation")
-    elif not measured.exists[:, 3:].any():
+    elif "rad" not in measured:
         remarks.append("no rotation was measured: moments and tilts are judged by the position alone")
-    elif not measured.exists[:, :3].any():
+    elif "m" not in measured:
         remarks.append("no position was measured: forces are judged by the rotation alone")
     force = np.nan_to_num(np.abs(inputs.wrench)).max(initial=0.0)
     if force < NO_FORCE:
@@ -66,11 +67,14 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
 
     for joint, values in recording.efforts.items():
         take("efforts", f"tau.{joint}", values)
-    for marker, place in recording.markers.items():
-        if marker in mechanism.frame_names:
-            continue
-        for column, axis in enumerate(AXES):
-            take("markers", f"p.{marker}.{axis}", place[:, column])
+    turns: dict[str, Array] = {} if recording.rotation is None else {"r": recording.rotation}
+    for prefix, group in MARKER_GROUPS.items():
+        for marker, values in getattr(recording, group).items():
+            if marker not in mechanism.frame_names:
+                for column, axis in enumerate(AXES):
+                    take("markers", f"{prefix}.{marker}.{axis}", values[:, column])
+            elif prefix == "r":
+                turns[f"r.{marker}"] = values
     for joint, values in recording.accelerations.items():
         take("accelerations", f"qdd.{joint}", values)
     all_speeds = set(mechanism.actuated) <= set(recording.velocities)
@@ -80,15 +84,16 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
     for joint, values in recording.positions.items():
         if joint not in mechanism.actuated:
             take("positions", f"q.{joint}", values)
-    if recording.rotation is not None and not np.isfinite(recording.rotation).all(axis=1).any():
-        for column, axis in enumerate(AXES):
-            take("pose", f"r.{axis}", recording.rotation[:, column])
+    for prefix, values in turns.items():
+        if not np.isfinite(values).all(axis=1).any():
+            for column, axis in enumerate(AXES):
+                take("pose", f"{prefix}.{axis}", values[:, column])
     found["ignored"] += recording.ignored
     told = [f"not used: {', '.join(found[kind])} ({why})" for kind, why in _NOT_COMPARED.items() if why and found[kind]]
     return tuple(name for names in found.values() for name in names), told
 
 
-def check_belongs(measured: PoseChannel, linear: Linear, inputs: Inputs) -> None:
+def check_belongs(stack: Stack, linear: Linear, inputs: Inputs) -> None:
     """Raise InputError where recording and robot are worlds apart, with the likely reason."""
     for name, values in (("q", inputs.actuators), ("w", inputs.wrench)):
         if len(values) and np.isnan(values).all(axis=0).any():
@@ -101,28 +106,39 @@ def check_belongs(measured: PoseChannel, linear: Linear, inputs: Inputs) -> None
             "the robot reaches none of the recording's poses, or none of its samples is complete"
             f"{': ' + linear.reason if linear.reason else ''}. Check --robot, the q columns' names and units [m, rad]"
         )
-    rigid, loaded = linear.rigid(measured.frame), linear.pose_of(measured.frame)
+    for measured in stack.channels:
+        if isinstance(measured, PoseChannel):
+            _check_channel(measured, linear)
+    placed = linear.samples & stack.mainly.exists[:, :3].all(axis=1)
+    if placed.any():
+        _check_loads(stack.mainly, linear, inputs, placed)
+
+
+def _check_channel(measured: PoseChannel, linear: Linear) -> None:
+    """Raise InputError where a frame is measured worlds apart from where it is simulated."""
     placed = linear.samples & measured.exists[:, :3].all(axis=1)
     turned = linear.samples & measured.exists[:, 3:].all(axis=1)
+    of, column = "", ""
+    if measured.name != "pose":
+        of, column = f" of {measured.name}", f".{measured.frame.name}"
     if placed.any():
-        _check_positions(measured.position[placed], rigid[0][placed], loaded[0][placed])
+        rigid, loaded = linear.rigid(measured.frame)[0], linear.pose_of(measured.frame)[0]
+        _check_positions(measured.position[placed], rigid[placed], loaded[placed], of, column)
     if turned.any():
-        _check_rotations(measured.rotation[turned], rigid[1][turned])
-    if placed.any():
-        _check_loads(measured, linear, inputs, placed)
+        _check_rotations(measured.rotation[turned], linear.rigid(measured.frame)[1][turned], of, column)
 
 
-def _check_rotations(measured: Array, rigid: Array) -> None:
+def _check_rotations(measured: Array, rigid: Array, of: str, column: str) -> None:
     apart = float(np.median(np.linalg.norm(turn_between(rigid, measured), axis=1)))
     if apart > TURNED:
         raise InputError(
-            f"measured and simulated orientations are {apart:.3g} rad apart: expected r.x r.y r.z as a rotation vector "
-            "in rad, in the base frame of the robot file. Are they degrees, is it another robot, or are the actuators' "
-            "columns in another order?"
+            f"measured and simulated orientations{of} are {apart:.3g} rad apart: expected r{column}.x r{column}.y "
+            f"r{column}.z as a rotation vector in rad, in the base frame of the robot file. Are they degrees, is it "
+            "another robot, or are the actuators' columns in another order?"
         )
 
 
-def _check_positions(measured: Array, rigid: Array, loaded: Array) -> None:
+def _check_positions(measured: Array, rigid: Array, loaded: Array, of: str, column: str) -> None:
     distance = float(np.median(np.linalg.norm(measured - rigid, axis=1)))
     size = float(np.median(np.linalg.norm(rigid, axis=1)))
     reach = max(size, LEAST_REACH)
@@ -132,12 +148,13 @@ def _check_positions(measured: Array, rigid: Array, loaded: Array) -> None:
     for factor, unit in ((1e3, "mm"), (1e-3, "km"), (1e6, "um")):
         if 1 / NEAR_POSITION < ratio / factor < NEAR_POSITION:
             raise InputError(
-                f"measured positions are about {factor:g} times those of the simulation "
+                f"measured positions{of} are about {factor:g} times those of the simulation "
                 f"({ratio * size:.4g} against {size:.4g} m): they seem to be in {unit}; expected metres"
             )
     raise InputError(
-        f"measured and simulated positions are {distance:.3g} m apart (typical distance {size:.3g} m): this is another "
-        "robot, another frame, or other units. Expected p.x p.y p.z in metres in the base frame of the robot file"
+        f"measured and simulated positions{of} are {distance:.3g} m apart (typical distance {size:.3g} m): this is "
+        f"another robot, another frame, or other units. Expected p{column}.x p{column}.y p{column}.z in metres in the "
+        "base frame of the robot file"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
-from ..channels import Noise, PoseChannel
+from ..channels import Linear, Noise, PoseChannel, Stack
 from ..recordings import Recording
 from ..spatial import Array, turn_between
 from .criteria import (
@@ -25,15 +25,13 @@ __all__ = ["estimate_noise", "scatter_of_repeats"]
 _CLIPPED = 1 - 2 * CLIP * float(norm.pdf(CLIP)) / (2 * float(norm.cdf(CLIP)) - 1)
 
 
-def estimate_noise(
-    recording: Recording, measured: PoseChannel, compliance: Array, blocks: np.ndarray, wrench: Array
-) -> Noise:
+def estimate_noise(recording: Recording, stack: Stack, linear: Linear, blocks: np.ndarray, wrench: Array) -> Noise:
     """Return the declared noise, and that which repeats show where the recording declares none."""
     declared = recording.noise
     position, rotation = declared.position, declared.rotation
     estimated = position is None or rotation is None
     if estimated:
-        seen = scatter_of_repeats(measured, compliance, blocks, wrench)
+        seen = scatter_of_repeats(stack, linear, blocks, wrench)
         position = position if position is not None else seen[0] or USUAL_POSITION_NOISE
         rotation = rotation if rotation is not None else seen[1] or USUAL_ROTATION_NOISE
     assert position is not None
@@ -44,22 +42,29 @@ def estimate_noise(
 
 
 def scatter_of_repeats(
-    measured: PoseChannel, compliance: Array, blocks: np.ndarray, wrench: Array
+    stack: Stack, linear: Linear, blocks: np.ndarray, wrench: Array
 ) -> tuple[float | None, float | None]:
     """Return the noise of position [m] and rotation [rad] by samples of one block under the same wrench.
 
     Their difference, less what the small difference of their wrenches explains, is noise times sqrt(2). None where too
-    few repeat.
+    few repeat. Tool and markers are seen by one sensor.
     """
     first, second = _repeats(blocks, wrench)
     if len(first) < FEWEST_REPEATS:
         return None, None
-    moved = measured.position[first] - measured.position[second]
-    turned = turn_between(measured.rotation[second], measured.rotation[first])
-    change = np.concatenate((moved, turned), axis=1)
-    change -= (compliance[first] @ (wrench[first] - wrench[second])[..., None])[..., 0]
-    both = measured.exists[first] & measured.exists[second]
-    return _spread(change[:, :3][both[:, :3]]), _spread(change[:, 3:][both[:, 3:]])
+    moved: list[Array] = []
+    turned: list[Array] = []
+    for measured in stack.channels:
+        both = measured.exists[first] & measured.exists[second]
+        if not isinstance(measured, PoseChannel) or not both.any():
+            continue
+        apart = turn_between(measured.rotation[second], measured.rotation[first])
+        change = np.concatenate((measured.position[first] - measured.position[second], apart), axis=1)
+        compliance = np.nan_to_num(linear.compliance(measured.frame))
+        change -= (compliance[first] @ (wrench[first] - wrench[second])[..., None])[..., 0]
+        moved.append(change[:, :3][both[:, :3]])
+        turned.append(change[:, 3:][both[:, 3:]])
+    return _spread(np.concatenate([np.zeros(0), *moved])), _spread(np.concatenate([np.zeros(0), *turned]))
 
 
 def _spread(values: Array) -> float | None:

@@ -9,6 +9,8 @@ from ..spatial import WRENCH_NAMES
 
 #: Prefix of the columns of one joint -> the field of Recording that holds them.
 JOINT_GROUPS = {"q": "positions", "qd": "velocities", "qdd": "accelerations", "tau": "efforts"}
+#: Prefix of the columns of one marker -> the field of Recording that holds them.
+MARKER_GROUPS = {"p": "markers", "r": "marker_rotations"}
 AXES = ("x", "y", "z")
 #: Columns with a fixed name, and their unit.
 UNITS = {
@@ -29,10 +31,14 @@ _KNOWN_UNIT = re.compile(
 )
 
 
-def marker_of(name: str) -> tuple[str, int] | None:
-    """Return the marker and the axis (0 to 2) of a column p.<marker>.<axis>, or None."""
-    if name.startswith("p.") and len(name) > 4 and name[-2:] in (".x", ".y", ".z"):
-        return name[2:-2], AXES.index(name[-1])
+def marker_of(name: str) -> tuple[str, str, int] | None:
+    """Return field of Recording, marker and axis (0 to 2) of a column p.<marker>.<axis> or r.<marker>.<axis>.
+
+    None of others.
+    """
+    prefix, dot, rest = name.partition(".")
+    if dot and prefix in MARKER_GROUPS and len(rest) > 2 and rest[-2:] in (".x", ".y", ".z"):
+        return MARKER_GROUPS[prefix], rest[:-2], AXES.index(rest[-1])
     return None
 
 
@@ -51,8 +57,8 @@ def unit_of(name: str) -> str:
     """Return the unit of a column that belongs to the format."""
     if name in UNITS:
         return UNITS[name]
-    if marker_of(name):
-        return "m"
+    if marker := marker_of(name):
+        return "m" if marker[0] == "markers" else "rad"
     return {"q": "m or rad", "qd": "m/s or rad/s", "qdd": "m/s^2 or rad/s^2", "tau": "N or N m"}[name.partition(".")[0]]
 
 

@@ -107,6 +107,7 @@ class TestPlan:
 
     sample_interval [s]; temperature [degrees Celsius] is None, a number, or (from, to) reached linearly over the test;
     encoder_resolution [m or rad] rounds the actuators' positions, 0 leaves them. `tolerances` go into the recording.
+    markers: frames whose position and orientation are to be measured beside the tool's pose.
     """
 
     __test__ = False  # pytest takes classes named Test… for tests
@@ -121,6 +122,7 @@ class TestPlan:
     robot: str | None = None
     notes: str = ""
     tolerances: Tolerances = field(default_factory=Tolerances)
+    markers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.poses or not self.loads:
@@ -268,9 +270,9 @@ def add_noise(recording: Recording, noise: Noise, seed: int) -> Recording:
     changes["efforts"] = {
         joint: noisy(values, noise.effort, 5, k) for k, (joint, values) in enumerate(recording.efforts.items())
     }
-    changes["markers"] = {
-        name: noisy(values, noise.position, 6, k) for k, (name, values) in enumerate(recording.markers.items())
-    }
+    for group, deviation, stream in (("markers", noise.position, 6), ("marker_rotations", noise.rotation, 7)):
+        marked = getattr(recording, group)
+        changes[group] = {name: noisy(values, deviation, stream, k) for k, (name, values) in enumerate(marked.items())}
     return replace(recording, **changes)
 
 
@@ -302,6 +304,8 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
     value["noise"] = {key: deviation for key, deviation in noise.items() if deviation is not None}
     if plan.tolerances.declared:
         value["tolerances"] = dict(plan.tolerances.declared)
+    if plan.markers:
+        value["markers"] = list(plan.markers)
     value |= {"encoder_resolution": plan.encoder_resolution, "seed": plan.seed}
     write_whole({Path(path): json_lines(value)})
 
@@ -335,6 +339,7 @@ class _PlanReader:
         "temperature",
         "noise",
         "tolerances",
+        "markers",
         "encoder_resolution",
         "seed",
         "robot",
@@ -437,6 +442,7 @@ class _PlanReader:
             and (deviation := noise_value(key, value, self.problems, self.path.name, "noise.")) is not None
         }
         tolerances = tolerances_value(values.get("tolerances"), self.problems, self.path.name, "tolerances.")
+        markers = self.markers(values.get("markers"))
         seed = self.whole(values.get("seed", 0), "seed", 0)
         robot, notes = self.text(values.get("robot"), "robot"), self.text(values.get("notes"), "notes")
         if self.problems:
@@ -452,7 +458,15 @@ class _PlanReader:
             robot=robot,
             notes=notes or "",
             tolerances=tolerances,
+            markers=markers,
         )
+
+    def markers(self, value: object) -> tuple[str, ...]:
+        names = [] if value is None else self.items(value, "markers", "frames by name")
+        for k, name in enumerate(names):
+            if not isinstance(name, str) or not name:
+                self.wrong(f"markers[{k}]", f"is {json_kind(name)}; expected the name of a frame of the robot")
+        return tuple(dict.fromkeys(name for name in names if isinstance(name, str)))
 
     def temperature(self, value: object) -> float | tuple[float, float] | None:
         if value is None:

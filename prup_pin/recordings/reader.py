@@ -18,6 +18,7 @@ from ..spatial import WRENCH_NAMES, Array
 from .columns import (
     AXES,
     JOINT_GROUPS,
+    MARKER_GROUPS,
     NOISE_KEYS,
     NOISE_UNITS,
     candidates,
@@ -492,12 +493,13 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
     n = len(table.lines)
     numbers = table.numbers
     groups: dict[str, dict[str, Array]] = {group: {} for group in JOINT_GROUPS.values()}
-    markers: dict[str, Array] = {}
+    markers: dict[str, dict[str, Array]] = {group: {} for group in MARKER_GROUPS.values()}
     for name, values in numbers.items():
         if joint := joint_of(name):
             groups[joint[0]][joint[1]] = values
         elif marker := marker_of(name):
-            markers.setdefault(marker[0], np.full((n, 3), np.nan))[:, marker[1]] = values
+            group, frame, axis = marker
+            markers[group].setdefault(frame, np.full((n, 3), np.nan))[:, axis] = values
 
     def triple(prefix: str) -> Array | None:
         columns = [numbers.get(f"{prefix}.{axis}") for axis in AXES]
@@ -516,7 +518,6 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
         wrench_columns=wrench_columns,
         position=triple("p"),
         rotation=triple("r"),
-        markers=markers,
         temperature=numbers.get("temperature"),
         run=np.zeros(n, np.int64) if table.run is None else table.run,
         run_names=table.run_names,
@@ -527,6 +528,7 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
         path=str(path),
         ignored=tuple(name for name in header if name != "run" and not is_known(name)),
         remarks=(*_remarks(header, numbers, table.blank), *beside.remarks, *_undeclared(numbers, beside.noise)),
+        **markers,
         **groups,
     )
 
@@ -547,7 +549,9 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
     elif loads:
         remarks.append(f"There is no column {', '.join(loads)}: these components of the wrench are taken as zero.")
     triples = {"p": "position", "r": "orientation"}
-    triples |= {f"p.{marker[0]}": f"position of {marker[0]}" for name in numbers if (marker := marker_of(name))}
+    for name in numbers:
+        if marker := marker_of(name):
+            triples[f"{name[0]}.{marker[1]}"] = f"{triples[name[0]]} of {marker[1]}"
     for prefix, what in triples.items():
         missing = [f"{prefix}.{axis}" for axis in AXES if f"{prefix}.{axis}" not in numbers]
         if len(missing) == 3:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UnknownNameError
 from ..spatial import WRENCH_NAMES, Array
+from .columns import MARKER_GROUPS
 from .tolerances import Tolerances
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
@@ -45,7 +46,8 @@ class Recording:
     wrench_columns: the components of the wrench that have a column, out of fx fy fz mx my mz.
     position: (N, 3) of the tool point in the base frame [m], or None where it has no column.
     rotation: (N, 3) rotation vector of the platform in the base frame [rad], or None.
-    markers: frame name -> (N, 3) position in the base frame [m].
+    markers: frame name -> (N, 3) position in the base frame [m]; marker_rotations: frame name -> (N, 3) rotation vector
+    of the frame [rad]. A marker may have one without the other.
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
     noise, tolerances, robot, notes: what the JSON file beside the table says.
@@ -63,6 +65,7 @@ class Recording:
     position: Array | None = None
     rotation: Array | None = None
     markers: Mapping[str, Array] = field(default_factory=dict)
+    marker_rotations: Mapping[str, Array] = field(default_factory=dict)
     temperature: Array | None = None
     run: NDArray[np.int64] = None  # type: ignore[assignment]  # becomes zeros
     run_names: tuple[str, ...] = ("",)
@@ -93,8 +96,10 @@ class Recording:
             values = getattr(self, group)
             checked = {str(joint): _column(f"{group}['{joint}']", value, (n,)) for joint, value in values.items()}
             store(group, MappingProxyType(checked))
-        markers = {str(name): _column(f"markers['{name}']", value, (n, 3)) for name, value in self.markers.items()}
-        store("markers", MappingProxyType(markers))
+        for group in MARKER_GROUPS.values():
+            values = getattr(self, group)
+            triples = {str(name): _column(f"{group}['{name}']", value, (n, 3)) for name, value in values.items()}
+            store(group, MappingProxyType(triples))
         for name, shape in (("position", (n, 3)), ("rotation", (n, 3)), ("temperature", (n,))):
             if getattr(self, name) is not None:
                 store(name, _column(name, getattr(self, name), shape))
@@ -123,8 +128,14 @@ class Recording:
             if there
         ]
         parts.append("joints " + (", ".join(self.positions) or "none"))
-        parts.append("with " + (", ".join([*measured, *(f"marker {name}" for name in self.markers)]) or "nothing else"))
+        measured += [f"marker {name}" for name in self.marker_names]
+        parts.append("with " + (", ".join(measured) or "nothing else"))
         return f"<Recording {self.path + ': ' if self.path else ''}{'; '.join(parts)}>"
+
+    @property
+    def marker_names(self) -> tuple[str, ...]:
+        """The markers of which a position or an orientation has a column."""
+        return tuple(dict.fromkeys((*self.markers, *self.marker_rotations)))
 
     @property
     def has_wrench(self) -> bool:
@@ -157,7 +168,7 @@ class Recording:
         for name in ("time", "wrench", "position", "rotation", "temperature", "run"):
             value = getattr(self, name)
             changes[name] = None if value is None else value[index]
-        for name in ("positions", "velocities", "accelerations", "efforts", "markers"):
+        for name in ("positions", "velocities", "accelerations", "efforts", *MARKER_GROUPS.values()):
             changes[name] = {key: value[index] for key, value in getattr(self, name).items()}
         return replace(self, **changes)
 
@@ -168,9 +179,11 @@ class Recording:
         rotation: ArrayLike | None = None,
         efforts: Mapping[str, ArrayLike] | None = None,
         markers: Mapping[str, ArrayLike] | None = None,
+        marker_rotations: Mapping[str, ArrayLike] | None = None,
     ) -> Recording:
         """Return a copy with other measurements, in the shapes of the fields. What is not given stays as it is."""
-        given = {"position": position, "rotation": rotation, "efforts": efforts, "markers": markers}
+        given = {"position": position, "rotation": rotation, "efforts": efforts}
+        given |= {"markers": markers, "marker_rotations": marker_rotations}
         changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         return replace(self, **changes)
 

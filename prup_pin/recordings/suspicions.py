@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..spatial import WRENCH_NAMES, Array
-from .columns import AXES, JOINT_GROUPS, NOISE_UNITS
+from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, NOISE_UNITS
 from .recording import Recording
 
 #: Larger than any bench that is measured in metres, newtons and radians.
@@ -32,7 +32,8 @@ def _columns(recording: Recording) -> Iterator[tuple[str, Array]]:
     for name in recording.wrench_columns:
         yield f"w.{name}", recording.wrench[:, WRENCH_NAMES.index(name)]
     triples = {"p": recording.position, "r": recording.rotation}
-    triples |= {f"p.{name}": values for name, values in recording.markers.items()}
+    for prefix, group in MARKER_GROUPS.items():
+        triples |= {f"{prefix}.{name}": values for name, values in getattr(recording, group).items()}
     for prefix, array in triples.items():
         if array is not None:
             for k, axis in enumerate(AXES):
@@ -46,8 +47,13 @@ def _largest(values: Array | None) -> float:
 
 
 def _units(recording: Recording) -> Iterator[str]:
-    if (largest := _largest(recording.rotation)) > 2 * np.pi:
-        yield f"r.x r.y r.z reach {largest:.4g} rad, more than a full turn: are they degrees? Expected radians."
+    turns = (("r", recording.rotation), *((f"r.{key}", value) for key, value in recording.marker_rotations.items()))
+    for name, values in turns:
+        if (largest := _largest(values)) > 2 * np.pi:
+            yield (
+                f"{name}.x {name}.y {name}.z reach {largest:.4g} rad, more than a full turn: are they degrees? "
+                "Expected radians."
+            )
     for name, values in (("p", recording.position), *((f"p.{key}", value) for key, value in recording.markers.items())):
         if (largest := _largest(values)) > _LARGEST_POSITION:
             yield f"{name}.x {name}.y {name}.z reach {largest:.4g} m: are they millimetres? Expected metres."

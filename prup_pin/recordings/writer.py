@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..spatial import WRENCH_NAMES, Array
-from .columns import AXES, JOINT_GROUPS, NOISE_KEYS
+from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, NOISE_KEYS
 from .recording import Recording
 
 #: Significant digits of all columns but the time.
@@ -43,8 +43,9 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     for name in recording.wrench_columns:
         columns[f"w.{name}"] = recording.wrench[:, WRENCH_NAMES.index(name)]
     columns |= _triple("p", recording.position) | _triple("r", recording.rotation)
-    for name, values in recording.markers.items():
-        columns |= _triple(f"p.{name}", values)
+    for prefix, group in MARKER_GROUPS.items():
+        for name, values in getattr(recording, group).items():
+            columns |= _triple(f"{prefix}.{name}", values)
     if recording.temperature is not None:
         columns["temperature"] = recording.temperature
     if recording.run_names != ("",):
@@ -70,11 +71,12 @@ def write_prediction(
     status: Sequence[str] | None = None,
     run: Sequence[str] | None = None,
     markers: Mapping[str, ArrayLike] | None = None,
+    marker_rotations: Mapping[str, ArrayLike] | None = None,
 ) -> None:
     """Write predicted measurements as CSV: time, p, r, tau, a run where given, and a column `status`.
 
-    time: (N,) [s]; position, rotation: (N, 3) [m, rad]; efforts: joint name -> (N,) [N or N m]; markers: frame name ->
-    (N, 3) [m]. NaN, no prediction for this sample, becomes an empty cell.
+    time: (N,) [s]; position, rotation: (N, 3) [m, rad]; efforts: joint name -> (N,) [N or N m]; markers and
+    marker_rotations: frame name -> (N, 3) [m, rad]. NaN, no prediction for this sample, becomes an empty cell.
     status: (N,) 'ok' or a short word on why there is no prediction; all 'ok' by default. run: (N,) labels.
 
     Raises InputError where lengths differ or the file cannot be written.
@@ -84,8 +86,9 @@ def write_prediction(
     n = len(times)
     columns: dict[str, Array | list[str]] = {"time": times}
     columns |= _triple("p", position, all_axes=True) | _triple("r", rotation, all_axes=True)
-    for name, values in (markers or {}).items():
-        columns |= _triple(f"p.{name}", values, all_axes=True)
+    for prefix, marked in (("p", markers), ("r", marker_rotations)):
+        for name, values in (marked or {}).items():
+            columns |= _triple(f"{prefix}.{name}", values, all_axes=True)
     columns |= {f"tau.{joint}": np.asarray(values, float) for joint, values in (efforts or {}).items()}
     if run is not None:
         columns["run"] = [str(label) for label in run]

@@ -39,7 +39,7 @@ SAMPLES, POSES = 512, 128
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is simulated: a robot under effects; efforts of these joints and positions of these frames besides."""
+    """What is simulated: a robot under effects; efforts of these joints and poses of these frames besides."""
 
     robot: Robot
     effects: tuple[Effect, ...] = ()
@@ -55,7 +55,7 @@ class Part:
     position: Array
     rotation: Array
     efforts: Array  # (n, joints)
-    markers: Array  # (n, markers, 3)
+    markers: Array  # (n, markers, 6), position and rotation vector
     status: np.ndarray  # indices into STATUSES
     reasons: dict[int, tuple[int, str]] = field(default_factory=dict)  # by status: first row and what is wrong
     remarks: dict[str, None] = field(default_factory=dict)
@@ -68,7 +68,7 @@ class Part:
             np.full((n, 3), np.nan),
             np.full((n, 3), np.nan),
             np.full((n, len(wanted.joints)), np.nan),
-            np.full((n, len(wanted.markers), 3), np.nan),
+            np.full((n, len(wanted.markers), 6), np.nan),
             np.full(n, NOT_COMPUTED, np.int8),
         )
 
@@ -228,7 +228,9 @@ class _PartSolver:
         if self.wanted.joints:
             part.efforts[rows] = static_efforts(found, self.wanted.joints)[good]
         for column, frame in enumerate(self.frames):
-            part.markers[rows, column] = run.pose_of(frame)[0][run.solved]
+            position, rotation = run.pose_of(frame)
+            part.markers[rows, column, :3] = position[run.solved]
+            part.markers[rows, column, 3:] = rotation_log(rotation[run.solved])
 
 
 @contextlib.contextmanager

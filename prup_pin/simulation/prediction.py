@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..errors import InputError, SimulationStoppedError
+from ..errors import InputError, SimulationStoppedError, UnknownNameError
 from ..laws import Effect, Inputs, Setup
 from ..recordings import Recording
 from ..robot import Robot
@@ -27,7 +27,7 @@ class Prediction:
 
     time (N,) [s]; position (N, 3) of the tool point [m]; rotation (N, 3), its rotation vector [rad];
     efforts: actuated joint -> (N,), what its actuator holds at rest, positive where it pushes towards positive q
-    [N or N m]; markers: frame -> (N, 3) [m].
+    [N or N m]; markers: frame -> (N, 3) [m]; marker_rotations: frame -> (N, 3), rotation vector [rad].
     status: 'ok', 'no input', 'unreachable' or 'not converged', row by row; reasons: by status what is wrong with the
     first such row. remarks: sentences for a person.
     """
@@ -37,6 +37,7 @@ class Prediction:
     rotation: Array
     efforts: Mapping[str, Array] = field(default_factory=dict)
     markers: Mapping[str, Array] = field(default_factory=dict)
+    marker_rotations: Mapping[str, Array] = field(default_factory=dict)
     status: tuple[str, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
@@ -59,8 +60,8 @@ class Prediction:
 class Agreement:
     """How far measurements are from a prediction: root mean square of one channel.
 
-    `channel`: 'position', 'rotation', 'effort', or 'marker <name>'; `rms` [m, rad, N or N m] over `count` numbers;
-    `noise` is the sensor's declared standard deviation, or None.
+    `channel`: 'position', 'rotation', 'effort', 'marker <name>' or 'marker <name> rotation'; `rms` [m, rad, N or N m]
+    over `count` numbers; `noise` is the sensor's declared standard deviation, or None.
     """
 
     channel: str
@@ -100,19 +101,21 @@ def simulate(
     recording: Recording,
     effects: Sequence[Effect] = (),
     *,
+    markers: Sequence[str] = (),
     workers: int = 1,
     stop: bool = False,
     progress: Progress | None = None,
 ) -> Prediction:
     """Return what the robot does under a recording's actuator positions and loads, in its deformed position.
 
-    effects: physics added to what the robot file says. workers: processes to compute in; the numbers do not depend on
-    it. A script that uses several needs `if __name__ == "__main__":`. stop: raise at the first row without an answer.
-    progress: called with the rows done and all rows.
+    effects: physics added to what the robot file says. markers: frames whose pose is predicted besides.
+    workers: processes to compute in; the numbers do not depend on it. A script that uses several needs
+    `if __name__ == "__main__":`. stop: raise at the first row without an answer. progress: called with the rows done
+    and all rows.
 
     Rows are solved in parts of bounded size, so that memory does not grow with the recording; what friction and creep
-    remember is handed on from part to part. Efforts are predicted for joints with a column tau, markers for columns
-    p.<marker>.
+    remember is handed on from part to part. Efforts are predicted for joints with a column tau, markers also for
+    columns p.<marker> and r.<marker>.
 
     Raises UnknownNameError, ParameterError or InputError where effects or columns do not fit the robot, and with
     `stop` SimulationStoppedError.
@@ -126,26 +129,34 @@ def simulate(
     remarks = _missing_inputs(effects, inputs)
     actuated, frames = mechanism.actuated, mechanism.frame_names
     joints = tuple(name for name in recording.efforts if name in actuated)
-    markers = tuple(name for name in recording.markers if name in frames)
+    for name in markers:
+        if name not in frames:
+            raise UnknownNameError("frame", name, frames)
+    placed, turned = (
+        tuple(dict.fromkeys((*(name for name in recorded if name in frames), *markers)))
+        for recorded in (recording.markers, recording.marker_rotations)
+    )
+    marked_frames = tuple(dict.fromkeys((*placed, *turned)))
     for kind, known, given in (
         ("actuated joint", actuated, {"tau": recording.efforts, "q": recording.positions}),
-        ("frame", frames, {"p": recording.markers}),
+        ("frame", frames, {"p": recording.markers, "r": recording.marker_rotations}),
     ):
         strange = [f"{prefix}.{name}" for prefix, names in given.items() for name in names if name not in known]
         if strange:
             remarks.append(f"{', '.join(strange)}: '{robot.name}' has no such {kind}; not predicted.")
-    wanted = Wanted(robot, effects, joints, markers)
+    wanted = Wanted(robot, effects, joints, marked_frames)
     n = len(recording)
     setup = Setup.nominal(mechanism, take_inputs(inputs, np.arange(min(n, 1))))
     for effect in effects:
         setup.take(effect.deeds(setup))
     chains = plan_parts(inputs, setup.memories)
     position, rotation = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    efforts, marked = np.full((n, len(joints)), np.nan), np.full((n, len(markers), 3), np.nan)
+    efforts, marked = np.full((n, len(joints)), np.nan), np.full((n, len(marked_frames), 6), np.nan)
     status = np.full(n, NOT_COMPUTED, np.int8)
     reasons: dict[int, tuple[int, str]] = {}
     told: dict[str, None] = {}
     done = 0
+    column = {name: k for k, name in enumerate(marked_frames)}
 
     def result(rows: slice) -> Prediction:
         return Prediction(
@@ -153,7 +164,8 @@ def simulate(
             position=position[rows],
             rotation=rotation[rows],
             efforts=MappingProxyType({name: efforts[rows, k] for k, name in enumerate(joints)}),
-            markers=MappingProxyType({name: marked[rows, k] for k, name in enumerate(markers)}),
+            markers=MappingProxyType({name: marked[rows, column[name], :3] for name in placed}),
+            marker_rotations=MappingProxyType({name: marked[rows, column[name], 3:] for name in turned}),
             status=tuple(STATUSES[code] for code in status[rows].tolist()),
             reasons=MappingProxyType({STATUSES[code]: reasons[code][1] for code in sorted(reasons)}),
             remarks=(*remarks, *told),
@@ -221,6 +233,10 @@ def compare(recording: Recording, prediction: Prediction) -> tuple[Agreement, ..
     for name, values in recording.markers.items():
         if name in prediction.markers:
             differences.append((f"marker {name}", values - prediction.markers[name], noise.position))
+    for name, values in recording.marker_rotations.items():
+        if name in prediction.marker_rotations:
+            apart = _turn(values, prediction.marker_rotations[name])
+            differences.append((f"marker {name} rotation", apart, noise.rotation))
     found = []
     for channel, values, deviation in differences:
         known = values[np.isfinite(values)]

@@ -96,6 +96,7 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> list[
         sizes.append(f"up to {number(float(size), 3)} {unit}")
     rows.append(("Loads", sizes if recording.has_wrench else ["none was recorded"]))
     names = [name for name in ("position", "rotation", "temperature") if getattr(recording, name) is not None]
+    names += [f"marker {name}" for name in recording.marker_names if name in robot.mechanism.frame_names]
     rows.append(("Channels", [*names, *(["efforts, not used"] if recording.efforts else [])] or ["none"]))
     warm = recording.temperature
     if warm is not None and np.isfinite(warm).any():
