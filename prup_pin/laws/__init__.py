@@ -16,6 +16,7 @@ from .inputs import Inputs
 from .joint_places import JointDirection, JointPosition
 from .law import Effect, Law, Place
 from .lead_error import LeadError, PeriodicLeadError
+from .loop_places import LoopEndPosition, SeatPosition
 from .model_equation_error import ModelEquationError
 from .payload import OffCentrePayload, Payload
 from .pose_sensor import PoseSensorMisalignment
@@ -49,6 +50,8 @@ LAWS: tuple[Law, ...] = (
     GeometricOffset(),
     JointPosition(),
     JointDirection(),
+    LoopEndPosition(),
+    SeatPosition(),
     EncoderOffset(),
     EncoderDelay(),
     WrenchSensorMisalignment(),

@@ -2,57 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
-from ..kernel import rank_of
-from ..kinematics import LoopKinematics
 from ..mechanism import Joint, Mechanism
-from ..modules import WrenchModule
 from ..parameters import Quantity
 from ..spatial import Array, axis_as_z
 from .deeds import Deed, MovedJoint
+from .follows import Followed
 from .law import Law, Place
 from .setup import Setup
 
 _AXES = "xyz"
-#: Share of a gap that rounding may leave open.
-_ASKEW = 1e-6
+#: Joints nearer than this to the one before them share its place [m].
+_HERE = 1e-9
 
 
-class JointPosition(Law):
-    """A joint and all that it carries sit beside their place in the drawing, in the axes of the parent's frame.
-
-    At joints that no length of the robot file moves; the others are places of the lengths' own law.
-    """
+class Displaced(Law):
+    """A part that sits beside its place, by x, y and z, along those axes that the loops let it go."""
 
     physics = "geometric_offset"
+    cost = 3.0
+    quantities: ClassVar[tuple[Quantity, ...]] = tuple(
+        Quantity(axis, "m", f"of the part along {axis} of the body that it is on", 1e-4, lower=-0.05, upper=0.05)
+        for axis in _AXES
+    )
+    neutral: ClassVar = {}
+
+    @abstractmethod
+    def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
+        """Return along which of the three axes the robot can take up a displacement."""
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        ways = self.ways(place, mechanism)
+        return tuple(quantity for quantity, way in zip(self.quantities, ways, strict=True) if way)
+
+    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
+        return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
+
+
+class JointPosition(Displaced):
+    """A joint and all that it carries sit beside their place in the drawing, in the axes of the parent's frame.
+
+    Of joints on the base it is where they were mounted, of others the length of the link before them. At joints that no
+    length of the robot file moves; the others are places of the lengths' own law.
+    """
+
     summary = "a joint is not where the drawing has it"
     variant = "position"
-    cost = 3.0
-    quantities = tuple(
-        Quantity(axis, "m", f"of the joint along {axis} of its parent", 1e-4, lower=-0.05, upper=0.05) for axis in _AXES
-    )
-    neutral: ClassVar = dict.fromkeys(_AXES, 0.0)
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         drawn = {name for length in mechanism.description.lengths for name, _ in length.moves}
-        able = _taken_up(mechanism)
+        followed = Followed(mechanism)
         return [
             Place(name, self.variant)
             for name, joint in parts(mechanism).items()
-            if joint.name not in drawn and _is_set_up(joint, mechanism) and able(joint, np.eye(6)[:3])
+            if joint.name not in drawn
+            and (_is_set_up(joint, mechanism) or _ends_link(joint, mechanism))
+            and any(_ways(joint, followed))
         ]
+
+    def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
+        return _ways(parts(mechanism)[place.name], Followed(mechanism))
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = parts(setup.mechanism)[place.name]
-        yield MovedJoint(joint.name, (*(values[axis] for axis in _AXES), 0.0, 0.0, 0.0))
+        yield MovedJoint(joint.name, (*shift_of(values).tolist(), 0.0, 0.0, 0.0))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        listed = ", ".join(f"{axis} {1e3 * values[axis]:+.3g} mm" for axis in _AXES)
-        return f"the joint at {place.name} is not where the drawing has it: {listed}"
+        return f"the joint at {place.name} is not where the drawing has it: {listed(values)}"
 
 
 class JointDirection(Law):
@@ -69,11 +90,11 @@ class JointDirection(Law):
     neutral: ClassVar = {}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        able = _taken_up(mechanism)
+        followed = Followed(mechanism)
         return [
             Place(name, self.variant)
             for name, joint in parts(mechanism).items()
-            if joint.nv == 1 and _is_set_up(joint, mechanism) and able(joint, _turns(joint))
+            if joint.nv == 1 and _is_set_up(joint, mechanism) and followed.joint(joint, _turns(joint))
         ]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
@@ -91,8 +112,8 @@ class JointDirection(Law):
         yield MovedJoint(joint.name, (0.0, 0.0, 0.0, *turn.tolist()))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        listed = ", ".join(f"{1e3 * value:+.3g} mrad {_about(name)}" for name, value in values.items())
-        return f"the axis at {place.name} does not point where the drawing has it: turned by {listed}"
+        turns = ", ".join(f"{1e3 * value:+.3g} mrad {_about(name)}" for name, value in values.items())
+        return f"the axis at {place.name} does not point where the drawing has it: turned by {turns}"
 
 
 def across(axis: Array) -> dict[str, Array]:
@@ -115,28 +136,24 @@ def _is_set_up(joint: Joint, mechanism: Mechanism) -> bool:
     return on_base or joint.slides or joint.name in mechanism.actuated or not mechanism.loops
 
 
-def _taken_up(mechanism: Mechanism) -> Callable[[Joint, Array], bool]:
-    """Return whether the robot at home can take up displacements (k, 6) of a joint's place, as in `MovedJoint`.
+def _ends_link(joint: Joint, mechanism: Mechanism) -> bool:
+    """Return True for joints at some distance from the one before them."""
+    return float(np.linalg.norm(mechanism.model.jointPlacements[joint.id].translation)) > _HERE
 
-    A planar loop does not close askew, unless its modules yield.
-    """
-    if not mechanism.loops:
-        return lambda joint, displacements: True
-    kinematics = LoopKinematics(mechanism)
-    at = kinematics.evaluate(kinematics.home)
-    incidence = kinematics.closure.incidence
-    soft = [module.joint for module in mechanism.modules if isinstance(module.kind, WrenchModule)]
-    columns = [at.closure, *(incidence[joint][:, None] * at.wrenches for joint in dict.fromkeys(soft))]
-    basis = rank_of(np.concatenate(columns, axis=1)).left
 
-    def able(joint: Joint, displacements: Array) -> bool:
-        parent, own = at.placements[int(mechanism.model.parents[joint.id])], at.placements[joint.id]
-        moved, turned = displacements[:, :3] @ parent[:3, :3].T, displacements[:, 3:] @ own[:3, :3].T
-        twists = np.concatenate((moved - np.cross(turned, own[:3, 3]), turned), axis=1)
-        gaps = (incidence[joint.id][:, None] * at.wrenches) @ twists.T
-        return bool(np.abs(basis.T @ gaps).max(initial=0.0) < _ASKEW * max(np.abs(gaps).max(initial=0.0), 1e-300))
+def _ways(joint: Joint, followed: Followed) -> list[bool]:
+    """Return along which axes of its parent a joint can be displaced."""
+    return [followed.joint(joint, np.eye(6)[axis : axis + 1]) for axis in range(3)]
 
-    return able
+
+def shift_of(values: Mapping[str, float]) -> Array:
+    """Return a displacement (3,) [m], zero along axes that have no value."""
+    return np.array([values.get(axis, 0.0) for axis in _AXES])
+
+
+def listed(values: Mapping[str, float]) -> str:
+    """Return displacements along axes in words."""
+    return ", ".join(f"{axis} {1e3 * value:+.3g} mm" for axis, value in values.items())
 
 
 def _about(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -39,6 +39,11 @@ class TargetMisalignment(Law):
         shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
         turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
         return f"the measured target sits {shift:.3g} mm beside the tool frame and is turned by {turn:.3g} mrad"
+
+
+def beside(shift: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """Return the report of a target that sits beside its frame by a shift (3,) in the frame's axes."""
+    return partial(on_body, shift=shift, turn=np.eye(3))
 
 
 def on_body(position: Array, rotation: Array, shift: Array, turn: Array) -> tuple[Array, Array]:

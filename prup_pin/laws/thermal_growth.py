@@ -14,14 +14,16 @@ from .deeds import Deed, ExtraStrain, Solved, Strain, Travel
 from .drawn import Drawn
 from .inputs import REFERENCE_TEMPERATURE
 from .law import Law, Place
-from .modules_at import beams, lengths_of, screws
+from .modules_at import beams, lengths_of, travels
 from .setup import Setup
 
 
 class ThermalGrowth(Law):
-    """A screw grows between its fixed support and the nut, by alpha q (T - 20 deg C); a beam along its length.
+    """What a slide's actuator holds grows between its fixed support and the nut, by alpha l (T - 20 deg C).
 
-    The actuator's encoder turns with the motor, so it does not see a screw grow.
+    l is the slide's position q, and the way along its axis from the joint before it where there is one: of a screw on
+    the base l = q, of a platform's leg the whole leg. A beam grows along its length. The actuator's encoder turns with
+    the motor, so it does not see a screw grow.
     """
 
     physics = "thermal_growth"
@@ -32,23 +34,23 @@ class ThermalGrowth(Law):
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         rods = [Place(module.name) for module in beams(mechanism) if module.inboard_is_root]
-        return [*(Place(name) for name in screws(mechanism)), *rods]
+        return [*(Place(name) for name in _held(mechanism)), *rods]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         growth = values["expansion"] * setup.inputs.warming
-        found = screws(setup.mechanism)
+        found = _held(setup.mechanism)
         if place.name in found:
-            column, _ = found[place.name]
-            yield Travel(column, growth * setup.inputs.actuators[:, column])
+            column, before = found[place.name]
+            yield Travel(column, growth * (before + setup.inputs.actuators[:, column]))
             return
         lengths = lengths_of(setup, setup.mechanism.module(place.name))
         yield ExtraStrain(place.name, Strain(_grow, (growth * lengths,)))
 
     def drawn(self, place: Place, at: Solved) -> Drawn:
-        found = screws(at.setup.mechanism)
+        found = _held(at.setup.mechanism)
         if place.name in found:
-            column, _ = found[place.name]
-            length, direction = at.setup.inputs.actuators[:, column], at.first.by_travel(column)
+            column, before = found[place.name]
+            length, direction = before + at.setup.inputs.actuators[:, column], at.first.by_travel(column)
         else:
             direction = at.first.by_strain(place.name)[:, :, 2]
             length = lengths_of(at.setup, at.setup.mechanism.module(place.name))
@@ -58,6 +60,18 @@ class ThermalGrowth(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place} grows as it warms up, by {1e6 * values['expansion']:.3g} µm per metre and kelvin"
+
+
+def _held(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
+    """Return what actuated slides hold, by what makes their travel: their column, and the length beyond q [m]."""
+    found: dict[str, tuple[int, float]] = {}
+    for name, column in travels(mechanism).items():
+        joint = mechanism.joint(mechanism.actuated[column])
+        if joint.slides:
+            placed = mechanism.model.jointPlacements[joint.id]
+            carried = int(mechanism.model.parents[joint.id]) > 0
+            found[name] = column, float(placed.translation @ placed.rotation @ joint.axis) if carried else 0.0
+    return found
 
 
 def _grow(load: Array, extent: Array) -> tuple[Array, Array]:

@@ -1,4 +1,6 @@
-"""First-order changes of the pose against the simulation itself, for every law on two robots."""
+"""First-order changes of the pose against the simulation itself, for every law on three robots."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,7 +33,15 @@ def arm():
     return robot, np.repeat([bent, bent + 0.2], 5, axis=0), np.vstack((wrench, wrench))
 
 
-@pytest.fixture(scope="module", params=[three_prup, arm], ids=["3prup", "ur5"])
+def platform():
+    robot = prup_pin.load(Path(__file__).parents[1] / "robots/six_ups/six_ups.urdf")
+    home = np.array(list(robot.home.actuators.values()))
+    poses = [home, home + 0.02 * np.array([1.0, -1.0, 1.0, -1.0, 0.5, 0.2])]
+    wrench = np.array([0.0, 0.3, 0.6, 0.2, -0.4])[:, None] * np.array([6e3, -4e3, 1e4, 600.0, 400.0, -800.0])
+    return robot, np.repeat(poses, 5, axis=0), np.vstack((wrench, wrench))
+
+
+@pytest.fixture(scope="module", params=[three_prup, arm, platform], ids=["3prup", "ur5", "six_ups"])
 def solved(request):
     robot, actuators, wrench = request.param()
     n = len(wrench)

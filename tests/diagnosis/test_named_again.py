@@ -1,0 +1,82 @@
+"""What is left out of a small bench test is named again, at its place: laws that any robot has a place for."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.errors import UnknownNameError
+from prup_pin.recordings import LoadProgramme, Noise, RandomPoses, TestPlan, add_noise
+from prup_pin.simulation import effect_named, simulate
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+BOXES = {
+    "six_ups": {
+        **dict.fromkeys("xy", (-0.07, 0.07)),
+        "z": (0.56, 0.68),
+        **dict.fromkeys(("rx", "ry", "rz"), (-0.2, 0.2)),
+    },
+    "five_bar": {"x": (-0.05, 0.05), "y": (0.28, 0.36)},
+}
+#: Full force [N] and moment [N m] of each robot's loads.
+LOADS = {"six_ups": (900.0, 120.0), "five_bar": (60.0, 0.0)}
+NOISE = Noise(position=2e-6, rotation=6e-6)
+
+
+@cache
+def robot(name):
+    if name == "five_bar":
+        return prup_pin.load(ROBOTS / "five_bar/five_bar.urdf", tool="left_point", joint_stiffness=1e4)
+    return prup_pin.load(ROBOTS / "six_ups/six_ups.urdf")
+
+
+def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
+    """A bench test of a robot that has some faults: physics, place, aspect, values."""
+    force, moment = LOADS[name]
+    plan = TestPlan(
+        poses=(RandomPoses(poses, BOXES[name]),),
+        loads=(LoadProgramme(cycle, random_directions=1, force=force, moment=moment),),
+        noise=NOISE,
+        robot=name,
+        temperature=(18.0, 30.0),
+        seed=seed,
+    )
+    inputs = plan.inputs(lambda at: robot(name).pose(**at).actuators)
+    effects = [effect_named(*fault, robot(name).mechanism) for fault in faults]
+    seen = simulate(robot(name), inputs, effects)
+    return add_noise(inputs.with_measurements(position=seen.position, rotation=seen.rotation), plan.noise, seed)
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("six_ups", ("thermal_growth", "leg3/drive", "", {"expansion": 1.2e-5})),
+        ("six_ups", ("geometric_offset", "leg4_seat", "loop end", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+        ("six_ups", ("geometric_offset", "leg1_s3", "seat", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+        ("five_bar", ("geometric_offset", "right_elbow", "position", {"x": 1e-4, "y": 0.0})),
+    ],
+    ids=lambda value: value if isinstance(value, str) else f"{value[0]} {value[1]}",
+)
+def test_a_fault_is_named_at_its_place(name, fault):
+    physics, place, aspect, values = fault
+    found = diagnose(robot(name), recorded(name, fault, poses=12 if name == "five_bar" else 8))
+    assert found.verdict == "explained"
+    (law,) = found.findings
+    assert law.physics == physics
+    assert (law.location, law.effect.place.aspect) == (place, aspect)
+    for parameter, value in values.items():
+        low, high = law.parameters[parameter].interval
+        assert low - (high - low) < value < high + (high - low)
+        assert high - low < 5e-5 if value == 0 else high - low < 0.5 * abs(value)
+
+
+def test_a_faultless_platform_misses_nothing():
+    assert diagnose(robot("six_ups"), recorded("six_ups")).verdict == "nothing_missing"
+
+
+def test_a_planar_robot_is_displaced_in_its_plane_only():
+    values = {"x": 1e-4, "y": 0.0, "z": 1e-4}
+    with pytest.raises(UnknownNameError, match="no parameter of geometric_offset named 'z'"):
+        effect_named("geometric_offset", "right_elbow", "position", values, robot("five_bar").mechanism)
