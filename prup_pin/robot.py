@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from .errors import InputError, PrupPinError, UnreachablePoseError
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
@@ -144,16 +145,19 @@ class Robot:
         wrench = None if load is None else as_wrench(load, "load")
         return Compliance(solve_statics(self._statics, pose, wrench), self._scaling, wrench)
 
-    def equilibrium(self, pose: ClosedPose, wrench, gravity: bool = False, spread_weight: bool = False) -> LoadedPose:
+    def equilibrium(
+        self, pose: ClosedPose, wrench, gravity: ArrayLike = False, spread_weight: bool = False
+    ) -> LoadedPose:
         """Return the equilibrium in the deformed position under a dead `wrench` (6,) on the tool, base axes [N, N m].
 
         Actuators hold the positions of `pose`. `gravity`: the robot's weight acts as well, that of each link at its
-        centre; `spread_weight`: that of beams along their length. Raises InputError where the pose belongs to another
+        centre, under the robot file's gravity (True) or under that given, (3,) [m/s^2], base axes; `spread_weight`:
+        that of beams along their length. Raises InputError where the pose belongs to another
         robot, NotConvergedError where no equilibrium is found.
         """
         return find_loaded_pose(self._chain, pose, wrench, self._scaling, gravity, spread_weight)
 
-    def sensitivity(self, pose: ClosedPose, wrench, gravity: bool = False) -> Sensitivity:
+    def sensitivity(self, pose: ClosedPose, wrench, gravity: ArrayLike = False) -> Sensitivity:
         """Return what each parameter does to the loaded tool and to the compliance, by name, at `equilibrium`.
 
         Values of modules and what follows from them, lengths, places and directions of joints, and masses where

@@ -155,7 +155,8 @@ def candidates(mechanism: Mechanism, inputs: Inputs) -> list[Candidate]:
     warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > LEAST_WARMING
     fast = inputs.speeds is not None and np.nanmax(np.abs(inputs.speeds), initial=0.0) > 0
     step = float(np.median(np.diff(inputs.time))) if len(inputs) > 1 else 0.0
-    has = {"temperature": warm, "speed": fast}
+    pulled = np.any(mechanism.gravity if inputs.gravity is None else np.nan_to_num(inputs.gravity))
+    has = {"temperature": warm, "speed": fast, "gravity": pulled}
     return [
         Candidate(law, place, mechanism, step)
         for law in LAWS

@@ -250,6 +250,8 @@ COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
 LOADS_SHOW: Final = 10.0
 LOADS_EXPLAIN: Final = 0.7
 LOADS_MATTER: Final = 0.05
+#: Cosine below which measured gravity is the opposite of the robot file's.
+UPSIDE_DOWN: Final = -0.9
 #: A load below this is none [N].
 NO_FORCE: Final = 1e-6
 

@@ -120,7 +120,7 @@ def asked(robot: Robot, recording: Recording, tell: Tell) -> Asked:
     recording = _thinned(recording, remarks)
     inputs = _inputs(robot, recording)
     stack = Stack(channels_of(recording, robot.mechanism))
-    remarks += what_is_missing(inputs, stack)
+    remarks += what_is_missing(inputs, stack, robot.mechanism)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
     check_belongs(stack, linear, inputs)

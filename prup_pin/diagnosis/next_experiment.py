@@ -49,14 +49,17 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     if not positions:
         return {"why": "no pose near the recorded ones is reachable", "plan": {}}
     count = len(positions) * len(loads)
+    # the base stays as it stood last
+    gravity = None if inputs.gravity is None else inputs.gravity[np.isfinite(inputs.gravity).all(axis=1)][-1]
     trial = Inputs(
         time=np.arange(count, dtype=float),
         actuators=np.repeat(np.array(positions), len(loads), axis=0),
         wrench=np.tile(loads, (len(positions), 1)),
         blocks=np.repeat(np.arange(len(positions)), len(loads)),
+        gravity=None if gravity is None else np.tile(gravity, (count, 1)),
     )
     simulator = Simulator(robot, trial)
-    usable = [term for pair in pairs for term in pair if not term.candidate.law.needs]
+    usable = [term for pair in pairs for term in pair if set(term.candidate.law.needs) <= {"gravity"}]
     value = np.zeros(count)
     why = "the largest deflections, where anything left out shows most"
     run = simulator.run()
@@ -99,6 +102,8 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     ]
     if markers := [channel.frame.name for channel in seen if channel is not problem.stack.poses[0]]:
         plan["markers"] = markers
+    if gravity is not None:
+        plan["gravity"] = gravity.tolist()
     return {"why": why, "plan": plan}
 
 

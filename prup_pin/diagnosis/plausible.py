@@ -22,12 +22,13 @@ from .criteria import (
     NEAR_POSITION,
     NO_FORCE,
     TURNED,
+    UPSIDE_DOWN,
 )
 
 __all__ = ["check_belongs", "unused_columns", "what_is_missing"]
 
 
-def what_is_missing(inputs: Inputs, stack: Stack) -> list[str]:
+def what_is_missing(inputs: Inputs, stack: Stack, mechanism: Mechanism) -> list[str]:
     """Return sentences on what a recording lacks."""
     remarks = []
     measured = {unit for _, unit, where in stack.groups() if stack.exists[:, where].any()}
@@ -38,11 +39,27 @@ def what_is_missing(inputs: Inputs, stack: Stack) -> list[str]:
     elif "m" not in measured:
         remarks.append("no position was measured: forces are judged by the rotation alone")
     force = np.nan_to_num(np.abs(inputs.wrench)).max(initial=0.0)
-    if force < NO_FORCE:
+    heavy = mechanism.model.njoints > 1 and sum(float(body.mass) for body in mechanism.model.inertias) > 0
+    gravity = mechanism.gravity if inputs.gravity is None else np.nan_to_num(inputs.gravity)
+    if force < NO_FORCE and not (heavy and np.abs(gravity).max(initial=0.0) > NO_FORCE):
         remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
+    elif force < NO_FORCE:
+        remarks.append("no load was applied but the robot's own weight: what it does not load does not show")
+    if inputs.gravity is not None and _points_up(inputs.gravity, mechanism.gravity):
+        remarks.append(
+            "g.x g.y g.z point against the robot file's gravity: an accelerometer at rest reports the opposite of free "
+            "fall, which is what is expected"
+        )
     if len(np.unique(inputs.blocks)) < 2:
         remarks.append("one pose only: effects of geometry and stiffness look alike")
     return remarks
+
+
+def _points_up(measured: Array, drawn: Array) -> bool:
+    """Return True where gravity is, in the median, the opposite of the robot file's."""
+    sizes = np.linalg.norm(measured, axis=1) * np.linalg.norm(drawn)
+    known = sizes > 0
+    return bool(known.any() and np.median((measured @ drawn)[known] / sizes[known]) < UPSIDE_DOWN)
 
 
 #: Kinds of columns that are not compared, and what they are.

@@ -20,7 +20,8 @@ class Inputs:
 
     time (N,) [s]; actuators (N, a) and their speeds (N, a) or None; wrench (N, 6); temperature (N,) [deg C] or None;
     blocks (N,) labels of samples between two moves of the actuators; runs (N,) labels of samples recorded one after
-    another, one run where they are None.
+    another, one run where they are None; gravity (N, 3), acceleration of free fall in the base frame [m/s^2], or None
+    where it is the robot file's.
     """
 
     time: Array
@@ -30,6 +31,7 @@ class Inputs:
     temperature: Array | None = None
     speeds: Array | None = None
     runs: np.ndarray | None = None
+    gravity: Array | None = None
 
     @classmethod
     def empty(cls, actuators: int) -> Inputs:

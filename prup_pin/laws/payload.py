@@ -19,16 +19,17 @@ class Payload(Law):
 
     physics = "payload"
     summary = "a mass on the tool"
+    needs = ("gravity",)
     cost = 6.0
     quantities: ClassVar[tuple[Quantity, ...]] = (Quantity("mass", "kg", "mass at the tool point", 1.0, upper=1e3),)
     neutral: ClassVar = {"mass": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        carried = mechanism.tool_part if np.any(mechanism.gravity) else None
+        carried = mechanism.tool_part
         return [] if carried is None else [Place(carried, self.variant)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        weight = values["mass"] * setup.mechanism.gravity
+        weight = values["mass"] * setup.gravity()
         arm = setup.turns @ self._centre(values)
         force = np.broadcast_to(weight, arm.shape)
         yield ToolLoad(np.concatenate((force, np.cross(arm, weight)), axis=1))

@@ -17,6 +17,7 @@ class SelfWeight(Law):
 
     physics = "self_weight"
     summary = "the robot's own weight"
+    needs = ("gravity",)
     spread = 0.15  # the masses of a robot file are known better than most things
     quantities = (Quantity("scale", "1", "true masses over the robot file's", 1.0, lower=0.0, upper=5.0),)
     neutral: ClassVar = {"scale": 0.0}
@@ -25,7 +26,7 @@ class SelfWeight(Law):
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         masses = [mechanism.model.inertias[index].mass for index in range(1, mechanism.model.njoints)]
-        return [Place("robot")] if any(mass > 1e-6 for mass in masses) and any(mechanism.gravity) else []
+        return [Place("robot")] if any(mass > 1e-6 for mass in masses) else []
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         yield Weight(values["scale"], self._spread)

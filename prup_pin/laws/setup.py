@@ -69,6 +69,13 @@ class Setup:
         name = f"{module}.{quantity}"
         return self.values[name] if name in self.values else self.mechanism.module(module).values[quantity]
 
+    def gravity(self, samples: np.ndarray | None = None) -> Array:
+        """Return the acceleration of free fall, (3,) of all samples or (n, 3) of some or of all of them."""
+        given = self.inputs.gravity
+        if given is None:
+            return self.mechanism.gravity
+        return given if samples is None else given[samples]
+
     # -- what the simulation is run with -------------------------------------------------------------------------------
 
     @property
@@ -97,7 +104,7 @@ class Setup:
         travel = self.travel[samples]
         return Conditions(
             wrench=self.wrench[samples],
-            gravity=self.mechanism.gravity * self.weight if self.weight else None,
+            gravity=self.gravity(samples) * self.weight if self.weight else None,
             spread_weight=self.spread_weight,
             strains={name: Strains(item.take(samples) for item in items) for name, items in self.strains.items()},
             actuators=travel if np.any(travel) else None,

@@ -280,7 +280,7 @@ def _weight_seen(
     first = structure.support @ (masses[:, None] * centres)
     form = np.zeros((len(screws), structure.count, 6, 6))
     assert conditions.gravity is not None
-    g = skew(conditions.gravity)
+    g = skew(conditions.gravity)[..., None, :, :]
     form[..., 3:, :3] = -mass[:, None, None] * g
     form[..., 3:, 3:] = g @ skew(first)
     row = form[:, structure.column_joint]

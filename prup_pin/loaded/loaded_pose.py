@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoStiffnessError, NotConvergedError
 from ..kernel import NEGLIGIBLE, NEGLIGIBLE_ENERGY
 from ..kinematics import ClosedPose
+from ..mechanism import Mechanism
 from ..modules import CompliantModule, DriveModule
 from ..spatial import Array, as_wrench, motion_between
 from ..statics.compliance import _direction, _Named
@@ -229,18 +231,18 @@ class LoadedPose:
 
 
 def find_loaded_pose(
-    chain: Chain, pose: ClosedPose, wrench, scaling: Array, gravity: bool = False, spread_weight: bool = False
+    chain: Chain, pose: ClosedPose, wrench, scaling: Array, gravity: ArrayLike = False, spread_weight: bool = False
 ) -> LoadedPose:
     """Return the equilibrium of `pose` under a dead wrench (6,) on the tool, base axes [N, N m].
 
-    `gravity`: the robot's weight acts as well, that of a link at its centre; `spread_weight`: that of beams along their
+    `gravity`: the robot's weight acts as well, that of a link at its centre, under the robot file's gravity or that
+    given, (3,) [m/s^2]; `spread_weight`: that of beams along their
     length. `scaling` (6, 6) makes C dimensionless. Raises NotConvergedError where no equilibrium is found, and where
     the robot gives way under a smaller load: what lies beyond is not where a robot stands.
     """
     chain.check([pose])
     w = _frozen(as_wrench(wrench))
-    weight = chain.mechanism.gravity if gravity else None
-    conditions = Conditions(w[None], gravity=weight, spread_weight=spread_weight)
+    conditions = Conditions(w[None], gravity=_gravity(gravity, chain.mechanism), spread_weight=spread_weight)
     found = find_equilibria(chain, [pose], np.zeros(1, int), conditions, by_steps=False)
     path = _LoadPath(chain, pose, conditions)
     if not (found.converged[0] and path.is_plain(found)):
@@ -249,6 +251,19 @@ def find_loaded_pose(
             raise path.lost(margin)
         found = end.equilibria
     return LoadedPose(pose, w, found, scaling)
+
+
+def _gravity(given: ArrayLike, mechanism: Mechanism) -> Array | None:
+    """Return the acceleration of free fall (3,), or None where no weight acts."""
+    if np.ndim(given) == 0:
+        return mechanism.gravity if given else None
+    try:
+        vector = _frozen(np.asarray(given, float))
+    except (TypeError, ValueError):
+        vector = np.zeros(0)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"gravity = {given!r}: expected True, False or three numbers [m/s^2], base axes")
+    return vector
 
 
 def _displacement(pose: ClosedPose, equilibria: Equilibria) -> Array:

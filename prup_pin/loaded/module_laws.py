@@ -218,7 +218,7 @@ def bent_group(
     gravity = None
     if conditions.gravity is not None and conditions.spread_weight:
         frames = np.where(inner[:, None, None], tips[True][:, group.slots], tips[False][:, group.slots])
-        gravity = (frames[..., :3, :3].mT @ conditions.gravity[:, None])[..., 0]
+        gravity = (frames[..., :3, :3].mT @ conditions.gravity[..., None, :, None])[..., 0]
         tip = tip - _own_weight(structure, group, at, gravity, inner)
     rod = _rods(group, at, tip, gravity, with_tangent=False)
     back = rod.rotation.mT

@@ -200,7 +200,7 @@ def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopFo
         bodies[:, loop.second.joint] += loops.wrench[:, index]
         bodies[:, loop.first.joint] -= loops.wrench[:, index]
     if conditions.gravity is not None:
-        weight = masses_of(structure, conditions)[:, None] * conditions.gravity
+        weight = masses_of(structure, conditions)[:, None] * conditions.gravity[..., None, :]
         centres = (placements[:, :, :3, :3] @ structure.levers[:, :, None])[..., 0] + placements[:, :, :3, 3]
         bodies[..., :3] += weight
         bodies[..., 3:] += np.cross(centres, weight)

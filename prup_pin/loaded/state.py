@@ -17,14 +17,14 @@ __all__ = ["Conditions", "State", "rigid_state", "stepped", "with_actuators"]
 class Conditions:
     """What acts on the mechanism, sample by sample.
 
-    wrench (N, 6) on the tool, base axes, dead; `gravity` (3,) or None; `spread_weight`: beams carry their own weight
-    along their length (else links are weighed as rigid bodies); `torques` (N, free joints), resisting force or torque
-    along each free joint (friction); `strains` gives a module's deformation beyond its own law: by its name a function
-    of its load (N, k) that returns the deformation (N, k) and its derivative (N, k, k); `actuators` (N, actuated
-    joints) is added to the positions of the pose; `offsets` moves the drawn place of joints, by joint id: (6,), a
-    translation in the axes of the parent's frame and a rotation vector in the joint's own; `loop_offsets` likewise that
-    of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second end; `mass_factors` (joints,)
-    multiplies the masses of the joints' bodies.
+    wrench (N, 6) on the tool, base axes, dead; `gravity` (3,), or (N, 3) where it differs, or None; `spread_weight`:
+    beams carry their own weight along their length (else links are weighed as rigid bodies); `torques` (N, free
+    joints), resisting force or torque along each free joint (friction); `strains` gives a module's deformation beyond
+    its own law: by its name a function of its load (N, k) that returns the deformation (N, k) and its derivative
+    (N, k, k); `actuators` (N, actuated joints) is added to the positions of the pose; `offsets` moves the place of
+    joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;
+    `loop_offsets` likewise that of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second
+    end; `mass_factors` (joints,) multiplies the masses of the joints' bodies.
     """
 
     wrench: Array
@@ -42,6 +42,7 @@ class Conditions:
         return replace(
             self,
             wrench=self.wrench[rows],
+            gravity=self.gravity if self.gravity is None or self.gravity.ndim < 2 else self.gravity[rows],
             torques=None if self.torques is None else self.torques[rows],
             actuators=None if self.actuators is None else self.actuators[rows],
             strains={name: _taken(strain, rows) for name, strain in self.strains.items()},

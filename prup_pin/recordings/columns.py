@@ -18,9 +18,12 @@ UNITS = {
     **{f"w.{name}": "N" if name.startswith("f") else "N m" for name in WRENCH_NAMES},
     **{f"p.{axis}": "m" for axis in AXES},
     **{f"r.{axis}": "rad" for axis in AXES},
+    **{f"g.{axis}": "m/s^2" for axis in AXES},
     "temperature": "degrees Celsius",
     "run": "",
 }
+#: Nothing on a bench falls faster [m/s^2].
+LARGEST_GRAVITY = 100.0
 #: Keys of the JSON beside a recording -> the field of Noise.
 NOISE_KEYS = {f"{name}_noise": name for name in ("position", "rotation", "force", "moment", "effort")}
 NOISE_UNITS = {"position": "m", "rotation": "rad", "force": "N", "moment": "N m", "effort": "N or N m"}

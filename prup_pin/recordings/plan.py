@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError, UnreachablePoseError, nearest_names
 from ..spatial import WRENCH_NAMES, Array, as_wrench
-from .columns import NOISE_KEYS
+from .columns import LARGEST_GRAVITY, NOISE_KEYS
 from .problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
 from .reader import noise_value, tolerances_value
 from .recording import Noise, Recording
@@ -107,7 +107,8 @@ class TestPlan:
 
     sample_interval [s]; temperature [degrees Celsius] is None, a number, or (from, to) reached linearly over the test;
     encoder_resolution [m or rad] rounds the actuators' positions, 0 leaves them. `tolerances` go into the recording.
-    markers: frames whose position and orientation are to be measured beside the tool's pose.
+    markers: frames whose position and orientation are to be measured beside the tool's pose. gravity: acceleration of
+    free fall in the base frame [m/s^2], where it is not the robot file's.
     """
 
     __test__ = False  # pytest takes classes named Test… for tests
@@ -123,6 +124,7 @@ class TestPlan:
     notes: str = ""
     tolerances: Tolerances = field(default_factory=Tolerances)
     markers: tuple[str, ...] = ()
+    gravity: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         if not self.poses or not self.loads:
@@ -181,6 +183,7 @@ class TestPlan:
             time=np.arange(n, dtype=float) * float(self.sample_interval),
             positions={name: table[:, k] for k, name in enumerate(names)},
             wrench=wrench,
+            gravity=None if self.gravity is None else np.tile(self.gravity, (n, 1)),
             temperature=temperature,
             noise=self.noise,
             tolerances=self.tolerances,
@@ -306,6 +309,8 @@ def write_plan(plan: TestPlan, path: str | Path) -> None:
         value["tolerances"] = dict(plan.tolerances.declared)
     if plan.markers:
         value["markers"] = list(plan.markers)
+    if plan.gravity is not None:
+        value["gravity"] = list(plan.gravity)
     value |= {"encoder_resolution": plan.encoder_resolution, "seed": plan.seed}
     write_whole({Path(path): json_lines(value)})
 
@@ -340,6 +345,7 @@ class _PlanReader:
         "noise",
         "tolerances",
         "markers",
+        "gravity",
         "encoder_resolution",
         "seed",
         "robot",
@@ -442,7 +448,7 @@ class _PlanReader:
             and (deviation := noise_value(key, value, self.problems, self.path.name, "noise.")) is not None
         }
         tolerances = tolerances_value(values.get("tolerances"), self.problems, self.path.name, "tolerances.")
-        markers = self.markers(values.get("markers"))
+        markers, gravity = self.markers(values.get("markers")), self.gravity(values.get("gravity"))
         seed = self.whole(values.get("seed", 0), "seed", 0)
         robot, notes = self.text(values.get("robot"), "robot"), self.text(values.get("notes"), "notes")
         if self.problems:
@@ -459,7 +465,19 @@ class _PlanReader:
             notes=notes or "",
             tolerances=tolerances,
             markers=markers,
+            gravity=gravity,
         )
+
+    def gravity(self, value: object) -> tuple[float, float, float] | None:
+        if value is None:
+            return None
+        if not isinstance(value, list) or len(value) != 3:
+            self.wrong("gravity", f"is {json_kind(value)}; expected a list of three numbers [m/s^2], base axes")
+            return None
+        x, y, z = (self.number(item, f"gravity[{k}]", "m/s^2") for k, item in enumerate(value))
+        if np.linalg.norm([x, y, z]) > LARGEST_GRAVITY:
+            self.wrong("gravity", f"is larger than {LARGEST_GRAVITY:g} m/s^2: is it in mm/s^2? Expected m/s^2")
+        return x, y, z
 
     def markers(self, value: object) -> tuple[str, ...]:
         names = [] if value is None else self.items(value, "markers", "frames by name")

@@ -18,6 +18,7 @@ from ..spatial import WRENCH_NAMES, Array
 from .columns import (
     AXES,
     JOINT_GROUPS,
+    LARGEST_GRAVITY,
     MARKER_GROUPS,
     NOISE_KEYS,
     NOISE_UNITS,
@@ -79,6 +80,7 @@ def read_recording(path: str | Path) -> Recording:
     header = _header(content, problems)
     table = _fast(content, header) or _careful(content, header, problems)
     _check(table, header, problems)
+    _check_gravity(table, problems)
     beside = _beside(path, problems)
     problems.raise_all()
     return _recording(path, header, table, beside)
@@ -404,6 +406,27 @@ def _check(table: _Table, header: Sequence[str], problems: Problems) -> None:
     problems.cells("time", "not increasing", sorted(places))
 
 
+def _check_gravity(table: _Table, problems: Problems) -> None:
+    """Add what is wrong with the columns of gravity: one that is missing, a size that nothing on a bench falls with."""
+    names = [f"g.{axis}" for axis in AXES]
+    there = [name for name in names if name in table.numbers]
+    if not there:
+        return
+    for name in names:
+        if name not in there:
+            message = (
+                f"is missing beside {', '.join(there)}: gravity has three components; write 0 for one that is zero"
+            )
+            problems.add(TableProblem(message, 1, column=name))
+    sizes = np.sqrt(sum(np.nan_to_num(table.numbers[name]) ** 2 for name in there))
+    lines = table.lines[sizes > LARGEST_GRAVITY].tolist()
+    places = [
+        (line, f"gravity of {size:.4g} m/s^2: is it in mm/s^2? Expected at most {LARGEST_GRAVITY:g} m/s^2")
+        for line, size in zip(lines, sizes[sizes > LARGEST_GRAVITY], strict=True)
+    ]
+    problems.cells(there[0], "absurd gravity", places)
+
+
 def _beside(path: Path, problems: Problems) -> _Beside:
     """Return what the JSON file beside the table says, with remarks."""
     beside = path.with_suffix(".json")
@@ -518,6 +541,7 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
         wrench_columns=wrench_columns,
         position=triple("p"),
         rotation=triple("r"),
+        gravity=triple("g"),
         temperature=numbers.get("temperature"),
         run=np.zeros(n, np.int64) if table.run is None else table.run,
         run_names=table.run_names,
@@ -545,7 +569,9 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
         remarks.append(f"{len(blank)} blank lines within the table are skipped, the first is line {blank[0]}.")
     loads = [f"w.{name}" for name in WRENCH_NAMES if f"w.{name}" not in numbers]
     if len(loads) == 6:
-        remarks.append("There is no column w.fx … w.mz: the external wrench is taken as zero.")
+        remarks.append(
+            "There is no column w.fx … w.mz: the external wrench is taken as zero, so that nothing but weight acts."
+        )
     elif loads:
         remarks.append(f"There is no column {', '.join(loads)}: these components of the wrench are taken as zero.")
     triples = {"p": "position", "r": "orientation"}
@@ -558,6 +584,10 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
             remarks.append(f"There is no column {', '.join(missing)}: the {what} was not measured.")
         elif missing:
             remarks.append(f"There is no column {', '.join(missing)}: this part of the {what} was not measured.")
+    if "g.x" in numbers:
+        lost = int(np.isnan(np.column_stack([numbers[f"g.{axis}"] for axis in AXES])).any(axis=1).sum())
+        if lost:
+            remarks.append(f"g.x g.y g.z are empty in {lost} rows: nothing is known of weight there.")
     positions = [name[2:] for name in numbers if name.startswith("q.")]
     efforts = [name[4:] for name in numbers if name.startswith("tau.")]
     lacking = [f"tau.{joint}" for joint in positions if joint not in efforts]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UnknownNameError
 from ..spatial import WRENCH_NAMES, Array
-from .columns import MARKER_GROUPS
+from .columns import LARGEST_GRAVITY, MARKER_GROUPS
 from .tolerances import Tolerances
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
@@ -48,6 +48,7 @@ class Recording:
     rotation: (N, 3) rotation vector of the platform in the base frame [rad], or None.
     markers: frame name -> (N, 3) position in the base frame [m]; marker_rotations: frame name -> (N, 3) rotation vector
     of the frame [rad]. A marker may have one without the other.
+    gravity: (N, 3) acceleration of free fall in the base frame [m/s^2], or None where it is the robot file's.
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
     noise, tolerances, robot, notes: what the JSON file beside the table says.
@@ -66,6 +67,7 @@ class Recording:
     rotation: Array | None = None
     markers: Mapping[str, Array] = field(default_factory=dict)
     marker_rotations: Mapping[str, Array] = field(default_factory=dict)
+    gravity: Array | None = None
     temperature: Array | None = None
     run: NDArray[np.int64] = None  # type: ignore[assignment]  # becomes zeros
     run_names: tuple[str, ...] = ("",)
@@ -100,9 +102,11 @@ class Recording:
             values = getattr(self, group)
             triples = {str(name): _column(f"{group}['{name}']", value, (n, 3)) for name, value in values.items()}
             store(group, MappingProxyType(triples))
-        for name, shape in (("position", (n, 3)), ("rotation", (n, 3)), ("temperature", (n,))):
+        for name, shape in (("position", (n, 3)), ("rotation", (n, 3)), ("gravity", (n, 3)), ("temperature", (n,))):
             if getattr(self, name) is not None:
                 store(name, _column(name, getattr(self, name), shape))
+        if self.gravity is not None and (self.gravity**2).sum(axis=1).max(initial=0.0) > LARGEST_GRAVITY**2:
+            raise InputError(f"gravity is larger than {LARGEST_GRAVITY:g} m/s^2: is it in mm/s^2? Expected m/s^2")
         run = np.asarray(np.zeros(n) if self.run is None else self.run).astype(np.int64)
         if run.shape != (n,) or (n and not (run.min() >= 0 and run.max() < len(self.run_names))):
             raise InputError(f"run must be {n} indices into run_names, which has {len(self.run_names)} entries")
@@ -123,6 +127,7 @@ class Recording:
                 ("position", self.position is not None),
                 ("rotation", self.rotation is not None),
                 ("efforts", bool(self.efforts)),
+                ("gravity", self.gravity is not None),
                 ("temperature", self.temperature is not None),
             )
             if there
@@ -165,7 +170,7 @@ class Recording:
                     raise InputError(f"rows must be a mask, indices or a slice; got {rows!r}")
                 index = index.astype(np.int64)
         changes: dict[str, Any] = {}
-        for name in ("time", "wrench", "position", "rotation", "temperature", "run"):
+        for name in ("time", "wrench", "position", "rotation", "gravity", "temperature", "run"):
             value = getattr(self, name)
             changes[name] = None if value is None else value[index]
         for name in ("positions", "velocities", "accelerations", "efforts", *MARKER_GROUPS.values()):

@@ -21,7 +21,13 @@ _FEWEST_REPEATS = 5
 
 def suspicions(recording: Recording) -> tuple[str, ...]:
     """Return sentences for a person on values that are hardly meant so. An empty tuple if nothing stands out."""
-    return (*_units(recording), *_channels(recording), *_duplicates(recording), *_noise(recording))
+    return (
+        *_units(recording),
+        *_gravity(recording),
+        *_channels(recording),
+        *_duplicates(recording),
+        *_noise(recording),
+    )
 
 
 def _columns(recording: Recording) -> Iterator[tuple[str, Array]]:
@@ -40,6 +46,14 @@ def _columns(recording: Recording) -> Iterator[tuple[str, Array]]:
                 yield f"{prefix}.{axis}", array[:, k]
     if recording.temperature is not None:
         yield "temperature", recording.temperature
+
+
+def _gravity(recording: Recording) -> Iterator[str]:
+    if recording.gravity is None or not np.isfinite(recording.gravity).any():
+        return
+    size = float(np.nanmedian(np.linalg.norm(recording.gravity, axis=1)))
+    if abs(size - 1) < 0.1:
+        yield f"g.x g.y g.z have the size {size:.4g}: are they multiples of g? Expected m/s^2."
 
 
 def _largest(values: Array | None) -> float:
@@ -94,6 +108,8 @@ def _channels(recording: Recording) -> Iterator[str]:
 
 def _duplicates(recording: Recording) -> Iterator[str]:
     columns = [values for _, values in _columns(recording)]
+    if recording.gravity is not None:
+        columns += list(recording.gravity.T)
     if len(recording) < 2 or (recording.position is None and recording.rotation is None and not recording.efforts):
         return
     # Equal rows have equal sums of their bits times odd random numbers; the converse fails once in 2^64.

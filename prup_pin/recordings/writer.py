@@ -46,6 +46,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     for prefix, group in MARKER_GROUPS.items():
         for name, values in getattr(recording, group).items():
             columns |= _triple(f"{prefix}.{name}", values)
+    columns |= _triple("g", recording.gravity, all_axes=True)
     if recording.temperature is not None:
         columns["temperature"] = recording.temperature
     if recording.run_names != ("",):

@@ -95,6 +95,7 @@ def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
         taken(inputs.temperature),
         taken(inputs.speeds),
         taken(inputs.runs),
+        taken(inputs.gravity),
     )
 
 
@@ -165,7 +166,9 @@ class _PartSolver:
         simulator, setup = self._prepared(places)
         places_of = places  # of the simulator's samples
         incomplete = ~simulator.complete
-        self.part.fail(places_of[incomplete], NO_INPUT, "a position of an actuator or a component of the load is empty")
+        self.part.fail(
+            places_of[incomplete], NO_INPUT, "a position of an actuator, a component of the load or of gravity is empty"
+        )
         if incomplete.all():
             return memory
         geometry = simulator.geometry(setup.parameters)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InputError, SimulationStoppedError, UnknownNameError
 from ..laws import Effect, Inputs, Setup
+from ..mechanism import Mechanism
 from ..recordings import Recording
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
@@ -17,6 +18,7 @@ from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, ta
 
 __all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
 
+_WEIGHT = "self_weight@robot scale=1"
 #: Called with the rows done and all rows.
 Progress = Callable[[int, int], None]
 
@@ -93,6 +95,7 @@ def inputs_of(recording: Recording, robot: Robot) -> Inputs:
         temperature=recording.temperature,
         speeds=speeds,
         runs=recording.run,
+        gravity=recording.gravity,
     )
 
 
@@ -126,7 +129,7 @@ def simulate(
     mechanism.need_tool()
     effects = tuple(effect.checked(mechanism) for effect in effects)
     inputs = inputs_of(recording, robot)
-    remarks = _missing_inputs(effects, inputs)
+    remarks = _missing_inputs(effects, inputs, mechanism)
     actuated, frames = mechanism.actuated, mechanism.frame_names
     joints = tuple(name for name in recording.efforts if name in actuated)
     for name in markers:
@@ -200,7 +203,7 @@ def simulate(
     return result(slice(None))
 
 
-def _missing_inputs(effects: Sequence[Effect], inputs: Inputs) -> list[str]:
+def _missing_inputs(effects: Sequence[Effect], inputs: Inputs, mechanism: Mechanism) -> list[str]:
     """Return sentences on what laws need and the recording lacks."""
     remarks = []
     for effect in effects:
@@ -212,6 +215,13 @@ def _missing_inputs(effects: Sequence[Effect], inputs: Inputs) -> list[str]:
                 remarks.append(f"{name}: {count} rows without temperature are taken at 20 degrees Celsius.")
         if "speed" in effect.law.needs and inputs.speeds is None:
             remarks.append(f"{name} has no effect: the recording has no column qd.<joint>.")
+        if "gravity" in effect.law.needs and inputs.gravity is None and not mechanism.gravity.any():
+            remarks.append(f"{name} has no effect: the robot file sets no gravity, and the recording has no column g.")
+    heavy = any("gravity" in effect.law.needs for effect in effects)
+    if inputs.gravity is not None and not heavy:
+        remarks.append(f"g.x g.y g.z have no effect without weight: add --effect '{_WEIGHT}'.")
+    elif not heavy and len(inputs) and not np.any(np.nan_to_num(inputs.wrench, nan=1.0)):
+        remarks.append(f"Nothing loads the robot: no wrench was applied, and weight acts with --effect '{_WEIGHT}'.")
     return remarks
 
 

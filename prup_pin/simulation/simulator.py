@@ -95,6 +95,8 @@ class Simulator:
             & np.isfinite(inputs.wrench).all(axis=1)
             & np.isfinite(inputs.time)
         )
+        if inputs.gravity is not None:
+            self.complete &= np.isfinite(inputs.gravity).all(axis=1)
 
     @property
     def lengths(self) -> Mapping[str, float]:

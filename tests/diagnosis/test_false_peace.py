@@ -182,7 +182,7 @@ def test_columns_without_a_use_are_named(clean_bench, tmp_path):
     """Those that the format does not know too; the verdict does not depend on them."""
     with clean_bench.path.open(encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)
-    extra = ["tau.leg2_slide", "g.z", "r.elbow.x", "humidity", "p.elbow.x", "qd.leg1_slide"]
+    extra = ["tau.leg2_slide", "a.z", "r.elbow.x", "humidity", "p.elbow.x", "qd.leg1_slide"]
     path = tmp_path / "more.csv"
     lines = [",".join([*head, *extra]), *(",".join([*row, *"123456"]) for row in rows)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -78,7 +78,7 @@ class Weight(Deed):
             kind = spread if share else was_spread
             return (share - before) * at.first.once(("weight", kind), partial(_by_weight, at, kind))
         now = at.first.found.conditions
-        gravity = share * at.setup.mechanism.gravity
+        gravity = share * at.setup.gravity(at.samples)
         return at.first.by_conditions(now, replace(now, gravity=gravity, spread_weight=spread))
 
 
@@ -109,12 +109,12 @@ class ScaledMass(Deed):
 
 def _by_mass(at: Solved, joint: int) -> Array:
     """Return what is watched by the whole weight of a joint's body, (n, R)."""
-    gravity = at.setup.weight * at.setup.mechanism.gravity
+    gravity = at.setup.weight * at.setup.gravity(at.samples)
     return at.first.chain.structure.masses[joint] * at.first.by_mass(joint, gravity)
 
 
 def _by_weight(at: Solved, spread: bool) -> Array:
     """Return what is watched per whole weight, (n, R), at the weight that acts."""
-    now, light = at.first.found.conditions, _LIGHT * at.setup.mechanism.gravity
+    now, light = at.first.found.conditions, _LIGHT * at.setup.gravity(at.samples)
     more = light if now.gravity is None else now.gravity + light
     return at.first.by_conditions(now, replace(now, gravity=more, spread_weight=spread)) / _LIGHT

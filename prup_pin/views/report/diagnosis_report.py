@@ -94,8 +94,10 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> list[
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
         size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
         sizes.append(f"up to {number(float(size), 3)} {unit}")
-    rows.append(("Loads", sizes if recording.has_wrench else ["none was recorded"]))
-    names = [name for name in ("position", "rotation", "temperature") if getattr(recording, name) is not None]
+    rows.append(("Loads", sizes if recording.has_wrench else ["nothing but its own weight"]))
+    names = [
+        name for name in ("position", "rotation", "gravity", "temperature") if getattr(recording, name) is not None
+    ]
     names += [f"marker {name}" for name in recording.marker_names if name in robot.mechanism.frame_names]
     rows.append(("Channels", [*names, *(["efforts, not used"] if recording.efforts else [])] or ["none"]))
     warm = recording.temperature
