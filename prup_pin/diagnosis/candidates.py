@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..laws import LAWS, Effect, Inputs, Law, Place
+from ..laws import LAWS, Effect, Everywhere, Inputs, Law, Place
 from ..laws.deeds import Deed
 from ..mechanism import Mechanism
 from ..parameters import Quantity
@@ -49,6 +49,17 @@ class Candidate:
         """The module through whose deformation alone it acts; None where it acts otherwise too."""
         modules = {deed.only_module for deed in self.deeds}
         return modules.pop() if len(modules) == 1 else None
+
+    @property
+    def everywhere(self) -> bool:
+        """True for a law that acts at all like places with one value."""
+        return isinstance(self.law, Everywhere)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts of the robot where it sits."""
+        like = self.law.same_places(self.place, self.mechanism) if self.everywhere else (self.place.name,)
+        return tuple(like)
 
     @cached_property
     def remembers(self) -> bool:

@@ -18,6 +18,7 @@ from scipy.stats import chi2 as chi_squared
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
+    BENT,
     CHALLENGES,
     CLEAR_LEAD,
     CURVATURE,
@@ -158,7 +159,7 @@ def unlikely(candidate: Candidate) -> float:
     """Return a small cost that decides between places that these data cannot tell apart at all."""
     likely = candidate.law.likely
     names = {module.name for module in candidate.mechanism.modules if module.kind.kind in likely}
-    return 0.0 if not likely or candidate.place.name in names else UNLIKELY_PLACE
+    return 0.0 if not likely or names.intersection(candidate.parts) else UNLIKELY_PLACE
 
 
 def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = FOLDS) -> float:
@@ -361,14 +362,12 @@ def screen(
     kept = fit.terms
     present = {term.candidate.name for term in kept}
     beside = problem.beside(fit, range(len(kept)))
-    modules = {problem.module_of(candidate): candidate for candidate in library}
-    target = problem.target(fit)
-    least = {module: _least_chi2(problem, fit, one, target, beside) for module, one in modules.items()}
+    least = _Least(problem, fit, kept, problem.target(fit), beside)
     best = fit.chi2
-    for index, candidate in enumerate(sorted(library, key=lambda candidate: least[problem.module_of(candidate)])):
+    for index, candidate in enumerate(sorted(library, key=least)):
         tell(index / len(library))
-        bound = least[problem.module_of(candidate)]
-        if candidate.name in present or bound > best + max(HOPELESS * (fit.chi2 - best), MODEST):
+        modest = 0.0 if candidate.everywhere else MODEST
+        if candidate.name in present or least(candidate) > best + max(HOPELESS * (fit.chi2 - best), modest):
             continue
         chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
         rivals.append(Rival(term, chi2, change))
@@ -380,12 +379,46 @@ def screen(
     return sorted([*front, *rivals[len(front) :]], key=lambda rival: rival.score)
 
 
-def _least_chi2(problem: Problem, fit: Fit, candidate: Candidate, residual: Array, beside: Beside | None) -> float:
-    """Return a chi squared that a candidate cannot go below, to first order; zero where it is not known."""
-    module = problem.module_of(candidate)
-    if module is None or module not in fit.influence.rows:
-        return 0.0
-    return least_left(problem, fit, module, residual, beside)
+class _Least:
+    """A chi squared that candidates on top of kept terms can hardly go below, to first order; zero where none is known.
+
+    By the module through whose deformation alone a candidate acts; of a law at all like places by its direction where
+    the fit starts, which costs one first-order change instead of a fit.
+    """
+
+    def __init__(self, problem: Problem, fit: Fit, kept: Sequence[Term], residual: Array, beside: Beside | None):
+        self.problem, self.fit, self.residual, self.beside = problem, fit, residual, beside
+        self.effects = [term.effect for term in kept]
+        self.known: dict[str | None, float] = {None: 0.0}
+
+    def __call__(self, candidate: Candidate) -> float:
+        key = candidate.name if candidate.everywhere else self.problem.module_of(candidate)
+        if key not in self.known:
+            self.known[key] = self._along(candidate) if candidate.everywhere else self._beside(str(key))
+        return self.known[key]
+
+    def _beside(self, module: str) -> float:
+        """Return what no deformation of a module takes away."""
+        if module not in self.fit.influence.rows:
+            return 0.0
+        return least_left(self.problem, self.fit, module, self.residual, self.beside)
+
+    def _along(self, candidate: Candidate) -> float:
+        """Return what is left where a law takes away twice what it does in the direction in which its fit starts."""
+        left = without(self.residual.ravel(), self.beside)
+        before = self.problem.change(self.fit, self.effects)
+
+        def direction(coordinates: Array) -> Array:
+            changed = self.problem.change(self.fit, [*self.effects, candidate.effect(coordinates)]) - before
+            found = without(np.nan_to_num(changed.ravel()), self.beside)
+            return found / max(float(np.linalg.norm(found)), 1e-300)
+
+        if candidate.logarithmic.any():
+            gain = max(max(float(direction(start) @ left), 0.0) ** 2 for start in candidate.starts())
+        else:
+            columns = np.stack([direction(step) for step in np.diag(candidate.scales())], axis=1)
+            gain = float(left @ columns @ np.linalg.lstsq(columns, left, rcond=1e-9)[0])
+        return max(float(left @ left) - BENT * gain, 0.0)
 
 
 def _finished(search: _Search, fit: Fit, kept: Sequence[Term], rival: Rival, beside: Beside | None) -> Rival:
@@ -408,14 +441,9 @@ def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candida
     weight = float((changed**2).sum())
     worst = fit.chi2 + max(FAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT)
     present = {term.candidate.name for term in fit.terms}
-    least: dict[str | None, float] = {}
+    least = _Least(problem, fit, kept, problem.target(fit) - removed, beside)
     for candidate in library:
-        if candidate.name in present:
-            continue
-        module = problem.module_of(candidate)
-        if module not in least:
-            least[module] = _least_chi2(problem, fit, candidate, problem.target(fit) - removed, beside)
-        if least[module] > worst:
+        if candidate.name in present or least(candidate) > worst:
             continue
         chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
         if chi2 > worst:
@@ -472,15 +500,15 @@ def _merged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
     """Return the fit with one law in the place of two that act on the same part, where it does as well."""
     for one in range(len(fit.terms)):
         for other in range(one + 1, len(fit.terms)):
-            place = fit.terms[one].candidate.place.name
-            if fit.terms[other].candidate.place.name != place:
+            parts = fit.terms[one].candidate.parts
+            if fit.terms[other].candidate.parts != parts:
                 continue
             places = [index for index in range(len(fit.terms)) if index not in (one, other)]
             kept, beside = [fit.terms[index] for index in places], search.problem.beside(fit, places)
             both = fit.chi2 + penalty(fit.terms[one]) + penalty(fit.terms[other])
             rivals = []
             for candidate in library:
-                if candidate.place.name == place:
+                if candidate.parts == parts:
                     chi2, term, change = search.quick(fit, kept, candidate, beside=beside)
                     rivals.append(Rival(term, chi2, change))
             for rival in sorted(rivals, key=lambda rival: rival.score)[:MERGES_TRIED]:

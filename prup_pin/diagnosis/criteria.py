@@ -122,6 +122,8 @@ FRONT_GAIN: Final = 4.0
 HOPELESS: Final = 0.2
 #: ... and that is more than this: where little is left, all are tried.
 MODEST: Final = 300.0
+#: A law at all like places may remove so many times what it does in the direction in which its fit starts: laws bend.
+BENT: Final = 2.0
 #: Candidates of a round that are tried in the whole simulation before the round is given up.
 TRIED_WHOLE: Final = 6
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.

@@ -27,7 +27,7 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
     present = {term.candidate.name for term in fit.terms}
     effects = [term.effect for term in fit.terms]
     for candidate in selection.library:
-        if candidate.name in present or candidate.size > MOST_PARAMETERS_TOLD:
+        if candidate.name in present or candidate.size > MOST_PARAMETERS_TOLD or candidate.everywhere:
             continue
 
         def share(coordinates: Array, candidate: Candidate = candidate) -> float:

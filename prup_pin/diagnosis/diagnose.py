@@ -50,7 +50,7 @@ from .criteria import (
 )
 from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
-from .fit import Fit, Problem
+from .fit import Fit, Problem, Term
 from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
@@ -491,7 +491,9 @@ def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or rival.score > own + INDISTINCT_COST * scale * INDISTINCT:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
-            places.append(rival.term.candidate.place.name)
+            if rival.term.candidate.everywhere and _beside_others(rival.term, fit, index):
+                continue
+            places += dict.fromkeys((rival.term.candidate.place.name, *rival.term.candidate.parts))
         elif rival.term is not term:
             laws.append(rival.term.candidate.name)
             places.append(rival.term.candidate.place.name)
@@ -505,6 +507,13 @@ def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )
+
+
+def _beside_others(term: Term, fit: Fit, index: int) -> bool:
+    """Return True for a law at all like places where others of its kind, at some of them, stand beside it anyway."""
+    law, parts = term.candidate.law.physics, set(term.candidate.parts)
+    others = [each.candidate for place, each in enumerate(fit.terms) if place != index]
+    return any(each.law.physics == law and parts.intersection(each.parts) for each in others)
 
 
 def _parameters(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:

@@ -10,6 +10,7 @@ from .backlash import Backlash
 from .coulomb_friction import CoulombFriction
 from .creep import CreepLaw
 from .encoder import EncoderDelay, EncoderOffset
+from .everywhere import Everywhere
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
 from .inputs import Inputs
@@ -62,9 +63,27 @@ LAWS: tuple[Law, ...] = (
     TargetMisalignment(),
     CreepLaw(),
     ModelEquationError(),
+    *(
+        Everywhere(law)
+        for law in (
+            StiffnessChanged(),
+            RootTiltCompliance(),
+            HubRootCompliance(),
+            Backlash(),
+            HertzianContact(),
+            CoulombFriction(),
+            ViscousFriction(),
+            ThermalGrowth(),
+            LeadError(),
+            GeometricOffset(),
+            EncoderOffset(),
+            EncoderDelay(),
+            CreepLaw(),
+        )
+    ),
 )
 
-__all__ = ["LAWS", "Effect", "Inputs", "Law", "Place", "Setup", "law_at"]
+__all__ = ["LAWS", "Effect", "Everywhere", "Inputs", "Law", "Place", "Setup", "law_at"]
 
 
 def law_at(physics: str, place: Place, mechanism: Mechanism | None = None) -> Law:
@@ -76,7 +95,7 @@ def law_at(physics: str, place: Place, mechanism: Mechanism | None = None) -> La
     if not named:
         raise UnknownNameError("law", physics, sorted({law.physics for law in LAWS}))
     if mechanism is None:
-        return next((law for law in named if law.variant == place.aspect), named[0])
+        return next((law for law in named if law.is_named(place)), named[0])
     places: list[str] = []
     for law in named:
         there = law.places(mechanism)

@@ -67,6 +67,10 @@ class Law(ABC):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         """Return where on this robot the law can act."""
 
+    def is_named(self, place: Place) -> bool:
+        """Return whether a place is one of this law, of all that share its word, as far as its name tells."""
+        return self.variant == place.aspect
+
     @abstractmethod
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         """Return what the law does. `setup` is the simulation as the laws before it left it; it is only read."""

@@ -72,6 +72,34 @@ def test_a_fault_is_named_at_its_place(name, fault):
         assert high - low < 5e-5 if value == 0 else high - low < 0.5 * abs(value)
 
 
+@pytest.mark.parametrize(
+    ("physics", "aspect", "values", "places"),
+    [
+        ("lead_error", "drive proportional", {"relative": 3e-4}, "leg{}/drive"),
+        ("thermal_growth", "drive", {"expansion": 1.2e-5}, "leg{}/drive"),
+        ("encoder_offset", "leg*_slide", {"offset": 4e-5}, "leg{}_slide"),
+    ],
+)
+def test_what_all_legs_have_alike_is_one_finding(physics, aspect, values, places):
+    found = diagnose(robot("six_ups"), recorded("six_ups", (physics, "robot", aspect, values), poses=6))
+    (law,) = found.findings
+    assert (law.physics, law.location, law.effect.place.aspect) == (physics, "robot", aspect)
+    assert {places.format(leg) for leg in range(1, 7)} <= set(law.candidates)
+    ((name, value),) = values.items()
+    assert law.parameters[name].value == pytest.approx(value, rel=0.1)
+    assert "each of leg1" in law.statement
+
+
+def test_what_legs_have_unlike_stays_one_finding_each():
+    given = {"leg1/drive": 3e-4, "leg2/drive": -4e-4, "leg5/drive": 8e-4}
+    faults = [("lead_error", leg, "proportional", {"relative": value}) for leg, value in given.items()]
+    found = diagnose(robot("six_ups"), recorded("six_ups", *faults, poses=6))
+    assert found.verdict == "explained"
+    told = {law.location: law.parameters["relative"].value for law in found.findings}
+    assert told == pytest.approx(given, rel=0.1)
+    assert all("robot" not in law.candidates for law in found.findings)
+
+
 def test_a_faultless_platform_misses_nothing():
     assert diagnose(robot("six_ups"), recorded("six_ups")).verdict == "nothing_missing"
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from prup_pin.errors import InputError, ParameterError, UnknownNameError
-from prup_pin.laws import LAWS, Effect, Place, Torsion, law_at
+from prup_pin.laws import LAWS, Effect, Everywhere, Place, Torsion, law_at
 from prup_pin.laws.deeds import Strain
 
 from .bench import ACTUATORS, NAMES, change, nominal, robot, simulator
@@ -31,6 +31,8 @@ HIDDEN_ON = {("five_bar", "payload")}
 
 
 def title(value):
+    if isinstance(value, Everywhere):
+        return f"Everywhere-{title(value.law)}"
     return value if isinstance(value, str) else type(value).__name__
 
 
@@ -43,7 +45,7 @@ def cases(every_leg: bool = True):
                 if name == "3prup_as_published" and law.physics != "model_equation_error":
                     continue
                 if every_leg or not place.name.startswith(("leg2", "leg3")):
-                    yield pytest.param(name, law, place, id=f"{name}-{type(law).__name__}-{place}")
+                    yield pytest.param(name, law, place, id=f"{name}-{title(law)}-{place}")
 
 
 EVERY_PLACE = pytest.mark.parametrize(("name", "law", "place"), list(cases()))
@@ -160,7 +162,9 @@ def test_statement_is_a_sentence_for_people(name, law, place):
     text = law.statement(place, law.starts(place, mechanism)[0], mechanism)
     assert len(text) > 20
     assert not text.endswith(".")
-    assert not set("{}_\n") & set(text.replace(str(place), "").replace(place.name, ""))
+    for name in (str(place), place.name, *law.same_places(place, mechanism)):
+        text = text.replace(name, "")
+    assert not set("{}_\n") & set(text)
 
 
 # -- composition -------------------------------------------------------------------------------------------------------

@@ -1,0 +1,100 @@
+"""One law at all like places of a robot, with one value: three screws that warm up alike."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .deeds import Deed, Solved
+from .drawn import Drawn
+from .law import Law, Place
+from .setup import Setup
+
+__all__ = ["ROBOT", "Everywhere"]
+
+#: The place of what is everywhere alike.
+ROBOT = "robot"
+#: What tells legs apart in names: 'leg1/ball_nut', 'motor2', 'left_elbow'.
+_LEG = re.compile(r"\d+|(?<![a-z])(?:left|right)(?![a-z])")
+#: What it must explain more than a law at one place, in units of chi squared: most faults sit in one part.
+_COST = 6.0
+
+
+class Everywhere(Law):
+    """The same law at all places whose names differ only in the leg, with one value for all of them.
+
+    The place is the robot; its aspect says which parts: 'ball_nut', 'R_lambda radial', 'leg*_slide'.
+    """
+
+    physics = ""
+    summary = ""
+    quantities = ()
+    neutral: ClassVar = {}
+
+    def __init__(self, law: Law):
+        self.law = law
+        own = {
+            name: getattr(law, name) for name in ("physics", "source", "neutral", "needs", "spread", "likely", "strong")
+        }
+        vars(self).update(own, summary=f"{law.summary}, at all like places", cost=law.cost + _COST)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(ROBOT, aspect) for aspect in self.like(mechanism)]
+
+    def is_named(self, place: Place) -> bool:
+        return place.name == ROBOT
+
+    def like(self, mechanism: Mechanism) -> dict[str, list[Place]]:
+        """Return the like places of the law, two of them or more, by what they are called together."""
+        found: dict[tuple, list[Place]] = {}
+        for place in self.law.places(mechanism):
+            key = _without_leg(place.name), place.aspect, self.law.quantities_at(place, mechanism)
+            found.setdefault(key, []).append(place)
+        groups = {key: places for key, places in found.items() if len(places) > 1 and "*" in key[0]}
+        shorts = {name: name.partition("*/")[2] or name for name, _, _ in groups}
+        named = {}
+        for (name, aspect, _), places in groups.items():
+            short = shorts[name]
+            own = short if list(shorts.values()).count(short) == 1 else name
+            named[f"{own} {aspect}".rstrip()] = places
+        return named
+
+    def at(self, place: Place, mechanism: Mechanism) -> list[Place]:
+        """Return the like places that a place of this law stands for."""
+        return self.like(mechanism)[place.aspect]
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return self.law.quantities_at(self.at(place, mechanism)[0], mechanism)
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        return self.law.starts(self.at(place, mechanism)[0], mechanism)
+
+    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
+        return self.law.neutral_at(self.at(place, mechanism)[0], mechanism)
+
+    def magnified(self, value: float, times: float) -> float:
+        return self.law.magnified(value, times)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [each.name for each in self.at(place, mechanism)]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        for each in self.at(place, setup.mechanism):
+            yield from self.law.deeds(each, values, setup)
+
+    def drawn(self, place: Place, at: Solved) -> Drawn | None:
+        return None
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        places = self.at(place, mechanism)
+        names = [each.name for each in places]
+        alike = f"each of {', '.join(names[:-1])} and {names[-1]}"
+        return self.law.statement(places[0], values, mechanism).replace(names[0], alike) + ", all alike"
+
+
+def _without_leg(name: str) -> str:
+    """Return a name with a star for its leg."""
+    return _LEG.sub("*", name, count=1)
