@@ -364,12 +364,16 @@ def screen(
     beside = problem.beside(fit, range(len(kept)))
     least = _Least(problem, fit, kept, problem.target(fit), beside)
     best = fit.chi2
-    for index, candidate in enumerate(sorted(library, key=least)):
+    single = sorted((candidate for candidate in library if not candidate.everywhere), key=least)
+    for index, candidate in enumerate([*single, *(candidate for candidate in library if candidate.everywhere)]):
         tell(index / len(library))
-        modest = 0.0 if candidate.everywhere else MODEST
-        if candidate.name in present or least(candidate) > best + max(HOPELESS * (fit.chi2 - best), modest):
+        near = max(HOPELESS * (fit.chi2 - best), MODEST)
+        if candidate.everywhere:  # many, and dear: one that removes less than it costs is not tried either
+            near = min(HOPELESS * (fit.chi2 - best), fit.chi2 - best - PARAMETER_COST - candidate.law.cost)
+        if candidate.name in present or least(candidate) > best + near:
             continue
         chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
+        least.heard(candidate, chi2)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     rivals.sort(key=lambda rival: rival.score)
@@ -382,19 +386,27 @@ def screen(
 class _Least:
     """A chi squared that candidates on top of kept terms can hardly go below, to first order; zero where none is known.
 
-    By the module through whose deformation alone a candidate acts; of a law at all like places by its direction where
-    the fit starts, which costs one first-order change instead of a fit.
+    By the module through whose deformation alone a candidate acts. Of a law at all like places by its direction where
+    the fit starts, which costs one first-order change instead of a fit; of one that remembers, whose changes are dear,
+    by what it did at single places.
     """
 
     def __init__(self, problem: Problem, fit: Fit, kept: Sequence[Term], residual: Array, beside: Beside | None):
-        self.problem, self.fit, self.residual, self.beside = problem, fit, residual, beside
+        self.problem, self.fit, self.beside = problem, fit, beside
+        self.residual, self.left = residual, without(residual.ravel(), beside)
         self.effects = [term.effect for term in kept]
         self.known: dict[str | None, float] = {None: 0.0}
+        self.gains: dict[tuple[str, str], float] = {}
+
+    def heard(self, candidate: Candidate, chi2: float) -> None:
+        """Hear what a candidate at a single place left."""
+        key = candidate.law.physics, candidate.place.name
+        self.gains[key] = max(float(self.left @ self.left) - chi2, self.gains.get(key, 0.0))
 
     def __call__(self, candidate: Candidate) -> float:
         key = candidate.name if candidate.everywhere else self.problem.module_of(candidate)
         if key not in self.known:
-            self.known[key] = self._along(candidate) if candidate.everywhere else self._beside(str(key))
+            self.known[key] = self._everywhere(candidate) if candidate.everywhere else self._beside(str(key))
         return self.known[key]
 
     def _beside(self, module: str) -> float:
@@ -403,9 +415,14 @@ class _Least:
             return 0.0
         return least_left(self.problem, self.fit, module, self.residual, self.beside)
 
+    def _everywhere(self, candidate: Candidate) -> float:
+        total = float(self.left @ self.left)
+        if candidate.remembers:
+            return total - sum(self.gains.get((candidate.law.physics, part), 0.0) for part in candidate.parts)
+        return total - BENT * self._along(candidate)
+
     def _along(self, candidate: Candidate) -> float:
-        """Return what is left where a law takes away twice what it does in the direction in which its fit starts."""
-        left = without(self.residual.ravel(), self.beside)
+        """Return what a law takes away in the direction in which its fit starts."""
         before = self.problem.change(self.fit, self.effects)
 
         def direction(coordinates: Array) -> Array:
@@ -414,11 +431,9 @@ class _Least:
             return found / max(float(np.linalg.norm(found)), 1e-300)
 
         if candidate.logarithmic.any():
-            gain = max(max(float(direction(start) @ left), 0.0) ** 2 for start in candidate.starts())
-        else:
-            columns = np.stack([direction(step) for step in np.diag(candidate.scales())], axis=1)
-            gain = float(left @ columns @ np.linalg.lstsq(columns, left, rcond=1e-9)[0])
-        return max(float(left @ left) - BENT * gain, 0.0)
+            return max(max(float(direction(start) @ self.left), 0.0) ** 2 for start in candidate.starts())
+        columns = np.stack([direction(step) for step in np.diag(candidate.scales())], axis=1)
+        return float(self.left @ columns @ np.linalg.lstsq(columns, self.left, rcond=1e-9)[0])
 
 
 def _finished(search: _Search, fit: Fit, kept: Sequence[Term], rival: Rival, beside: Beside | None) -> Rival:
@@ -446,6 +461,7 @@ def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candida
         if candidate.name in present or least(candidate) > worst:
             continue
         chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
+        least.heard(candidate, chi2)
         if chi2 > worst:
             continue
         rival = Rival(term, chi2, change)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from types import MappingProxyType
 from typing import ClassVar
 
 from ..mechanism import Mechanism
@@ -47,22 +49,11 @@ class Everywhere(Law):
     def is_named(self, place: Place) -> bool:
         return place.name == ROBOT
 
-    def like(self, mechanism: Mechanism) -> dict[str, list[Place]]:
+    def like(self, mechanism: Mechanism) -> Mapping[str, Sequence[Place]]:
         """Return the like places of the law, two of them or more, by what they are called together."""
-        found: dict[tuple, list[Place]] = {}
-        for place in self.law.places(mechanism):
-            key = _without_leg(place.name), place.aspect, self.law.quantities_at(place, mechanism)
-            found.setdefault(key, []).append(place)
-        groups = {key: places for key, places in found.items() if len(places) > 1 and "*" in key[0]}
-        shorts = {name: name.partition("*/")[2] or name for name, _, _ in groups}
-        named = {}
-        for (name, aspect, _), places in groups.items():
-            short = shorts[name]
-            own = short if list(shorts.values()).count(short) == 1 else name
-            named[f"{own} {aspect}".rstrip()] = places
-        return named
+        return _like(self.law, mechanism)
 
-    def at(self, place: Place, mechanism: Mechanism) -> list[Place]:
+    def at(self, place: Place, mechanism: Mechanism) -> Sequence[Place]:
         """Return the like places that a place of this law stands for."""
         return self.like(mechanism)[place.aspect]
 
@@ -93,6 +84,22 @@ class Everywhere(Law):
         names = [each.name for each in places]
         alike = f"each of {', '.join(names[:-1])} and {names[-1]}"
         return self.law.statement(places[0], values, mechanism).replace(names[0], alike) + ", all alike"
+
+
+@lru_cache(maxsize=128)  # asked for at every step of a fit
+def _like(law: Law, mechanism: Mechanism) -> Mapping[str, Sequence[Place]]:
+    found: dict[tuple, list[Place]] = {}
+    for place in law.places(mechanism):
+        key = _without_leg(place.name), place.aspect, law.quantities_at(place, mechanism)
+        found.setdefault(key, []).append(place)
+    groups = {key: places for key, places in found.items() if len(places) > 1 and "*" in key[0]}
+    shorts = {name: name.partition("*/")[2] or name for name, _, _ in groups}
+    named = {}
+    for (name, aspect, _), places in groups.items():
+        short = shorts[name]
+        own = short if list(shorts.values()).count(short) == 1 else name
+        named[f"{own} {aspect}".rstrip()] = tuple(places)
+    return MappingProxyType(named)
 
 
 def _without_leg(name: str) -> str:
