@@ -100,6 +100,13 @@ class Closure:
         constant[[6, 13, 20]] = 1.0
         self._turning = turning.reshape(-1, 9, 9)
         self._linear, self._constant = linear.reshape(self.count, 42, 12), constant
+        # The same of all loops as one product with their [E | d] in a row and a 1: gaps of constraints, twist maps.
+        product = np.zeros((self.count, 42, 12 * self.count + 1))
+        for index in range(self.count):
+            product[index, :, 12 * index : 12 * (index + 1)] = self._linear[index]
+        product[..., -1:] = constant
+        gaps, twist_maps = product[:, :6].reshape(6 * self.count, -1), product[:, 6:].reshape(36 * self.count, -1)
+        self._product = np.concatenate((gaps[self._rows], twist_maps))
         # ... and with two of them, d2(angle r)/d(axis c)d(axis d)
         twice = np.einsum("cae,edf->cdaf", _GENERATORS, _GENERATORS.transpose(1, 0, 2))
         self._bending = np.einsum("lrab,cdaf->lrcdfb", rotations, twice).reshape(self.count, 27, 9)
@@ -148,9 +155,17 @@ class Closure:
         values = (self._linear @ relative.reshape(*lead, 12, 1) + self._constant)[..., 0]
         return values[..., :6], values[..., 6:].reshape(*lead, 6, 6)
 
+    def of_one(self, relative: Array) -> tuple[Array, Array]:
+        """Return gaps (c,) and twist maps (L, 6, 6) of one configuration as `of_relative`, constraints alone.
+
+        relative (12 L + 1,): all loops' [E | d] row by row, and a 1.
+        """
+        values = self._product.dot(relative)
+        return values[: self.size], values[self.size :].reshape(self.count, 6, 6)
+
     def constrained(self, rows: Array) -> Array:
         """Return the rows (c, ...) of all loops' six (6 L, ...) that are constraints."""
-        return rows if self._all_rows else rows[self._rows]
+        return rows if self._all_rows else rows.take(self._rows, axis=0)
 
     def jacobian(self, wrenches: Array, jacobian: Array) -> Array:
         """Return d(gap)/d(velocities) (..., c, nv) of the joints' base twists `jacobian` (..., 6, nv)."""

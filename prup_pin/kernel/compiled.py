@@ -23,7 +23,7 @@ __all__ = ["Configuration", "LoopedTree", "Passing"]
 class Passing(NamedTuple):
     """The kinematics of one configuration for a step of Newton's method.
 
-    gap (c,) [m, rad]; twist_map (loops, 6, 6), see `Closure.of_relative`. placements (nj, 3, 4), [R | p] of the joints,
+    gap (c,) [m, rad]; twist_map (loops, 6, 6), see `Closure.of_one`. placements (nj, 3, 4), [R | p] of the joints,
     and jacobian (6, nv), their base twists, are read-only views of working memory that the thread's next question
     overwrites.
     """
@@ -68,15 +68,15 @@ class LoopedTree:
 
     def passing(self, q: Array) -> Passing:
         """Return what a step of Newton's method needs at a configuration (nq,)."""
-        model, memory, closure = self.model, self._memory, self.closure
+        model, memory = self.model, self._memory
         data = memory.data
         pin.computeJointJacobians(model, data, q)
         for constraint, held in memory.constraints:
             constraint.calc(model, data, held)
         for into, view in memory.relatives:
             into[...] = view
-        gap, twist_map = closure.of_relative(memory.relative)
-        return Passing(closure.constrained(gap.ravel()), twist_map, memory.placements, memory.jacobian)
+        gap, twist_map = self.closure.of_one(memory.row)
+        return Passing(gap, twist_map, memory.placements, memory.jacobian)
 
     def closure_jacobian(self, passing: Passing) -> Array:
         """Return the gap's Jacobian (c, nv) at the configuration of this thread's last `passing`."""
@@ -123,8 +123,9 @@ class _Memory(threading.local):
             self.held.append(constraint.createData())
         self.constraints = list(zip(self.models, self.held, strict=True))
         found = [held.extract() for held in self.held]
-        # [E | d], the second end as the first sees it; and base twists as the first end sees them.
-        self.relative, self.action = np.zeros((len(loops), 3, 4)), np.zeros((len(loops), 6, 6))
+        # [E | d], the second end as the first sees it, and a 1; and base twists as the first end sees them.
+        self.row = np.ones(12 * len(loops) + 1)
+        self.relative, self.action = self.row[:-1].reshape(-1, 3, 4), np.zeros((len(loops), 6, 6))
         views = [_stacked([held.c1Mc2.rotation])[0] for held in found]
         self.relatives = list(zip(self.relative, views, strict=True))
         self.actions = list(zip(self.action, [held.A2_world for held in found], strict=True))

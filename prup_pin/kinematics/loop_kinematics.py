@@ -8,7 +8,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from math import sqrt
+from math import hypot, inf
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +21,7 @@ from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
-from .start import TaylorStart
+from .start import NoPlaceError, PolynomialStart
 from .task import TaskFrame
 
 #: Residual at which the loops must be closed [m, rad].
@@ -32,7 +33,7 @@ _LAST_STEP = 1e-9
 _AT_LIMIT = 1e-9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
 _NEAR = 0.7
-#: ... or where the series about home told it as well as this.
+#: ... or where a polynomial told it as well as this.
 _SURE = 0.1
 _ITERATIONS = 40
 #: Steps are shortened to this [m, rad].
@@ -41,6 +42,14 @@ _SHORT = 0.6
 _SAME = 3e-4
 #: A longer step [m, rad] comes from a matrix that is as good as singular.
 _LONGEST = 1e3
+
+
+class _Closed(NamedTuple):
+    """What Newton's method ends with: a configuration, its kinematics, and the sum of its steps [m, rad]."""
+
+    q: Array
+    at: Configuration
+    way: float
 
 
 class _NotConvergedError(Exception):
@@ -88,28 +97,30 @@ class LoopKinematics:
     def _split(self, residual: Array) -> tuple[float, float]:
         return split_residual(self.mechanism, residual)
 
-    def _newton(self, q: Array, goal: Goal) -> tuple[Array, Configuration]:
+    def _newton(self, q: Array, goal: Goal) -> _Closed:
         """Return the solution and its kinematics. Raises _NotConvergedError."""
-        solve, longest, before = None, np.inf, np.inf
+        tree, solve, longest, before, way = self._tree, None, inf, inf, 0.0
         for _ in range(_ITERATIONS):
-            at = self._tree.passing(q)
+            at = tree.passing(q)
             wanted, wanted_rows = goal(q, at.placements)
             error = np.concatenate((at.gap, wanted))
-            size = sqrt(error @ error)
+            size = hypot(*error.tolist())
             if size < ROUNDING or (size < TOLERANCE and longest < _LAST_STEP):
-                return q, self._tree.completed(at)
+                return _Closed(q, tree.completed(at), way)
             if longest < _LAST_STEP and self._as_drawn(at.gap, wanted):
-                return q, self._tree.completed(at)
-            if not size < np.inf:
+                return _Closed(q, tree.completed(at), way)
+            if not size < inf:
                 break
             if solve is None or longest > _SAME or longest > 0.1 * before:
-                matrix = np.concatenate((self._tree.closure_jacobian(at), wanted_rows(at.jacobian)))
-                solve = self._solver(matrix, error)
-            step = solve(error)
-            before, longest = longest, sqrt(step @ step)
+                matrix = np.concatenate((tree.closure_jacobian(at), wanted_rows(at.jacobian)))
+                step, solve = self._solved(matrix, error)
+            else:
+                step = solve(error)
+            before, longest = longest, hypot(*step.tolist())
             if longest > _SHORT:
                 longest = np.abs(step).max(initial=0.0)
                 step *= min(1.0, _SHORT / longest)
+            way += longest
             q = pin.integrate(self.model, q, -step)
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
@@ -124,14 +135,15 @@ class LoopKinematics:
         rows, _ = self._newton_scales
         return bool(np.abs(gap * rows).max(initial=0.0) < NEGLIGIBLE and np.abs(wanted).max(initial=0.0) < TOLERANCE)
 
-    def _solver(self, matrix: Array, right: Array) -> Callable[[Array], Array]:
-        """Return what solves with the matrix, least where rows are redundant or motions free, as `right` tells."""
+    def _solved(self, matrix: Array, right: Array) -> tuple[Array, Callable[[Array], Array]]:
+        """Return the solution, least where rows are redundant or motions free, and what solves for other right sides."""
         if matrix.shape[0] == matrix.shape[1]:
             solve = PartialPivLU(matrix).solve
-            step = solve(right)
-            if step @ step < _LONGEST**2:
-                return solve
-        return self._least_inverse(matrix).__matmul__
+            solution = solve(right)
+            if hypot(*solution.ravel().tolist()) < _LONGEST:
+                return solution, solve
+        inverse = self._least_inverse(matrix)
+        return inverse @ right, inverse.__matmul__
 
     def _least_inverse(self, matrix: Array) -> Array:
         """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
@@ -169,7 +181,7 @@ class LoopKinematics:
         metres, radians = np.inf, np.inf
         for start, goal in starts:
             try:
-                closed, evaluation = self._newton(start, goal)
+                closed, evaluation, _ = self._newton(start, goal)
             except _NotConvergedError as failure:
                 if max(failure.residual) < max(metres, radians):
                     metres, radians = failure.residual
@@ -263,19 +275,21 @@ class LoopKinematics:
         return self.reach(target, requested, self.task.goal)
 
     @cached_property
-    def _start(self) -> TaylorStart:
-        home, task = self._home, self.task
-        here = task.values(home.placements)
-        goal = task.goal(here)
+    def _start(self) -> PolynomialStart:
+        task = self.task
 
-        def error(q: Array) -> Array:
-            at = self._tree.passing(q)
-            return np.concatenate((at.gap, goal(q, at.placements)[0]))
+        def solve(start: Array, target: Array) -> tuple[Array, Array]:
+            goal = task.goal(target)
+            try:
+                q, at = self._near(start, goal, within=_SURE)
+            except _NotConvergedError:
+                raise NoPlaceError(f"no closed configuration at {target} near {start}") from None
+            matrix = np.concatenate((at.closure, goal(q, at.placements)[1](at.jacobian)))
+            wanted = np.eye(len(matrix))[:, len(at.closure) :]
+            return q, self._solved(matrix, wanted)[0]
 
-        _, rows = goal(self.home, home.placements)
         scale = np.array([self.length if task.units[name] == "m" else 1.0 for name in task.names])
-        inverse = self._least_inverse(np.concatenate((home.closure, rows(home.jacobian))))
-        return TaylorStart(self.model, self.home, here, scale, error, inverse)
+        return PolynomialStart(self.model, self.home, task.values(self._home.placements), scale, solve)
 
     def pose_from_actuators(self, values: Sequence[float] | Array, near: ClosedPose | None = None) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""
@@ -328,7 +342,8 @@ class LoopKinematics:
                 residual=(metres, radians),
             )
 
-        return self._finish(*self._newton(array, self._nothing), {})
+        closed, evaluation, _ = self._newton(array, self._nothing)
+        return self._finish(closed, evaluation, {})
 
     def reach(
         self, target: Array, requested: dict, goal_of, start: Array | None = None, here: Array | None = None
@@ -355,9 +370,8 @@ class LoopKinematics:
 
     def _near(self, q: Array, goal: Goal, within: float = _NEAR) -> tuple[Array, Configuration]:
         """Return Newton's solution where it is assembled and no joint moves far. Raises _NotConvergedError."""
-        found, evaluation = self._newton(q, goal)
-        moved = pin.difference(self.model, q, found)
-        far = sqrt(moved @ moved) > within and np.abs(moved).max() > within
+        found, evaluation, way = self._newton(q, goal)
+        far = way > within and np.abs(pin.difference(self.model, q, found)).max() > within
         if far or not self.closure.assembled(evaluation.turn):
             raise _NotConvergedError(found, self._split(evaluation.residual))
         return found, evaluation

@@ -55,7 +55,7 @@ class TaskFrame:
 
     def pose_vector(self, placements: Array) -> tuple[float, ...]:
         """Return (x, y, z, rx, ry, rz) of the tool; of placements (nj, 4, 4), their upper three rows will do."""
-        placed = placements[self._joint] @ self._placement
+        placed = placements[self._joint].dot(self._placement)
         (r00, r01, r02, x), (r10, _, r12, y), (r20, r21, r22, z), *_ = placed.tolist()
         if self.rotation == "xyz":
             return x, y, z, atan2(-r12, r22), atan2(r02, hypot(r00, r01)), atan2(-r01, r00)
@@ -70,7 +70,7 @@ class TaskFrame:
 
     def goal(self, target: Array) -> Callable:
         """Return a function of (q, placements) that gives the residual, and its rows as a function of the Jacobian."""
-        wanted = [(component, float(value)) for component, value in zip(self.components, target, strict=True)]
+        wanted = [*zip(self.components, target.tolist(), strict=True)]
 
         def residual(q, placements):
             pose = self.pose_vector(placements)
@@ -78,7 +78,7 @@ class TaskFrame:
                 pose[component] - value if component < 3 else remainder(pose[component] - value, tau)
                 for component, value in wanted
             ]
-            return np.array(error), lambda jacobian: self._rates(pose) @ (jacobian * self._moves)
+            return np.array(error), lambda jacobian: self._rates(pose).dot(jacobian) * self._moves
 
         return residual
 
@@ -86,14 +86,16 @@ class TaskFrame:
         """Return d(task)/d(base twist), (t, 6)."""
         x, y, z, rx, ry, rz = pose
         t, secant = tan(ry), 1 / cos(ry)
+        # velocity of the tool point: v_O + omega x p
+        rows = [[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]]
         if self.rotation == "xyz":
             # omega = e_x rx' + R_x e_y ry' + R_x R_y e_z rz'
             c, s = cos(rx), sin(rx)
-            angles: tuple = ((0, 0, 0, 1, s * t, -c * t), (0, 0, 0, 0, c, s), (0, 0, 0, 0, -s * secant, c * secant))
+            rows += [0.0, 0.0, 0.0, 1.0, s * t, -c * t], [0.0, 0.0, 0.0, 0.0, c, s]
+            rows += ([0.0, 0.0, 0.0, 0.0, -s * secant, c * secant],)
         else:
             # omega = e_z rz' + R_z e_y ry' + R_z R_y e_x rx'
             c, s = cos(rz), sin(rz)
-            angles = ((0, 0, 0, c * secant, s * secant, 0), (0, 0, 0, -s, c, 0), (0, 0, 0, c * t, s * t, 1))
-        # velocity of the tool point: v_O + omega x p
-        rows = ((1, 0, 0, 0, z, -y), (0, 1, 0, -z, 0, x), (0, 0, 1, y, -x, 0), *angles)
-        return np.array([rows[component] for component in self.components], float).reshape(-1, 6)
+            rows += [0.0, 0.0, 0.0, c * secant, s * secant, 0.0], [0.0, 0.0, 0.0, -s, c, 0.0]
+            rows += ([0.0, 0.0, 0.0, c * t, s * t, 1.0],)
+        return np.array([rows[component] for component in self.components])
