@@ -55,7 +55,7 @@ class Closure:
 
     row_loop (c,) is the loop of each constraint, is_translation (c,) tells distances from angles; sign (c, nv) is 1
     where a velocity moves the second end of the row's loop only, -1 where it moves the first only, else 0; incidence
-    (nj, c) tells the same of what a joint carries of each closure force.
+    (nj, c) tells the same of what a joint carries of each closure force, and loop_incidence (nj, L) of each loop's.
     """
 
     def __init__(self, mechanism: Mechanism):
@@ -83,9 +83,9 @@ class Closure:
         self.size = len(chosen)
         self.row_loop = self._rows // 6
         self.is_translation = self._rows % 6 < 3
-        first, second = self._first[self.row_loop], self._second[self.row_loop]
         support = mechanism.support
-        self.incidence = support[:, second] - support[:, first]
+        self.loop_incidence = support[:, self._second] - support[:, self._first]
+        self.incidence = self.loop_incidence[:, self.row_loop]
         self.sign = self.incidence[mechanism.dof_joint].T
         # On the relative placement [E | d] of the ends, row by row: the gap, and the map from the second end's twist
         # as the first sees it, (v, w) about the first's origin, to the gap's change. A distance changes by v + w x d,
@@ -101,12 +101,13 @@ class Closure:
         self._turning = turning.reshape(-1, 9, 9)
         self._linear, self._constant = linear.reshape(self.count, 42, 12), constant
         # The same of all loops as one product with their [E | d] in a row and a 1: gaps of constraints, twist maps.
-        product = np.zeros((self.count, 42, 12 * self.count + 1))
+        width = 12 * self.count + 1
+        product = np.zeros((self.count, 42, width))
         for index in range(self.count):
             product[index, :, 12 * index : 12 * (index + 1)] = self._linear[index]
         product[..., -1:] = constant
-        gaps, twist_maps = product[:, :6].reshape(6 * self.count, -1), product[:, 6:].reshape(36 * self.count, -1)
-        self._product = np.concatenate((gaps[self._rows], twist_maps))
+        gaps = product[:, :6].reshape(-1, width)[self._rows]
+        self._product = np.concatenate((gaps, product[:, 6:].reshape(-1, width)))
         # ... and with two of them, d2(angle r)/d(axis c)d(axis d)
         twice = np.einsum("cae,edf->cdaf", _GENERATORS, _GENERATORS.transpose(1, 0, 2))
         self._bending = np.einsum("lrab,cdaf->lrcdfb", rotations, twice).reshape(self.count, 27, 9)
