@@ -54,7 +54,7 @@ def wrench_in_frame(placement: Array, wrench: Array) -> Array:
 def frobenius(matrix: NDArray[np.floating]) -> float:
     """Return the Frobenius norm of one matrix, without the overhead of numpy.linalg.norm."""
     flat = matrix.ravel(order="K")
-    return sqrt(flat @ flat)
+    return sqrt(flat.dot(flat))
 
 
 def rotation_xyz(x: float, y: float, z: float) -> Array:

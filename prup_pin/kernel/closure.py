@@ -55,7 +55,7 @@ class Closure:
 
     row_loop (c,) is the loop of each constraint, is_translation (c,) tells distances from angles; sign (c, nv) is 1
     where a velocity moves the second end of the row's loop only, -1 where it moves the first only, else 0; incidence
-    (nj, c) tells the same of what a joint carries of each closure force, and loop_incidence (nj, L) of each loop's.
+    (nj, c) tells the same of what a joint carries of each closure force.
     """
 
     def __init__(self, mechanism: Mechanism):
@@ -83,9 +83,9 @@ class Closure:
         self.size = len(chosen)
         self.row_loop = self._rows // 6
         self.is_translation = self._rows % 6 < 3
+        first, second = self._first[self.row_loop], self._second[self.row_loop]
         support = mechanism.support
-        self.loop_incidence = support[:, self._second] - support[:, self._first]
-        self.incidence = self.loop_incidence[:, self.row_loop]
+        self.incidence = support[:, second] - support[:, first]
         self.sign = self.incidence[mechanism.dof_joint].T
         # On the relative placement [E | d] of the ends, row by row: the gap, and the map from the second end's twist
         # as the first sees it, (v, w) about the first's origin, to the gap's change. A distance changes by v + w x d,

@@ -16,7 +16,7 @@ from ..kernel import NEGLIGIBLE, semidefinite_inverse
 from ..kinematics import ClosedPose
 from ..modules import ModuleGeometry
 from ..spatial import Array
-from .wrench_jacobians import LoadMaps, StaticsLayout, load_maps, loads_from_frame, self_stress_loads
+from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
 __all__ = ["Statics", "solve_statics"]
 
@@ -27,14 +27,14 @@ class Statics(NamedTuple):
     """The solved statics of a pose: loads and compliances of all modules, wrench modules and drive modules apart.
 
     jacobians: (n, 6, 6) and (m, 1, 6), compatible where the mechanism is overconstrained; lambdas: (n, 6, 6) and
-    (m, 1, 1); stress: module loads per unit self-stress, or None; frames: (n, 4, 4), base_from_module; maps,
-    see `load_maps`.
+    (m, 1, 1); stress: module loads per unit self-stress, or None; frames: (n, 4, 4), base_from_module; maps
+    (rows, 6), see `load_maps`.
     """
 
     layout: StaticsLayout
     pose: ClosedPose
     frames: Array
-    maps: LoadMaps
+    maps: Array
     geometries: list[ModuleGeometry]
     jacobians: tuple[Array, Array]
     lambdas: tuple[Array, Array]
@@ -47,7 +47,8 @@ class Statics(NamedTuple):
         """
         virtual = self.jacobians
         if frame is not None:
-            virtual = loads_from_frame(self.layout, self.pose, self.maps, self.pose.mechanism.frame(frame))
+            rows = loads_from_frame(self.layout, self.pose, self.maps, self.pose.mechanism.frame(frame))
+            virtual = self.layout.split(rows)
             if self.stress is not None:
                 virtual = _least_energy(virtual, self.stress, self.lambdas)
         return sum(
@@ -70,7 +71,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
         )
     frames, geometries = layout.placed(pose)
     maps = load_maps(layout, pose, frames)
-    jacobians = loads_from_frame(layout, pose, maps, mechanism.need_tool())
+    jacobians = layout.split(loads_from_frame(layout, pose, maps, mechanism.need_tool()))
     for index, group in layout.varying:
         if fault := group.fault(geometries[index]):
             raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
@@ -79,7 +80,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
         # Forces that cancel between closures leave in the modules what the drawing of frames and rounding leave; it
         # must not pass for a load.
         least = NEGLIGIBLE * np.abs(pose.balance.self_stress).max()
-        wrench, drive = self_stress_loads(layout, pose, maps)
+        wrench, drive = layout.split(self_stress_loads(layout, pose, maps))
         stress = np.where(np.abs(wrench) > least, wrench, 0.0), np.where(np.abs(drive) > least, drive, 0.0)
     loads = None
     if load is not None and any(group.kind.nonlinear for group in layout.groups):

@@ -46,7 +46,7 @@ def weight_strains(statics: Statics) -> tuple[Array, Array]:
                 missing[group.slots.start + index] = wrench_in_frame(frames[index], wrench[:, None])[:, 0]
     for joint, mass, lever in link_masses(mechanism, carried):
         loads[joint, :, 0] += _weight(mass * mechanism.gravity, (pose.placements[joint] @ np.append(lever, 1.0))[:3])
-    wrench_loads, drive_loads = loads_from_bodies(layout, pose, statics.maps, loads)
+    wrench_loads, drive_loads = layout.split(loads_from_bodies(layout, pose, statics.maps, loads))
     wrench_lambdas, drive_lambdas = statics.lambdas
     wrench_strains = wrench_lambdas @ (wrench_loads + missing[..., None])
     return wrench_strains[..., 0] + own, (drive_lambdas @ drive_loads)[..., 0]

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +27,6 @@ from ..modules.module import Values
 from ..spatial import Array, base_wrench_from_point, skew
 
 __all__ = [
-    "LoadMaps",
     "ModuleGroup",
     "StaticsLayout",
     "load_maps",
@@ -59,16 +57,6 @@ class ModuleGroup:
             return None
         index = int(np.argmax(bad))
         return f"module '{self.modules[index].name}': {self.kind.problem_text(self.values, at, index)}"
-
-
-class LoadMaps(NamedTuple):
-    """What turns base wrenches that joints transmit into loads.
-
-    wrench (..., n, 6, 6), of each wrench module; axes (..., a, 6), twists of the joint axes that drives act along.
-    """
-
-    wrench: Array
-    axes: Array
 
 
 class StaticsLayout:
@@ -110,19 +98,19 @@ class StaticsLayout:
                 start = int(np.searchsorted(self._beams, group.slots.start))
                 self._beam_slots[group] = slice(start, start + len(group.modules))
         self.free = mechanism.free_dofs
-        free_joints = mechanism.dof_joint[self.free]
-        # What a module's joint, or a driven one, carries: of a load on a joint's body, and of what each loop carries.
-        carriers = np.concatenate((self.wrench_joints, self.drive_joints))
-        self.support = mechanism.support[carriers]
-        closure = Closure(mechanism)
-        self.loop_rows = (np.arange(closure.count)[:, None] == closure.row_loop).astype(float)[:, None]
-        self.incidence = closure.loop_incidence[carriers]
-        # The same side by side, by the joint that is loaded: (nj, carriers, 1 + L).
-        loaded = self.support.T[..., None]
-        self.shares = np.concatenate((loaded, np.broadcast_to(self.incidence, (len(loaded), *self.incidence.shape))), 2)
-        self.free_support = mechanism.support[free_joints]
+        self.free_joints = mechanism.dof_joint[self.free]
+        self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), self.drive_joints[self.drive_rows]))
+        self.drive_row_dofs = self.drive_dofs[self.drive_rows]
+        # What a row's joint carries: of loads on a joint's body, and of every closure force.
+        self.row_support = mechanism.support[self.row_joints]
+        self.free_support = mechanism.support[self.free_joints]
+        self.row_incidence = Closure(mechanism).incidence[self.row_joints]
+        # The same of six loads on the body of each joint, and of every closure force: (nj, rows, 6 + c).
+        loaded = np.repeat(self.row_support.T[..., None], 6, axis=-1)
+        forces = np.broadcast_to(self.row_incidence, (len(loaded), *self.row_incidence.shape))
+        self.row_carries = np.concatenate((loaded, forces), axis=-1)
         #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
-        self.closed = bool(len(self.free) and closure.size)
+        self.closed = bool(len(self.free) and self.row_incidence.shape[1])
         #: Groups that must be evaluated at every pose, with their index.
         self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
         self._nowhere = [_NOWHERE] * len(self.groups)
@@ -140,6 +128,12 @@ class StaticsLayout:
             for group, joints in self._joints.items()
             if all(joint.nq == 1 for joint in joints)
         }
+
+    def split(self, rows: Array) -> tuple[Array, Array]:
+        """Return the loads (..., rows, c) of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
+        count, lead = 6 * len(self.wrench_names), rows.shape[:-2]
+        wrench = rows[..., :count, :].reshape(*lead, len(self.wrench_names), 6, rows.shape[-1])
+        return wrench, rows[..., count:, None, :]
 
     @cached_property
     def constant_compliances(self) -> tuple[Array, Array]:
@@ -229,63 +223,52 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
     return tuple(groups), order
 
 
-def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> LoadMaps:
-    """Return what turns the base wrenches that joints transmit into the modules' loads."""
-    maps = np.zeros((*frames.shape[:-2], 6, 6))
+def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
+    """Return what turns the base wrench that a module's joint transmits into the module's loads, (..., rows, 6).
+
+    Rows: six for every wrench module, then one for every drive module.
+    """
+    count = len(layout.wrench_names)
+    maps = np.zeros((*frames.shape[:-3], len(layout.row_joints), 6))
+    block = maps[..., : 6 * count, :].reshape(*frames.shape[:-2], 6, 6)
     axes = frames[..., :3, :3].mT
-    maps[..., :3, :3] = maps[..., 3:, 3:] = axes
-    np.matmul(axes, skew(-frames[..., :3, 3]), out=maps[..., 3:, :3])
-    return LoadMaps(maps, pose.jacobian.take(layout.drive_dofs, axis=-1).mT)
+    block[..., :3, :3] = block[..., 3:, 3:] = axes
+    np.matmul(axes, skew(-frames[..., :3, 3]), out=block[..., 3:, :3])
+    maps[..., 6 * count :, :] = pose.jacobian.take(layout.drive_row_dofs, axis=-1).mT * layout.drive_ratios[:, 0]
+    return maps
 
 
-def loads_from_frame(layout: StaticsLayout, pose: ClosedPose, maps: LoadMaps, frame: Frame) -> tuple[Array, Array]:
-    """Return the modules' loads under unit wrenches about a frame's origin in base axes, (..., n, 6, 6), (..., m, 1, 6).
+def loads_from_frame(layout: StaticsLayout, pose: ClosedPose, maps: Array, frame: Frame) -> Array:
+    """Return the modules' loads under unit wrenches about a frame's origin in base axes, (..., rows, 6).
 
     Only what carries the frame's joint is loaded before the loops carry any.
     """
     point = (pose.placements[..., frame.joint, :, :] @ frame.placement[:, 3])[..., :3]
     unit = base_wrench_from_point(point)
-    lead, sources = unit.shape[:-2], unit[..., None, :, :]
-    shares = layout.shares[frame.joint]
-    if layout.closed:
-        along = (pose.jacobian.take(layout.free, axis=-1).mT @ unit) * layout.free_support[:, frame.joint, None]
-        sources = np.concatenate((sources, _of_loops(layout, pose, -pose.balance.inverse @ along)), axis=-3)
-    else:
-        shares = shares[:, :1]
-    carried = shares @ sources.reshape(*lead, -1, 36)
-    return _module_loads(layout, maps, carried.reshape(*lead, -1, 6, 6))
+    if not layout.closed:
+        return (maps @ unit) * layout.row_support[:, frame.joint, None]
+    along = (pose.jacobian.take(layout.free, axis=-1).mT @ unit) * layout.free_support[:, frame.joint, None]
+    # Unit wrenches and unit closure forces side by side, as each row's joint carries them.
+    both = (maps @ np.concatenate((unit, pose.closure_wrenches.mT), axis=-1)) * layout.row_carries[frame.joint]
+    return both[..., :6] - both[..., 6:] @ (pose.balance.inverse @ along)
 
 
-def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: LoadMaps, bodies: Array) -> tuple[Array, Array]:
-    """Return the modules' loads under base wrenches on the joints' bodies (..., nj, 6, c): (..., n, 6, c), (..., m, 1, c).
-    """
-    lead, width = bodies.shape[:-3], bodies.shape[-1]
-    flat = bodies.reshape(*lead, len(layout.mechanism.support), 6 * width)
-    carried = layout.support @ flat
-    if layout.closed:
-        axes = pose.jacobian.take(layout.free, axis=-1).mT[..., None, :]
-        along = (axes @ (layout.free_support @ flat).reshape(*lead, -1, 6, width))[..., 0, :]
-        loops = _of_loops(layout, pose, -pose.balance.inverse @ along)
-        carried += layout.incidence @ loops.reshape(*lead, -1, 6 * width)
-    return _module_loads(layout, maps, carried.reshape(*lead, -1, 6, width))
+def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodies: Array) -> Array:
+    """Return the modules' loads under base wrenches on the joints' bodies (..., nj, 6, c), (..., rows, c)."""
+    carried = (layout.mechanism.support @ bodies.reshape(*bodies.shape[:-2], -1)).reshape(bodies.shape)
+    loads = (maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :]
+    if not layout.closed:
+        return loads
+    axes = pose.jacobian.mT[..., layout.free, None, :]
+    along = (axes @ carried[..., layout.free_joints, :, :])[..., 0, :]
+    return loads - _loads_from_closures(layout, pose, maps) @ (pose.balance.inverse @ along)
 
 
-def self_stress_loads(layout: StaticsLayout, pose: ClosedPose, maps: LoadMaps) -> tuple[Array, Array]:
-    """Return the modules' loads under the closure forces that balance without any load, (..., n, 6, h), (..., m, 1, h)."""
-    loops = _of_loops(layout, pose, pose.balance.self_stress)
-    lead, width = loops.shape[:-3], loops.shape[-1]
-    carried = layout.incidence @ loops.reshape(*lead, -1, 6 * width)
-    return _module_loads(layout, maps, carried.reshape(*lead, -1, 6, width))
+def self_stress_loads(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
+    """Return the modules' loads under the closure forces that balance without any load, (..., rows, h)."""
+    return _loads_from_closures(layout, pose, maps) @ pose.balance.self_stress
 
 
-def _of_loops(layout: StaticsLayout, pose: ClosedPose, forces: Array) -> Array:
-    """Return the base wrenches on the loops' second bodies under closure forces (..., c, k), (..., L, 6, k)."""
-    return (pose.closure_wrenches.mT[..., None, :, :] * layout.loop_rows) @ forces[..., None, :, :]
-
-
-def _module_loads(layout: StaticsLayout, maps: LoadMaps, carried: Array) -> tuple[Array, Array]:
-    """Return the loads of modules whose joints, and of drives whose axes, carry base wrenches (..., carriers, 6, k)."""
-    count = len(layout.wrench_names)
-    along = maps.axes[..., None, :] @ carried[..., count:, :, :]
-    drives = along.take(layout.drive_rows, axis=-3) * layout.drive_ratios
-    return maps.wrench @ carried[..., :count, :, :], drives
+def _loads_from_closures(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
+    """Return the modules' loads under unit closure forces, (..., rows, closures)."""
+    return (maps @ pose.closure_wrenches.mT) * layout.row_incidence
