@@ -58,6 +58,8 @@ class LoopedTree:
         self.model = mechanism.model
         self.closure = Closure(mechanism)
         self._memory = _Memory(mechanism)
+        # Joints turn in the plane or slide, unless a position takes more numbers than a velocity.
+        self._straight = self.model.nq == self.model.nv
 
     def __reduce__(self):
         return LoopedTree, (self._mechanism,)
@@ -65,6 +67,10 @@ class LoopedTree:
     def at(self, q: Array) -> Configuration:
         """Return all kinematics at a configuration (nq,)."""
         return self.completed(self.passing(q))
+
+    def moved(self, q: Array, motion: Array) -> Array:
+        """Return the configuration (nq,) that a motion (nv,) leads to."""
+        return q + motion if self._straight else pin.integrate(self.model, q, motion)
 
     def passing(self, q: Array) -> Passing:
         """Return what a step of Newton's method needs at a configuration (nq,)."""

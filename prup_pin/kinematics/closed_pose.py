@@ -61,7 +61,7 @@ class ClosedPose:
             self.closure_residual,
             *self.balance,
         ):
-            array.flags.writeable = False
+            array.setflags(write=False)
         return self
 
     def __repr__(self) -> str:

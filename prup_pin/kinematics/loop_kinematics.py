@@ -121,7 +121,7 @@ class LoopKinematics:
                 longest = np.abs(step).max(initial=0.0)
                 step *= min(1.0, _SHORT / longest)
             way += longest
-            q = pin.integrate(self.model, q, -step)
+            q = tree.moved(q, -step)
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
@@ -250,9 +250,17 @@ class LoopKinematics:
         return self._scales(self._size(drawn), np.arange(self.model.nv))
 
     @cached_property
-    def _free_factors(self) -> Array:
-        rows, columns = self._free_scales
-        return rows[:, None] * columns
+    def _free_spread(self) -> float:
+        """The most that scaling the free columns of the closure Jacobian can add to its condition number."""
+        spread = 1.0
+        for scale in self._free_scales:
+            spread *= scale.max(initial=1.0) / scale.min(initial=1.0)
+        return float(spread)
+
+    @cached_property
+    def _no_freedom(self) -> tuple[Array, Array]:
+        """No self-stress (c, 0) and no idle motion (f, 0)."""
+        return np.zeros((self.closure.size, 0)), np.zeros((len(self.mechanism.free_dofs), 0))
 
     @cached_property
     def _free_scales(self) -> tuple[Array, Array]:
@@ -289,7 +297,7 @@ class LoopKinematics:
             return q, self._solved(matrix, wanted)[0]
 
         scale = np.array([self.length if task.units[name] == "m" else 1.0 for name in task.names])
-        return PolynomialStart(self.model, self.home, task.values(self._home.placements), scale, solve)
+        return PolynomialStart(self._tree, self.home, task.values(self._home.placements), scale, solve)
 
     def pose_from_actuators(self, values: Sequence[float] | Array, near: ClosedPose | None = None) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""
@@ -493,15 +501,14 @@ class LoopKinematics:
     def _balance(self, evaluation: Configuration, requested: dict) -> PassiveBalance:
         """Return how the free joints balance. Raises SingularPoseError where the tool can still move."""
         free = self.mechanism.free_dofs
-        scaled = evaluation.closure.take(free, axis=1) * self._free_factors
-        count, size = scaled.shape
-        if count == size:
-            inverse = PartialPivLU(scaled.T).inverse()
-            # The product of Frobenius norms bounds the condition number from above.
-            if frobenius(inverse) * frobenius(scaled) < 1 / NEGLIGIBLE:
-                return PassiveBalance(inverse * self._free_factors, np.zeros((count, 0)), np.zeros((size, 0)))
-        rows, columns = self._free_scales
-        _, idle, self_stress, inverse = rank_of(evaluation.closure[:, free].T, columns, rows)
+        columns = evaluation.closure.take(free, axis=1)
+        if columns.shape[0] == columns.shape[1]:
+            inverse = PartialPivLU(columns.T).inverse()
+            # The product of Frobenius norms bounds the condition number from above, and so do scales far apart.
+            if frobenius(inverse) * frobenius(columns) * self._free_spread < 1 / NEGLIGIBLE:
+                return PassiveBalance(inverse, *self._no_freedom)
+        rows, scales = self._free_scales
+        _, idle, self_stress, inverse = rank_of(evaluation.closure[:, free].T, scales, rows)
         if idle.shape[1] and self.mechanism.tool is not None:
             velocities = np.zeros((self.model.nv, idle.shape[1]))
             velocities[free] = idle

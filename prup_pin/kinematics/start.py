@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import PrupPinError
+from ..kernel import LoopedTree
 from ..spatial import Array
 
 __all__ = ["NoPlaceError", "PolynomialStart"]
@@ -82,13 +83,14 @@ class _Polynomial(NamedTuple):
 class PolynomialStart:
     """The polynomials of one mechanism, in coordinates that `scale` (t,) makes dimensionless."""
 
-    def __init__(self, model: pin.Model, home: Array, coordinates: Array, scale: Array, solve: Solve):
+    def __init__(self, tree: LoopedTree, home: Array, coordinates: Array, scale: Array, solve: Solve):
         """`coordinates` (t,) are home's. What `solve` finds is asked here and never again."""
-        self._model, self._home, self._coordinates, self._per_unit = model, home, coordinates, 1 / scale
+        model = tree.model
+        self._tree, self._home, self._coordinates, self._per_unit = tree, home, coordinates, 1 / scale
         self._polynomials: list[_Polynomial] = []
 
         def place(u: Array, start: Array) -> _Place:
-            q, tangents = solve(pin.integrate(model, home, start), coordinates + u * scale)
+            q, tangents = solve(tree.moved(home, start), coordinates + u * scale)
             slopes = pin.dDifference(model, home, q)[1] @ tangents
             return _Place(u, pin.difference(model, home, q), slopes * scale)
 
@@ -111,7 +113,7 @@ class PolynomialStart:
         for polynomial in self._polynomials:
             motion = polynomial(u)
             if motion is not None:
-                return pin.integrate(self._model, self._home, motion)
+                return self._tree.moved(self._home, motion)
         return None
 
 

@@ -22,9 +22,13 @@ class BallScrew(DriveModule):
         required("youngs_modulus", "Pa", "modulus of elasticity E"),
     )
 
+    def prepare(self, values: Values) -> Values:
+        """Add 1 / (A E l_BS)."""
+        return {**values, "flexibility": 1 / (values["area"] * values["youngs_modulus"] * values["length"])}
+
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
-        below = values["length"] - at.position
-        return diagonal(at.position * below / (values["area"] * values["youngs_modulus"] * values["length"]))
+        values = values if "flexibility" in values else self.prepare(values)
+        return diagonal(at.position * (values["length"] - at.position) * values["flexibility"])
 
     def problems(self, values: Values, at: ModuleGeometry) -> Mask:
         return (at.position <= 0) | (at.position >= values["length"])

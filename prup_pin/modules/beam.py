@@ -101,7 +101,10 @@ class Beam(WrenchModule):
         values = values if "powers_of_length" in values else self.prepare(values)
         linear, square, cube = values["powers_of_length"]
         length = at.length[..., None, None]
-        bent = length * (linear + length * (square + length * cube))
+        bent = length * cube
+        for lower in (square, linear):
+            bent += lower
+            bent *= length
         return bent + clamp_compliance(values, at.length) if values["clamps_tilt"] else bent
 
     def line_density(self, values: Values, at: ModuleGeometry) -> Callable[[Array], Array]:

@@ -57,10 +57,10 @@ class Compliance:
         # The sum over modules of J^T (Lambda J), as one product of all their rows.
         wrench, drive = statics.jacobians
         self._deformations = statics.lambdas[0] @ wrench, statics.lambdas[1] * drive
-        c = wrench.reshape(-1, 6).T @ self._deformations[0].reshape(-1, 6)
-        c += drive[:, 0].T @ self._deformations[1][:, 0]
+        c = wrench.reshape(-1, 6).T.dot(self._deformations[0].reshape(-1, 6))
+        c += drive[:, 0].T.dot(self._deformations[1][:, 0])
         self.C: Array = (c + c.T) / 2
-        self.C.flags.writeable = False
+        self.C.setflags(write=False)
 
     def __reduce__(self):
         return Compliance, (self._statics, self._scaling, self.load)
@@ -132,10 +132,11 @@ class Compliance:
     def parts(self) -> Mapping[str, Array]:
         """Compliance J_m^T Lambda_m J_m of each module, (6, 6); they sum to C."""
         statics = self._statics
-        parts = np.concatenate(
-            [jacobian.mT @ bent for jacobian, bent in zip(statics.jacobians, self._deformations, strict=True)]
-        )
-        parts.flags.writeable = False
+        wrench, drive = statics.jacobians
+        parts = np.empty((len(wrench) + len(drive), 6, 6))
+        np.matmul(wrench.mT, self._deformations[0], out=parts[: len(wrench)])
+        np.multiply(drive.mT, self._deformations[1], out=parts[len(wrench) :])
+        parts.setflags(write=False)
         return _Named(statics.layout.index, parts.__getitem__)
 
     @cached_property

@@ -169,7 +169,7 @@ class StaticsLayout:
         if len(self._beams):
             tips = frames.take(self._beams, axis=-3)[..., :3, 2:]
             # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
-            lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]) @ _ONES
+            lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]).dot(_ONES)
         return frames, self._geometries(pose, lengths)
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
