@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Robot"]
 
+#: A loaded robot has answered for home so many times.
+_REHEARSALS = 3
+
 
 class Robot:
     """A robot loaded by `prup_pin.load`. Immutable: changes give a new robot."""
@@ -75,13 +78,19 @@ class Robot:
     def prepared(self) -> Robot:
         """Return this robot with what its task coordinates need for any pose worked out: the first one costs no more.
 
-        Other robots need little. What a robot cannot do is said when it is asked.
+        It has answered for home by then, so that processors, too, have everything at hand. Other robots need little.
+        What a robot cannot do is said when it is asked.
         """
         if self.mechanism.tasks:
             with suppress(PrupPinError):
-                self._kinematics.prepare()
+                at_home = self._kinematics.prepare()
                 if self.mechanism.modules:
                     self.compliance(self.home)
+                for _ in range(_REHEARSALS if at_home else 0):
+                    pose = self.pose(**at_home)
+                    if self.mechanism.modules:
+                        answer = self.compliance(pose)
+                        _ = answer.parts, answer.K
         return self
 
     @cached_property

@@ -83,10 +83,15 @@ class LoopKinematics:
                 other.__dict__[name] = self.__dict__[name]
         return other
 
-    def prepare(self) -> None:
-        """Work out what no pose decides. Raises UnreachablePoseError where the loops do not close."""
+    def prepare(self) -> dict[str, float]:
+        """Work out what no pose decides, and return home's task coordinates; none where its joints leave their limits.
+
+        Raises UnreachablePoseError where the loops do not close.
+        """
         self._freeze(self.home, self._home, {})
-        self._start(self.task.values(self._home.placements))
+        here = self.task.values(self._home.placements)
+        self._start(here)
+        return {} if self._outside(self.home) else dict(zip(self.task.names, here.tolist(), strict=True))
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 
@@ -136,7 +141,7 @@ class LoopKinematics:
         return bool(np.abs(gap * rows).max(initial=0.0) < NEGLIGIBLE and np.abs(wanted).max(initial=0.0) < TOLERANCE)
 
     def _solved(self, matrix: Array, right: Array) -> tuple[Array, Callable[[Array], Array]]:
-        """Return the solution, least where rows are redundant or motions free, and what solves for other right sides."""
+        """Return the solution, least where rows are redundant or motions free, and what solves for another `right`."""
         if matrix.shape[0] == matrix.shape[1]:
             solve = PartialPivLU(matrix).solve
             solution = solve(right)

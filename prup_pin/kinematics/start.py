@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from eigenpy import PartialPivLU
+from numpy.typing import NDArray
 
 from ..errors import PrupPinError
 from ..kernel import LoopedTree
@@ -23,9 +25,11 @@ from ..spatial import Array
 
 __all__ = ["NoPlaceError", "PolynomialStart"]
 
+Mask = NDArray[np.bool_]
+
 #: Radius of the ball about home [dimensionless, rad] where all places close, and the part of it that holds where not.
 _RADIUS, _HOLDS = 1.1, 0.75
-#: A second fit, more exact, holds in the inner part of a ball. A ball where the fit is poor gives way to its inner part.
+#: A second fit, more exact, holds in the inner part of a ball. Where the fit is poor a ball gives way to that part.
 _INNER = 0.73
 #: No ball is smaller.
 _LEAST = 0.1
@@ -33,30 +37,35 @@ _LEAST = 0.1
 _DEGREE, _TERMS = 16, 170
 #: Equations for each term of the inner fit; a place gives one value and a slope along each coordinate.
 _EQUATIONS = 1.8
+#: Products of matrices with no more multiplications are done by one thread: bits depend on how several share them.
+_ONE_THREAD = 200_000
 #: The most that a good fit misses at the places that it is fitted to [m, rad].
 _MISSED = 0.03
 #: A coordinate whose tangents differ less than `_SAME` over steps of `_NEAR` enters linearly; tried as far as `_FAR`.
 _SAME, _NEAR, _FAR = 1e-9, 0.1, 4.0
 
-
 #: From (start, coordinates) to the configuration (nq,) there and its tangents (nv, t). Raises NoPlaceError.
 Solve = Callable[[Array, Array], tuple[Array, Array]]
+
+
+#: From a place u (t,) and a motion near it to the motion (nv,) there and its slopes (nv, t). Raises NoPlaceError.
+Place = Callable[[Array, Array], tuple[Array, Array]]
 
 
 class NoPlaceError(PrupPinError):
     """There is no closed configuration near where one was looked for."""
 
 
-class _Place(NamedTuple):
-    """Coordinates u (t,) [dimensionless, from home's], the motion (nv,) from home to there, its slopes (nv, t)."""
+class _Places(NamedTuple):
+    """Coordinates u (n, t) [dimensionless, from home's], motions (n, nv) from home to there, slopes (n, nv, t)."""
 
     u: Array
-    motion: Array
+    motions: Array
     slopes: Array
 
 
 class _Polynomial(NamedTuple):
-    """Terms T_a(x_1) T_b(x_2) … in Chebyshev's polynomials T_k(x) = cos(k arccos x), with x = factor u in the unit ball.
+    """Terms T_a(x_1) T_b(x_2) … in Chebyshev's polynomials T_k(x) = cos(k arccos x), x = factor u in the unit ball.
 
     orders (1, degree + 1) are all k; chosen tells, coordinate by coordinate, each term's factor among the T_k(x_i) of
     all coordinates, (terms,) each; coefficients (terms, nv).
@@ -85,19 +94,23 @@ class PolynomialStart:
 
     def __init__(self, tree: LoopedTree, home: Array, coordinates: Array, scale: Array, solve: Solve):
         """`coordinates` (t,) are home's. What `solve` finds is asked here and never again."""
-        model = tree.model
         self._tree, self._home, self._coordinates, self._per_unit = tree, home, coordinates, 1 / scale
         self._polynomials: list[_Polynomial] = []
 
-        def place(u: Array, start: Array) -> _Place:
+        def place(u: Array, start: Array) -> tuple[Array, Array]:
+            """Return motion and slopes at a place, from a motion near it."""
             q, tangents = solve(tree.moved(home, start), coordinates + u * scale)
-            slopes = pin.dDifference(model, home, q)[1] @ tangents
-            return _Place(u, pin.difference(model, home, q), slopes * scale)
+            slopes = pin.dDifference(tree.model, home, q)[1] @ tangents
+            return pin.difference(tree.model, home, q), slopes * scale
 
-        linear = _linear(place, len(scale), model.nv)
+        try:
+            _, slopes = place(np.zeros(len(scale)), np.zeros(tree.model.nv))
+            linear = _linear(place, slopes)
+        except NoPlaceError:
+            return
         radius = _RADIUS
         while radius > _LEAST and not self._polynomials:
-            places, reached = _sampled(place, linear, model.nv, radius)
+            places, reached = _sampled(place, slopes, linear, radius)
             if reached < radius:
                 radius = _HOLDS * reached
                 continue
@@ -117,33 +130,34 @@ class PolynomialStart:
         return None
 
 
-def _linear(place: Callable[[Array, Array], _Place], count: int, nv: int) -> Array:
-    """Return which coordinates enter linearly, (t,): their tangents are the same all around home."""
-    try:
-        home = place(np.zeros(count), np.zeros(nv))
-        steps = _NEAR * np.concatenate((np.eye(count), -np.ones((1, count))))
-        slopes = np.array([home.slopes, *(place(u, home.motion + home.slopes @ u).slopes for u in steps)])
-    except NoPlaceError:
-        return np.zeros(count, bool)
-    return np.ptp(slopes, axis=0).max(axis=0) < _SAME
+def _linear(place: Place, slopes: Array) -> Mask:
+    """Return which coordinates enter linearly, (t,): their tangents are those of home, `slopes`, all around it."""
+    count = slopes.shape[1]
+    steps = _NEAR * np.concatenate((np.eye(count), -np.ones((1, count))))
+    differences = [place(u, slopes @ u)[1] - slopes for u in steps]
+    return np.abs(differences).max(axis=(0, 1)) < _SAME
 
 
-def _sampled(place: Callable[[Array, Array], _Place], linear: Array, nv: int, radius: float) -> tuple[list[_Place], float]:
-    """Return places all over a ball about home, and how far out they were found."""
+def _sampled(place: Place, slopes: Array, linear: Mask, radius: float) -> tuple[_Places, float]:
+    """Return places all over a ball about home, where slopes are `slopes`, and how far out they were found."""
     count = len(linear)
-    places = [place(np.zeros(count), np.zeros(nv))]
     inner = int(np.ceil(_EQUATIONS * len(_terms(linear)) / (1 + count)))
     distances = *_spread(0.0, _INNER * radius, inner), *_spread(_INNER * radius, radius, inner // 2)
-    for distance, even in zip(distances, _even(count), strict=False):
+    nv, most = len(slopes), 1 + len(distances)
+    found = _Places(np.zeros((most, count)), np.zeros((most, nv)), np.zeros((most, nv, count)))
+    found.slopes[0] = slopes
+    for k, (distance, even) in enumerate(zip(distances, _even(count), strict=False), start=1):
         direction = np.where(linear, 0.0, even)
         u = np.where(linear, _FAR * even, distance * direction / max(np.linalg.norm(direction), 1e-9))
-        apart = (np.array([known.u for known in places]) - u) * ~linear
-        nearest = places[int(np.argmin((apart * apart).sum(axis=1)))]
+        apart = (found.u[:k] - u) * ~linear
+        near = int(np.argmin((apart * apart).sum(axis=1)))
+        start = found.motions[near] + found.slopes[near] @ (u - found.u[near])
         try:
-            places.append(place(u, nearest.motion + nearest.slopes @ (u - nearest.u)))
+            found.motions[k], found.slopes[k] = place(u, start)
         except NoPlaceError:
-            return places, distance
-    return places, radius
+            return found, distance
+        found.u[k] = u
+    return found, radius
 
 
 def _even(count: int) -> Iterator[Array]:
@@ -164,7 +178,7 @@ def _spread(start: float, end: float, count: int) -> Array:
     return start + (end - start) * np.sin(np.pi / 2 * (np.arange(count) + 0.5) / count)
 
 
-def _terms(linear: Array) -> list[tuple[int, ...]]:
+def _terms(linear: Mask) -> list[tuple[int, ...]]:
     """Return each term as the coordinates whose product it is."""
     curved = np.flatnonzero(~linear)
     degree = max(d for d in range(1, _DEGREE + 1) if comb(len(curved) + d, d) <= max(_TERMS, 1 + len(curved)))
@@ -172,26 +186,30 @@ def _terms(linear: Array) -> list[tuple[int, ...]]:
     return words + [(index,) for index in np.flatnonzero(linear).tolist()]
 
 
-def _fitted(places: list[_Place], size: float, linear: Array) -> tuple[_Polynomial, float]:
+def _fitted(places: _Places, size: float, linear: Mask) -> tuple[_Polynomial, float]:
     """Return the polynomial that fits the places in a ball of radius `size` best, and the most that it misses."""
-    within = [known for known in places if np.linalg.norm(known.u * ~linear) <= size]
+    within = np.linalg.norm(places.u * ~linear, axis=1) <= size
+    u, motions, slopes = (part[within] for part in places)
     exponents = np.array([np.bincount(term, minlength=len(linear)) for term in _terms(linear)], int).T
     orders = np.arange(exponents.max() + 1)
     factor = np.where(linear, 1 / _FAR, 1 / size)
-    u, motions, slopes = (np.array(part) for part in zip(*within, strict=True))
-    angle = np.arccos(u * factor)[..., None]
-    chosen = np.arange(len(linear))[:, None], exponents
-    factors = np.cos(orders * angle)[:, *chosen]
-    rates = (orders * np.sin(orders * angle) / np.sin(angle))[:, *chosen]
-    values = factors.prod(axis=1)
-    rows, right = [values], [motions]
+    angles = np.arccos(u * factor)[..., None]
+    each = np.arange(len(linear))[:, None]
+    factors = np.cos(orders * angles)[:, each, exponents]
+    rates = (orders * np.sin(orders * angles) / np.sin(angles))[:, each, exponents]
+    rows, right = [factors.prod(axis=1)], [motions]
     for index in range(len(linear)):
         # A slope is weighed like a value: that of the highest term is its degree times as large.
         others = np.delete(factors, index, axis=1).prod(axis=1)
         rows.append(rates[:, index] * others / orders[-1])
         right.append(slopes[..., index] / (factor[index] * orders[-1]))
-    matrix, wanted = np.concatenate(rows), np.concatenate(right)
-    coefficients = np.linalg.solve(matrix.T @ matrix, matrix.T @ wanted)
-    places_of = tuple(exponents + len(orders) * chosen[0])
-    polynomial = _Polynomial(factor, orders[None].astype(float), places_of, coefficients)
-    return polynomial, float(np.abs(values @ coefficients - motions).max())
+    equations = np.concatenate((np.concatenate(rows), np.concatenate(right)), axis=1)
+    terms, width = exponents.shape[1], equations.shape[1]
+    normal, step = np.zeros((terms, width)), max(1, _ONE_THREAD // (terms * width))
+    for first in range(0, len(equations), step):
+        some = equations[first : first + step]
+        normal += some[:, :terms].T @ some
+    coefficients = PartialPivLU(normal[:, :terms]).solve(normal[:, terms:])
+    chosen = tuple(exponents + len(orders) * each)
+    polynomial = _Polynomial(factor, orders[None].astype(float), chosen, coefficients)
+    return polynomial, float(np.abs(rows[0] @ coefficients - motions).max())
