@@ -301,8 +301,10 @@ class LoopKinematics:
             wanted = np.eye(len(matrix))[:, len(at.closure) :]
             return q, self._solved(matrix, wanted)[0]
 
+        here = task.values(self._home.placements)
+        costly = len(self._home.closure) + len(here) != self.model.nv  # least steps take longer
         scale = np.array([self.length if task.units[name] == "m" else 1.0 for name in task.names])
-        return PolynomialStart(self._tree, self.home, task.values(self._home.placements), scale, solve)
+        return PolynomialStart(self._tree, self.home, here, scale, solve, costly)
 
     def pose_from_actuators(self, values: Sequence[float] | Array, near: ClosedPose | None = None) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""

@@ -33,8 +33,8 @@ _RADIUS, _HOLDS = 1.1, 0.75
 _INNER = 0.73
 #: No ball is smaller.
 _LEAST = 0.1
-#: The degree, lower with more coordinates, so that there are no more terms than this.
-_DEGREE, _TERMS = 16, 170
+#: The degree, lower with more coordinates, so that there are no more terms than these; fewer for a costly solver.
+_DEGREE, _TERMS, _FEW_TERMS = 16, 170, 50
 #: Equations for each term of the inner fit; a place gives one value and a slope along each coordinate.
 _EQUATIONS = 1.8
 #: Products of matrices with no more multiplications are done by one thread: bits depend on how several share them.
@@ -92,8 +92,8 @@ class _Polynomial(NamedTuple):
 class PolynomialStart:
     """The polynomials of one mechanism, in coordinates that `scale` (t,) makes dimensionless."""
 
-    def __init__(self, tree: LoopedTree, home: Array, coordinates: Array, scale: Array, solve: Solve):
-        """`coordinates` (t,) are home's. What `solve` finds is asked here and never again."""
+    def __init__(self, tree: LoopedTree, home: Array, coordinates: Array, scale: Array, solve: Solve, costly: bool):
+        """`coordinates` (t,) are home's. What `solve` finds is asked here and never again, more seldom if `costly`."""
         self._tree, self._home, self._coordinates, self._per_unit = tree, home, coordinates, 1 / scale
         self._polynomials: list[_Polynomial] = []
 
@@ -108,14 +108,15 @@ class PolynomialStart:
             linear = _linear(place, slopes)
         except NoPlaceError:
             return
+        terms = _terms(linear, _FEW_TERMS if costly else _TERMS)
         radius = _RADIUS
         while radius > _LEAST and not self._polynomials:
-            places, reached = _sampled(place, slopes, linear, radius)
+            places, reached = _sampled(place, slopes, linear, radius, terms.shape[1])
             if reached < radius:
                 radius = _HOLDS * reached
                 continue
             for size in (_INNER * radius, radius):
-                polynomial, missed = _fitted(places, size, linear)
+                polynomial, missed = _fitted(places, size, linear, terms)
                 if missed < _MISSED:
                     self._polynomials.append(polynomial)
             radius *= _INNER
@@ -138,10 +139,10 @@ def _linear(place: Place, slopes: Array) -> Mask:
     return np.abs(differences).max(axis=(0, 1)) < _SAME
 
 
-def _sampled(place: Place, slopes: Array, linear: Mask, radius: float) -> tuple[_Places, float]:
+def _sampled(place: Place, slopes: Array, linear: Mask, radius: float, terms: int) -> tuple[_Places, float]:
     """Return places all over a ball about home, where slopes are `slopes`, and how far out they were found."""
     count = len(linear)
-    inner = int(np.ceil(_EQUATIONS * len(_terms(linear)) / (1 + count)))
+    inner = int(np.ceil(_EQUATIONS * terms / (1 + count)))
     distances = *_spread(0.0, _INNER * radius, inner), *_spread(_INNER * radius, radius, inner // 2)
     nv, most = len(slopes), 1 + len(distances)
     found = _Places(np.zeros((most, count)), np.zeros((most, nv)), np.zeros((most, nv, count)))
@@ -178,19 +179,22 @@ def _spread(start: float, end: float, count: int) -> Array:
     return start + (end - start) * np.sin(np.pi / 2 * (np.arange(count) + 0.5) / count)
 
 
-def _terms(linear: Mask) -> list[tuple[int, ...]]:
-    """Return each term as the coordinates whose product it is."""
-    curved = np.flatnonzero(~linear)
-    degree = max(d for d in range(1, _DEGREE + 1) if comb(len(curved) + d, d) <= max(_TERMS, 1 + len(curved)))
-    words = [word for d in range(degree + 1) for word in combinations_with_replacement(curved.tolist(), d)]
-    return words + [(index,) for index in np.flatnonzero(linear).tolist()]
+def _terms(linear: Mask, most: int) -> NDArray[np.int_]:
+    """Return the degree of each term in each coordinate, (t, terms)."""
+    curved = np.flatnonzero(~linear).tolist()
+    degree = max(d for d in range(1, _DEGREE + 1) if d == 1 or comb(len(curved) + d, d) <= most)
+    words = [word for d in range(degree + 1) for word in combinations_with_replacement(curved, d)]
+    words += [(index,) for index in np.flatnonzero(linear).tolist()]
+    return np.array([np.bincount(word, minlength=len(linear)) for word in words], int).T
 
 
-def _fitted(places: _Places, size: float, linear: Mask) -> tuple[_Polynomial, float]:
-    """Return the polynomial that fits the places in a ball of radius `size` best, and the most that it misses."""
+def _fitted(places: _Places, size: float, linear: Mask, exponents: NDArray[np.int_]) -> tuple[_Polynomial, float]:
+    """Return the polynomial that fits the places in a ball of radius `size` best, and the most that it misses.
+
+    `exponents` (t, terms), see `_terms`.
+    """
     within = np.linalg.norm(places.u * ~linear, axis=1) <= size
     u, motions, slopes = (part[within] for part in places)
-    exponents = np.array([np.bincount(term, minlength=len(linear)) for term in _terms(linear)], int).T
     orders = np.arange(exponents.max() + 1)
     factor = np.where(linear, 1 / _FAR, 1 / size)
     angles = np.arccos(u * factor)[..., None]
