@@ -179,7 +179,8 @@ class StaticsLayout:
     def _geometries(self, pose: ClosedPose, lengths: Array) -> list[ModuleGeometry]:
         geometries = list(self._nowhere)
         for index, group in self.varying:
-            length = lengths[..., self._beam_slots[group]] if group.kind.spans_frames else _NOWHERE.length
+            beams = self._beam_slots.get(group)
+            length = _NOWHERE.length if beams is None else lengths[..., beams]
             position = self._positions(group, pose.q) if group.kind.follows_joint else _NOWHERE.position
             geometries[index] = ModuleGeometry(length, position, *self._ends[group])
         return geometries
@@ -233,7 +234,7 @@ def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     block = maps[..., : 6 * count, :].reshape(*frames.shape[:-2], 6, 6)
     axes = frames[..., :3, :3].mT
     block[..., :3, :3] = block[..., 3:, 3:] = axes
-    np.matmul(axes, skew(-frames[..., :3, 3]), out=block[..., 3:, :3])
+    np.matmul(axes, skew(frames[..., :3, 3]).mT, out=block[..., 3:, :3])  # [-p]x
     maps[..., 6 * count :, :] = pose.jacobian.take(layout.drive_row_dofs, axis=-1).mT * layout.drive_ratios[:, 0]
     return maps
 
