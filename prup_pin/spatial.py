@@ -35,12 +35,13 @@ _MOMENT = np.pad(_CROSS.reshape(3, 3, 3), ((0, 0), (3, 0), (0, 3))).reshape(3, 3
 
 def skew(vector: Array) -> Array:
     """Return [v]x with [v]x u = v x u; (..., 3) -> (..., 3, 3)."""
-    return (vector @ _CROSS).reshape(*vector.shape, 3)
+    return (vector.dot(_CROSS) if vector.ndim < 3 else vector @ _CROSS).reshape(*vector.shape, 3)
 
 
 def base_wrench_from_point(point: Array) -> Array:
     """Return the (..., 6, 6) matrix that turns a wrench about `point` (base axes) into a base wrench."""
-    return _IDENTITY + (point @ _MOMENT).reshape(*point.shape[:-1], 6, 6)
+    moment = point.dot(_MOMENT) if point.ndim < 3 else point @ _MOMENT
+    return _IDENTITY + moment.reshape(*point.shape[:-1], 6, 6)
 
 
 def wrench_in_frame(placement: Array, wrench: Array) -> Array:
@@ -49,6 +50,11 @@ def wrench_in_frame(placement: Array, wrench: Array) -> Array:
     moved[..., 3:, :] -= skew(placement[..., :3, 3]) @ wrench[..., :3, :]
     halves = moved.reshape(*wrench.shape[:-2], 2, 3, wrench.shape[-1])
     return (placement[..., None, :3, :3].mT @ halves).reshape(wrench.shape)
+
+
+def product(left: Array, right: Array) -> Array:
+    """Return left @ right; numpy takes longer to find out than to multiply two single matrices."""
+    return left.dot(right) if left.ndim == right.ndim == 2 else left @ right
 
 
 def frobenius(matrix: NDArray[np.floating]) -> float:

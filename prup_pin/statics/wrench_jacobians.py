@@ -24,7 +24,7 @@ from ..kinematics import ClosedPose
 from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
 from ..modules.module import Values
-from ..spatial import Array, base_wrench_from_point, skew
+from ..spatial import Array, base_wrench_from_point, product, skew
 
 __all__ = [
     "ModuleGroup",
@@ -98,12 +98,13 @@ class StaticsLayout:
                 start = int(np.searchsorted(self._beams, group.slots.start))
                 self._beam_slots[group] = slice(start, start + len(group.modules))
         self.free = mechanism.free_dofs
-        self.free_joints = mechanism.dof_joint[self.free]
-        self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), self.drive_joints[self.drive_rows]))
-        self.drive_row_dofs = self.drive_dofs[self.drive_rows]
+        # Rows of loads: six for every wrench module, one for every drive module; below them one for every free joint.
+        self.row_dofs = np.concatenate((self.drive_dofs[self.drive_rows], self.free))
+        self.row_ratios = np.concatenate((self.drive_ratios[:, 0], np.ones((len(self.free), 1))))
+        self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), mechanism.dof_joint[self.row_dofs]))
+        self.load_rows = len(self.row_joints) - len(self.free)
         # What a row's joint carries: of loads on a joint's body, and of every closure force.
         self.row_support = mechanism.support[self.row_joints]
-        self.free_support = mechanism.support[self.free_joints]
         self.row_incidence = Closure(mechanism).incidence[self.row_joints]
         # The same of six loads on the body of each joint, and of every closure force: (nj, rows, 6 + c).
         loaded = np.repeat(self.row_support.T[..., None], 6, axis=-1)
@@ -130,7 +131,7 @@ class StaticsLayout:
         }
 
     def split(self, rows: Array) -> tuple[Array, Array]:
-        """Return the loads (..., rows, c) of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
+        """Return the loads (..., load rows, c) of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
         count, lead = 6 * len(self.wrench_names), rows.shape[:-2]
         wrench = rows[..., :count, :].reshape(*lead, len(self.wrench_names), 6, rows.shape[-1])
         return wrench, rows[..., count:, None, :]
@@ -225,9 +226,9 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
 
 
 def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
-    """Return what turns the base wrench that a module's joint transmits into the module's loads, (..., rows, 6).
+    """Return what turns the base wrenches that joints transmit into loads along all rows, (..., rows, 6).
 
-    Rows: six for every wrench module, then one for every drive module.
+    Rows: six for every wrench module, then one for every drive module, then one for every free joint.
     """
     count = len(layout.wrench_names)
     maps = np.zeros((*frames.shape[:-3], len(layout.row_joints), 6))
@@ -235,41 +236,44 @@ def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     axes = frames[..., :3, :3].mT
     block[..., :3, :3] = block[..., 3:, 3:] = axes
     np.matmul(axes, skew(frames[..., :3, 3]).mT, out=block[..., 3:, :3])  # [-p]x
-    maps[..., 6 * count :, :] = pose.jacobian.take(layout.drive_row_dofs, axis=-1).mT * layout.drive_ratios[:, 0]
+    maps[..., 6 * count :, :] = pose.jacobian.take(layout.row_dofs, axis=-1).mT * layout.row_ratios
     return maps
 
 
 def loads_from_frame(layout: StaticsLayout, pose: ClosedPose, maps: Array, frame: Frame) -> Array:
-    """Return the modules' loads under unit wrenches about a frame's origin in base axes, (..., rows, 6).
+    """Return the modules' loads under unit wrenches about a frame's origin in base axes, (..., load rows, 6).
 
     Only what carries the frame's joint is loaded before the loops carry any.
     """
-    point = (pose.placements[..., frame.joint, :, :] @ frame.placement[:, 3])[..., :3]
+    count = layout.load_rows
+    point = product(pose.placements[..., frame.joint, :3, :], frame.placement[:, 3:])[..., 0]
     unit = base_wrench_from_point(point)
     if not layout.closed:
-        return (maps @ unit) * layout.row_support[:, frame.joint, None]
-    along = (pose.jacobian.take(layout.free, axis=-1).mT @ unit) * layout.free_support[:, frame.joint, None]
+        return (maps[..., :count, :] @ unit) * layout.row_support[:count, frame.joint, None]
     # Unit wrenches and unit closure forces side by side, as each row's joint carries them.
-    both = (maps @ np.concatenate((unit, pose.closure_wrenches.mT), axis=-1)) * layout.row_carries[frame.joint]
-    return both[..., :6] - both[..., 6:] @ (pose.balance.inverse @ along)
+    sources = np.concatenate((unit, pose.closure_wrenches.mT), axis=-1)
+    both = product(maps, sources) * layout.row_carries[frame.joint]
+    forces = product(pose.balance.inverse, both[..., count:, :6])
+    return both[..., :count, :6] - product(both[..., :count, 6:], forces)
 
 
 def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodies: Array) -> Array:
-    """Return the modules' loads under base wrenches on the joints' bodies (..., nj, 6, c), (..., rows, c)."""
+    """Return the modules' loads under base wrenches on the joints' bodies (..., nj, 6, c), (..., load rows, c)."""
+    count = layout.load_rows
     carried = (layout.mechanism.support @ bodies.reshape(*bodies.shape[:-2], -1)).reshape(bodies.shape)
-    loads = (maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :]
+    along = (maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :]
+    loads = along[..., :count, :]
     if not layout.closed:
         return loads
-    axes = pose.jacobian.mT[..., layout.free, None, :]
-    along = (axes @ carried[..., layout.free_joints, :, :])[..., 0, :]
-    return loads - _loads_from_closures(layout, pose, maps) @ (pose.balance.inverse @ along)
+    return loads - _loads_from_closures(layout, pose, maps) @ (pose.balance.inverse @ along[..., count:, :])
 
 
 def self_stress_loads(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
-    """Return the modules' loads under the closure forces that balance without any load, (..., rows, h)."""
+    """Return the modules' loads under the closure forces that balance without any load, (..., load rows, h)."""
     return _loads_from_closures(layout, pose, maps) @ pose.balance.self_stress
 
 
 def _loads_from_closures(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
-    """Return the modules' loads under unit closure forces, (..., rows, closures)."""
-    return (maps @ pose.closure_wrenches.mT) * layout.row_incidence
+    """Return the modules' loads under unit closure forces, (..., load rows, closures)."""
+    count = layout.load_rows
+    return (maps[..., :count, :] @ pose.closure_wrenches.mT) * layout.row_incidence[:count]
