@@ -65,10 +65,10 @@ class _Places(NamedTuple):
 
 
 class _Polynomial(NamedTuple):
-    """Terms T_a(x_1) T_b(x_2) … in Chebyshev's polynomials T_k(x) = cos(k arccos x), x = factor u in the unit ball.
+    """Terms T_a(x_1) T_b(x_2) … in Chebyshev's polynomials T_k(x) = cos(k arccos x), x in the unit ball.
 
-    orders (1, degree + 1) are all k; chosen tells, coordinate by coordinate, each term's factor among the T_k(x_i) of
-    all coordinates, (terms,) each; coefficients (terms, nv).
+    x (t,) are the coordinates from home's, times factor. orders (1, degree + 1) are all k; chosen tells, coordinate by
+    coordinate, each term's factor among the T_k(x_i) of all coordinates, (terms,) each; coefficients (terms, nv).
     """
 
     factor: Array
@@ -76,9 +76,9 @@ class _Polynomial(NamedTuple):
     chosen: tuple[Array, ...]
     coefficients: Array
 
-    def __call__(self, u: Array) -> Array | None:
-        """Return the motion (nv,) from home to a place (t,), or None where the place lies outside."""
-        x = u * self.factor
+    def __call__(self, away: Array) -> Array | None:
+        """Return the motion (nv,) from home to coordinates (t,) from home's, or None where they lie outside."""
+        x = away * self.factor
         if hypot(*x.tolist()) > 1.0:
             return None
         factors = np.cos(np.arccos(x).reshape(-1, 1).dot(self.orders))
@@ -94,7 +94,7 @@ class PolynomialStart:
 
     def __init__(self, tree: LoopedTree, home: Array, coordinates: Array, scale: Array, solve: Solve, costly: bool):
         """`coordinates` (t,) are home's. What `solve` finds is asked here and never again, more seldom if `costly`."""
-        self._tree, self._home, self._coordinates, self._per_unit = tree, home, coordinates, 1 / scale
+        self._tree, self._home, self._coordinates = tree, home, coordinates
         self._polynomials: list[_Polynomial] = []
 
         def place(u: Array, start: Array) -> tuple[Array, Array]:
@@ -118,14 +118,14 @@ class PolynomialStart:
             for size in (_INNER * radius, radius):
                 polynomial, missed = _fitted(places, size, linear, terms)
                 if missed < _MISSED:
-                    self._polynomials.append(polynomial)
+                    self._polynomials.append(polynomial._replace(factor=polynomial.factor / scale))
             radius *= _INNER
 
     def __call__(self, target: Array) -> Array | None:
         """Return a configuration (nq,) near the one at `target` (t,), or None where the polynomials do not tell."""
-        u = (target - self._coordinates) * self._per_unit
+        away = target - self._coordinates
         for polynomial in self._polynomials:
-            motion = polynomial(u)
+            motion = polynomial(away)
             if motion is not None:
                 return self._tree.moved(self._home, motion)
         return None

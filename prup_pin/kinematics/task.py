@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import atan2, cos, hypot, isfinite, nan, remainder, sin, tan, tau
+from math import atan2, cos, hypot, isfinite, remainder, sin, tan, tau
+from typing import NoReturn
 
 import numpy as np
 
@@ -31,6 +32,16 @@ class TaskFrame:
 
     def target(self, wanted: Mapping[str, float]) -> Array:
         """Return the wanted values in order. Raises on unknown, missing or non-finite ones."""
+        try:
+            values = [float(wanted[name]) for name in self.names]
+        except (KeyError, TypeError, ValueError):
+            values = []
+        if not values or len(values) != len(wanted) or not all(map(isfinite, values)):
+            self._refuse(wanted)
+        return np.array(values)
+
+    def _refuse(self, wanted: Mapping[str, float]) -> NoReturn:
+        """Say what is wrong with what was wanted."""
         if not self.names:
             raise InputError("this robot file defines no task coordinates; use pose_from_actuators([...])")
         for name in wanted:
@@ -42,16 +53,8 @@ class TaskFrame:
                 f"missing task coordinate{'s' if len(missing) > 1 else ''}: {', '.join(missing)}; "
                 f"give all of {', '.join(self.names)}"
             )
-        values = []
-        for name in self.names:
-            try:
-                value = float(wanted[name])
-            except (TypeError, ValueError):
-                value = nan
-            if not isfinite(value):
-                raise InputError(f"{name} = {wanted[name]!r}: expected a finite number [{self.units[name]}]")
-            values.append(value)
-        return np.array(values)
+        name = next(name for name in self.names if not _is_finite(wanted[name]))
+        raise InputError(f"{name} = {wanted[name]!r}: expected a finite number [{self.units[name]}]")
 
     def pose_vector(self, placements: Array) -> tuple[float, ...]:
         """Return (x, y, z, rx, ry, rz) of the tool; of placements (nj, 4, 4), their upper three rows will do."""
@@ -99,3 +102,10 @@ class TaskFrame:
             rows += [0.0, 0.0, 0.0, c * secant, s * secant, 0.0], [0.0, 0.0, 0.0, -s, c, 0.0]
             rows += ([0.0, 0.0, 0.0, c * t, s * t, 1.0],)
         return np.array([rows[component] for component in self.components])
+
+
+def _is_finite(value: object) -> bool:
+    try:
+        return isfinite(float(value))  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return False
