@@ -26,6 +26,16 @@ from .statics import Compliance
 
 __version__ = "0.1.0"
 
+
+def __getattr__(name: str):
+    # The diagnosis brings optimisers along, which a robot's stiffness does not need.
+    if name == "diagnose":
+        from .diagnosis import diagnose
+
+        return diagnose
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
 __all__ = [
     "ClosedPose",
     "Compliance",
@@ -48,6 +58,7 @@ __all__ = [
     "SingularPoseError",
     "UnknownNameError",
     "UnreachablePoseError",
+    "diagnose",
     "load",
     "simulate",
 ]

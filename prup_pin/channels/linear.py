@@ -20,20 +20,17 @@ __all__ = ["Linear"]
 class Linear:
     """Poses of frames without what the loaded simulation knows, N samples.
 
-    `samples` (N,) tells which ones have an answer, the others hold NaN; `reason` why the first of them has none.
+    `samples` (N,) tells which ones have an answer, the others hold NaN.
     """
 
     geometry: Geometry
     wrench: Array
     samples: np.ndarray
-    reason: str
 
     @classmethod
     def of(cls, simulator: Simulator) -> Linear:
         geometry = simulator.geometry({})
-        row, text = next(iter(sorted(geometry.reasons.items())), (0, ""))
-        samples = simulator.complete & geometry.reachable
-        return cls(geometry, simulator.inputs.wrench, samples, f"row {row + 2}: {text}" if text else "")
+        return cls(geometry, simulator.inputs.wrench, simulator.complete & geometry.reachable)
 
     @cached_property
     def _compliances(self) -> list[Compliance]:
@@ -42,6 +39,15 @@ class Linear:
 
     def compliance(self, frame: Frame) -> Array:
         """Return the motion of a frame per wrench on the tool, (N, 6, 6); zero where nothing yields."""
+        if frame.name not in self._by_frame:
+            self._by_frame[frame.name] = self._compliance_of(frame)
+        return self._by_frame[frame.name]
+
+    @cached_property
+    def _by_frame(self) -> dict[str, Array]:
+        return {}
+
+    def _compliance_of(self, frame: Frame) -> Array:
         out = np.full((len(self.samples), 6, 6), np.nan)
         if self.samples.any():
             if not self._compliances:

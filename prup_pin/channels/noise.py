@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,13 +14,39 @@ __all__ = ["Noise"]
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: position [m], rotation [rad], force [N], moment [N m]; where they come from."""
+    """Standard deviations: position [m], rotation [rad], force [N], moment [N m]; where they come from.
+
+    Of several recordings with noise of their own, `each` by their places, and which (N,) of them each sample is from;
+    the four are then those of all samples together.
+    """
 
     position: float
     rotation: float
     force: float
     moment: float
     source: str
+    each: tuple[Noise, ...] = ()
+    which: np.ndarray | None = field(default=None, compare=False, repr=False)
+
+    @classmethod
+    def of_several(cls, each: Sequence[Noise], which: np.ndarray) -> Noise:
+        """Return the noise of recordings together; that of one where all are alike."""
+        if all(noise == each[0] for noise in each):
+            return each[0]
+        shares = np.bincount(which, minlength=len(each)) / len(which)
+        values = np.array([[noise.position, noise.rotation, noise.force, noise.moment] for noise in each])
+        sources = {noise.source for noise in each}
+        source = sources.pop() if len(sources) == 1 else "estimated"
+        position, rotation, force, moment = np.sqrt(shares @ values**2).tolist()
+        return cls(position, rotation, force, moment, source, tuple(each), which)
+
+    def parts(self, samples: np.ndarray | None) -> Iterator[tuple[Noise, np.ndarray | slice]]:
+        """Yield one noise after the other, and where it holds among some samples (n,)."""
+        if self.which is None or samples is None:
+            yield self, slice(None)
+            return
+        for place, noise in enumerate(self.each):
+            yield noise, self.which[samples] == place
 
     def of_unit(self, unit: str) -> float:
         """Return that of a pose sensor's columns in 'm' or in 'rad'."""

@@ -87,8 +87,9 @@ class PoseChannel(Channel):
         frame, placements = self.frame, at.first.found.evaluation.placements
         true = placements[:, frame.joint] @ frame.placement
         before = at.first.once(
-            ("reported", frame.name), lambda: at.setup.reported(true[:, :3, 3], true[:, :3, :3], frame.name)
+            ("reported", frame.name),
+            lambda: at.setup.reported(true[:, :3, 3], true[:, :3, :3], frame.name, at.samples),
         )
         turned = rotation_exp(moved[:, 3:]) @ true[:, :3, :3]
-        after = setup.reported(true[:, :3, 3] + moved[:, :3], turned, frame.name)
+        after = setup.reported(true[:, :3, 3] + moved[:, :3], turned, frame.name, at.samples)
         return np.concatenate((after[0] - before[0], turn_between(before[1], after[1])), axis=1)

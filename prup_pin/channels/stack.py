@@ -89,9 +89,18 @@ class Stack:
         """Return the standard deviation of each column, (K,)."""
         return np.concatenate([channel.deviation(noise) for channel in self.channels])
 
-    def whiteners(self, noise: Noise, first: FirstOrder, exists: np.ndarray) -> Array:
-        """Return W (n, K, K) with cov(W r) = 1 for residuals of noise alone: the sensors', and the wrench sensor's."""
-        return whitening(self.deviation(noise), noise.wrench, self.seen(first.by_wrench), exists)
+    def whiteners(
+        self, noise: Noise, first: FirstOrder, exists: np.ndarray, samples: np.ndarray | None = None
+    ) -> Array:
+        """Return W (n, K, K) with cov(W r) = 1 for residuals of noise alone: the sensors', and the wrench sensor's.
+
+        samples (n,): which ones these are, where noise differs between recordings.
+        """
+        by_wrench = self.seen(first.by_wrench)
+        white = np.empty((*exists.shape, exists.shape[1]))
+        for part, rows in noise.parts(samples):
+            white[rows] = whitening(self.deviation(part), part.wrench, by_wrench[rows], exists[rows])
+        return white
 
     def groups(self) -> tuple[Columns, ...]:
         """Return all columns in groups of one unit: 'position', 'rotation', 'marker elbow position', …."""

@@ -11,27 +11,27 @@ from ..recordings import read_recording
 from ..views.text import terminal
 from . import progress
 from .files import list_written
-from .options import Reading, RecordingFile, RobotOption, TolerancesOption, Variant, robot_beside, with_tolerances
+from .options import Reading, RecordingFiles, RobotOption, TolerancesOption, Variant, robot_of_all, with_tolerances
 
 __all__ = ["diagnose"]
 
 
 def diagnose(
-    recording: RecordingFile,
+    recordings: RecordingFiles,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
     robot: RobotOption = None,
     variant: Variant = None,
     tolerances: TolerancesOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html (extra: report).")] = True,
 ) -> None:
-    """What a recording says that the simulation left out: where, which physics, how much of it."""
+    """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
     from ..views.report.diagnosis_files import check_before, write_diagnosis
     from ..views.text.diagnosis_text import print_diagnosis
 
-    check_before(out, recording, report)
-    read = with_tolerances(read_recording(recording), tolerances)
-    name = robot or robot_beside(read.robot, recording)
+    check_before(out, recordings, report)
+    read = [with_tolerances(read_recording(path), tolerances) for path in recordings]
+    name = robot or robot_of_all(read)
     loaded = Reading(variant=variant).load(name)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, tell=tell)

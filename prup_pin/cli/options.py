@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -22,6 +22,7 @@ __all__ = [
     "PredictionFile",
     "Reading",
     "RecordingFile",
+    "RecordingFiles",
     "RobotName",
     "RobotOption",
     "Scale",
@@ -30,6 +31,7 @@ __all__ = [
     "Variant",
     "Workers",
     "robot_beside",
+    "robot_of_all",
     "taken_apart",
     "tolerances_named",
     "with_tolerances",
@@ -48,6 +50,10 @@ Scale = Annotated[
 ]
 Open = Annotated[bool, typer.Option("--open", help="Open it in the browser.")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING.csv", help="A recording; docs/recording_file.md.")]
+RecordingFiles = Annotated[
+    list[Path],
+    typer.Argument(metavar="RECORDING.csv …", help="One recording, or several of one device; docs/recording_file.md."),
+]
 PredictionFile = Annotated[Path, typer.Option("--out", metavar="FILE.csv", help="Where to write.")]
 Workers = Annotated[
     int, typer.Option(metavar="N", min=1, help="Compute in so many processes; the numbers are the same.")
@@ -115,6 +121,12 @@ def robot_beside(named: str | None, source: Path) -> str:
     beside = source.parent / Path(named).expanduser()
     is_path = Path(named).suffix or len(Path(named).parts) > 1
     return str(beside) if is_path and beside.is_file() else named
+
+
+def robot_of_all(recordings: Sequence[Recording]) -> str:
+    """Return the robot that the first of several recordings names that names one."""
+    named = next((recording for recording in recordings if recording.robot is not None), recordings[0])
+    return robot_beside(named.robot, Path(named.path))
 
 
 def tolerances_named(name: str) -> Tolerances:

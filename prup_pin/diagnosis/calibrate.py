@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ..laws import Effect, Place
 from ..laws.deviations import Calibration, Deviation, amounts_of, deviations_of
 from ..mechanism import Mechanism
-from ..recordings import Recording
+from ..recordings import Group, Recording
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
@@ -178,11 +178,16 @@ class CalibratedParameter:
         return abs(self.x) > beyond_tolerance(count)
 
 
-def toleranced_of(recording: Recording, mechanism: Mechanism) -> Toleranced:
-    """Return the parameters that a robot file and a recording say may be off."""
+def toleranced_of(
+    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]] | None = None
+) -> Toleranced:
+    """Return the parameters that a robot file and a recording say may be off.
+
+    groups: recordings that share a sensor, by the sensors that not all share.
+    """
     tool = mechanism.need_tool().name  # whose target is that of a marker there, too
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
-    deviations = deviations_of(mechanism, markers)
+    deviations = deviations_of(mechanism, markers, groups)
     return Toleranced.of(deviations, amounts_of(deviations, mechanism, recording.tolerances.declared))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +45,10 @@ class Calibration:
 
 
 def calibrated(
-    robot: Robot, recording: Recording, *, tell: Callable[[str, float], None] = lambda stage, share: None
+    robot: Robot,
+    recording: Recording | Sequence[Recording],
+    *,
+    tell: Callable[[str, float], None] = lambda stage, share: None,
 ) -> Calibration:
     """Return the posterior of all toleranced parameters; no physics is looked for beside them.
 

@@ -10,11 +10,13 @@ from scipy.stats import chi2 as chi_squared
 from threadpoolctl import threadpool_limits
 
 from ..channels import Linear, Noise, Stack, channels_of
+from ..errors import InputError
 from ..laws import Effect, Inputs
-from ..recordings import Recording, suspicions
+from ..recordings import Recording, Together, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, inputs_of
 from ..spatial import Array
+from .by_recording import by_recording
 from .calibrate import (
     CalibratedParameter,
     Toleranced,
@@ -32,6 +34,7 @@ from .criteria import (
     DEFLECTION_OF_ITSELF,
     DEFLECTION_SHARE,
     FEWEST_BLOCKS,
+    FEWEST_FOR_FOLDS,
     IMITATED,
     IMITATED_HERE,
     INDISTINCT,
@@ -41,6 +44,7 @@ from .criteria import (
     ROUGH,
     ROUGH_SHARE,
     ROUGH_SHARE_WITHIN,
+    SEGMENTS,
     STRUCTURE_CHANCE,
     UNSEEN,
     WIDEST_LOGARITHM,
@@ -80,11 +84,12 @@ def _only_forward(tell: Tell) -> Tell:
     return told
 
 
-def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Diagnosis:
-    """Return what the recording says that the simulation of `robot` left out.
+def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: Tell = _silent) -> Diagnosis:
+    """Return what a recording, or several of one device, say that the simulation of `robot` left out.
 
-    `tell(stage, share)` hears how far it is. Raises InputError where the recording does not belong to this robot at all
-    (units, frames, another machine), UnknownNameError where it lacks the actuators' positions.
+    Each has its own noise, and where it says so its own sensors (`Recording.own_sensors`). `tell(stage, share)` hears
+    how far it is. Raises InputError where a recording does not belong to this robot at all (units, frames, another
+    machine) or is given twice, UnknownNameError where it lacks the actuators' positions.
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
     with threadpool_limits(1, user_api="blas"):
@@ -93,11 +98,12 @@ def diagnose(robot: Robot, recording: Recording, *, tell: Tell = _silent) -> Dia
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A recording as a problem, checked and thinned, with what may compete for it and what may be off.
+    """Recordings as a problem, checked and thinned, with what may compete for them and what may be off.
 
     raw_linear (n, K): what it leaves of the simulation that a user starts from. `remarks` grow as it is looked at.
     """
 
+    together: Together
     problem: Problem
     inputs: Inputs
     raw_linear: Array
@@ -113,60 +119,95 @@ class Asked:
         return within_tolerances(problem, self.toleranced, self.library)
 
 
-def asked(robot: Robot, recording: Recording, tell: Tell) -> Asked:
-    """Return what a recording asks of a robot. Raises as `diagnose` does."""
-    unused, told = unused_columns(recording, robot.mechanism)
-    remarks = [*recording.remarks, *suspicions(recording), *told]
-    recording = _thinned(recording, remarks)
-    inputs = _inputs(robot, recording)
+def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell) -> Asked:
+    """Return what recordings ask of a robot. Raises as `diagnose` does."""
+    together = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity)
+    unused: list[str] = []
+    remarks = list(together.recording.remarks) if together.several else []
+    for source in together.sources:
+        names, told = unused_columns(source.recording, robot.mechanism)
+        unused += names
+        remarks += [together.told(source, text) for text in (*source.recording.remarks, *suspicions(source.recording))]
+        remarks += [together.told(source, text) for text in told]
+    together = _thinned(together, remarks)
+    recording = together.recording
+    inputs = _inputs(robot, together)
     stack = Stack(channels_of(recording, robot.mechanism))
     remarks += what_is_missing(inputs, stack, robot.mechanism)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
-    check_belongs(stack, linear, inputs)
+    for source, here in together.each():
+        try:
+            check_belongs(stack, linear, inputs, here, together.rows)
+        except InputError as error:
+            raise InputError(together.told(source, str(error))) from error
     tell("the nominal simulation", 0.0)
     nominal = simulator.run()
     lost = int((stack.exists.any(axis=1) & ~nominal.solved).sum())
     if lost:
         remarks.append(f"{lost} of {len(inputs)} samples could not be simulated, and say nothing here")
-    noise = _noise(recording, stack, linear, inputs)
-    remarks += _quieter(noise, recording, stack, linear, inputs)
+    noises = []
+    for source, here in together.each():
+        noises.append(estimate_noise(source.recording, stack, linear, inputs, here))
+        quieter = _quieter(source.recording, stack, linear, inputs, here)
+        remarks += [together.told(source, text) for text in quieter]
+    noise = Noise.of_several(noises, together.which)
     problem = Problem.of(simulator, stack, noise, nominal)
     raw_linear = stack.residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs)
-    toleranced = toleranced_of(recording, robot.mechanism)
-    return Asked(problem, inputs, raw_linear, library, toleranced, unused, remarks)
+    toleranced = toleranced_of(recording, robot.mechanism, together.groups)
+    return Asked(together, problem, inputs, raw_linear, library, toleranced, tuple(dict.fromkeys(unused)), remarks)
 
 
-def _diagnosed(robot: Robot, recording: Recording, tell: Tell) -> Diagnosis:
+def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:
     given = asked(robot, recording, tell)
     inputs, library = given.inputs, given.library
+    labels = _fold_labels(given)
     tell("calibration within tolerances", 0.02)
     problem = given.within_tolerances(given.problem)
     selection = Selection.nothing(problem.first, library)
     if compared(problem, problem.first):
-        selection = select(problem, library, inputs.blocks, problem.first, tell)
+        selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         if larger is not None:
             given.remarks.append(_noisier(problem.noise, larger))
             problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None))
-            selection = select(problem, library, inputs.blocks, problem.first, tell)
+            selection = select(problem, library, labels, problem.first, tell)
     tell("the verdict", 0.9)
-    return _verdict(problem, selection, inputs, given.raw_linear, given.remarks, given.unused, robot, tell)
+    found = _verdict(problem, selection, inputs, labels, given.raw_linear, given.remarks, given.unused, robot, tell)
+    seen = found.residuals
+    residuals = None if seen is None else (seen.before, seen.after, seen.exists)
+    return replace(found, recordings=by_recording(given.together, problem.noise, found.samples, residuals))
 
 
-def _inputs(robot: Robot, recording: Recording) -> Inputs:
+def _fold_labels(given: Asked) -> np.ndarray:
+    """Return labels (N,) of samples that are held out together: blocks, cut where several recordings have too few.
+
+    Else pieces in time would be held out, and some of them would be of two recordings.
+    """
+    blocks = given.inputs.blocks
+    count = len(np.unique(blocks))
+    if not given.together.several or count >= FEWEST_FOR_FOLDS:
+        return blocks
+    first = np.searchsorted(blocks, blocks)
+    place = np.arange(len(blocks)) - first
+    return blocks * SEGMENTS + place * SEGMENTS // np.bincount(blocks)[blocks]
+
+
+def _inputs(robot: Robot, together: Together) -> Inputs:
     """Return the inputs; speeds only where they were recorded for every actuator."""
-    inputs = inputs_of(recording, robot)
-    every = all(name in recording.velocities for name in robot.mechanism.actuated)
-    return inputs if every else replace(inputs, speeds=None)
+    inputs = inputs_of(together.recording, robot)
+    every = all(name in together.recording.velocities for name in robot.mechanism.actuated)
+    sources = together.which if together.several else None
+    return replace(inputs, speeds=inputs.speeds if every else None, sources=sources)
 
 
-def _thinned(recording: Recording, remarks: list[str]) -> Recording:
+def _thinned(together: Together, remarks: list[str]) -> Together:
     """Return at most MOST_SAMPLES samples: whole blocks, evenly chosen; pieces of blocks where there are few."""
+    recording = together.recording
     n = len(recording)
     if n <= MOST_SAMPLES:
-        return recording
+        return together
     blocks = recording.blocks()
     starts = np.flatnonzero(np.diff(blocks, prepend=-1))
     count = len(starts)
@@ -180,19 +221,13 @@ def _thinned(recording: Recording, remarks: list[str]) -> Recording:
         keep[:: int(np.ceil(n / MOST_SAMPLES))] = True
     rows = np.flatnonzero(keep)[:MOST_SAMPLES]
     remarks.append(f"{n} samples are more than are needed: {len(rows)} of them, evenly chosen, were used")
-    return recording.select(rows)
+    return together.select(rows)
 
 
-def _noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs) -> Noise:
-    if not linear.samples.any():
-        return Noise(1e-6, 1e-5, 0.0, 0.0, "declared")
-    return estimate_noise(recording, stack, linear, inputs.blocks, inputs.wrench)
-
-
-def _quieter(noise: Noise, recording, stack: Stack, linear: Linear, inputs: Inputs) -> list[str]:
+def _quieter(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> list[str]:
     """Return sentences on declared noise that is much larger than the scatter of repeats."""
     remarks = []
-    seen = scatter_of_repeats(stack, linear, inputs.blocks, inputs.wrench)
+    seen = scatter_of_repeats(stack, linear, inputs, here)
     for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
         declared = getattr(recording.noise, name)
         if declared is not None and found is not None and declared > MUCH_LARGER * found:
@@ -217,6 +252,7 @@ def _verdict(
     problem: Problem,
     selection: Selection,
     inputs: Inputs,
+    blocks: np.ndarray,
     raw_linear: Array,
     remarks: list[str],
     unused: tuple[str, ...],
@@ -226,7 +262,7 @@ def _verdict(
     last, first = selection.last, selection.first
     samples = last.samples
     before = problem.whitened(first.influence, raw_linear)
-    labels = inputs.blocks[samples]
+    labels = blocks[samples]
     count = compared(problem, last)
     held = cross_validated(problem, last, labels) if count else float("nan")
     findings = [_finding(problem, last, index, selection, robot, held) for index in range(len(last.terms))]
@@ -236,7 +272,7 @@ def _verdict(
     if not count:
         unknown = [_nothing_compared(problem, unused)]
     elif _unexplained(_without_laws(problem, first, last), last, count, curves, bool(findings)):
-        findings, located, final = _with_unknown(findings, problem, selection, inputs.blocks, count, robot, tell)
+        findings, located, final = _with_unknown(findings, problem, selection, blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
         unknown = [located or _nowhere(problem, final, selection, count)]
     white_before = _rms(float((before**2).sum()), count)

@@ -12,6 +12,7 @@ from ..channels import Columns, Noise
 from ..laws import Effect
 from ..simulation import Run
 from ..spatial import Array
+from .by_recording import ByRecording
 from .calibrate import CalibratedParameter
 from .local_curve import LocalCurve
 from .recovered import Agreement, Recovered, Residuals
@@ -77,7 +78,7 @@ class Diagnosis:
     `residual_after` are the measured poses (n, 6) of `samples` less the simulated ones. `unused_columns`: what the
     recording holds and the diagnosis has no use for. Where tolerances were declared, `within` holds the residual of the
     drawing ('nominal') and of the drawing within its tolerances ('calibrated'), and `calibration` what was learned of
-    each parameter, the best known first.
+    each parameter, the best known first. `recordings`: what each recording has part in it, and which samples are whose.
     """
 
     verdict: str
@@ -97,6 +98,7 @@ class Diagnosis:
     columns: tuple[Columns, ...]
     residual_before: Array
     residual_after: Array
+    recordings: tuple[ByRecording, ...] = ()
     residuals: Residuals | None = None  # in multiples of the noise; None where nothing was compared
     final: Run | None = None
 

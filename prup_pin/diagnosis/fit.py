@@ -133,7 +133,7 @@ class Problem:
     def _white_at(self, influence: Influence, freed_at: Influence | None) -> Array:
         run = influence.run
         exists = self.stack.exists[run.samples] & run.solved[run.samples, None]
-        white = self.stack.whiteners(self.noise, influence.first, exists)
+        white = self.stack.whiteners(self.noise, influence.first, exists, run.samples)
         if self.freed_module is None or freed_at is None:
             return white
         basis = _basis(white @ freed_at.signature(self.freed_module))

@@ -110,31 +110,37 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
     return tuple(name for names in found.values() for name in names), told
 
 
-def check_belongs(stack: Stack, linear: Linear, inputs: Inputs) -> None:
-    """Raise InputError where recording and robot are worlds apart, with the likely reason."""
-    for name, values in (("q", inputs.actuators), ("w", inputs.wrench)):
+def check_belongs(stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray, rows: np.ndarray) -> None:
+    """Raise InputError where recording and robot are worlds apart, with the likely reason.
+
+    here (N,): the samples of the recording that is asked; rows (N,): where each stands in its table, from 0.
+    """
+    for name, values in (("q", inputs.actuators[here]), ("w", inputs.wrench[here])):
         if len(values) and np.isnan(values).all(axis=0).any():
             raise InputError(
                 f"a column {name}.… is empty in every row: without all positions of the actuators [m, rad] and all "
                 "components of the load [N, N m] nothing can be simulated. Write 0 for a load that was not applied"
             )
-    if not linear.samples.any():
+    if not linear.samples[here].any():
+        lost = next(((rows[row], text) for row, text in sorted(linear.geometry.reasons.items()) if here[row]), None)
+        why = "" if lost is None else f": row {lost[0] + 2}: {lost[1]}"
         raise InputError(
             "the robot reaches none of the recording's poses, or none of its samples is complete"
-            f"{': ' + linear.reason if linear.reason else ''}. Check --robot, the q columns' names and units [m, rad]"
+            f"{why}. Check --robot, the q columns' names and units [m, rad]"
         )
     for measured in stack.channels:
         if isinstance(measured, PoseChannel):
-            _check_channel(measured, linear)
-    placed = linear.samples & stack.mainly.exists[:, :3].all(axis=1)
+            _check_channel(measured, linear, here)
+    mainly = next((channel for channel in stack.poses if channel.exists[here].any()), stack.mainly)
+    placed = here & linear.samples & mainly.exists[:, :3].all(axis=1)
     if placed.any():
-        _check_loads(stack.mainly, linear, inputs, placed)
+        _check_loads(mainly, linear, inputs, placed)
 
 
-def _check_channel(measured: PoseChannel, linear: Linear) -> None:
+def _check_channel(measured: PoseChannel, linear: Linear, here: np.ndarray) -> None:
     """Raise InputError where a frame is measured worlds apart from where it is simulated."""
-    placed = linear.samples & measured.exists[:, :3].all(axis=1)
-    turned = linear.samples & measured.exists[:, 3:].all(axis=1)
+    placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
+    turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
     of, column = "", ""
     if measured.name != "pose":
         of, column = f" of {measured.name}", f".{measured.frame.name}"

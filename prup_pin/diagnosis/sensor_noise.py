@@ -6,6 +6,7 @@ import numpy as np
 from scipy.stats import norm
 
 from ..channels import Linear, Noise, PoseChannel, Stack
+from ..laws import Inputs
 from ..recordings import Recording
 from ..spatial import Array, turn_between
 from .criteria import (
@@ -25,13 +26,16 @@ __all__ = ["estimate_noise", "scatter_of_repeats"]
 _CLIPPED = 1 - 2 * CLIP * float(norm.pdf(CLIP)) / (2 * float(norm.cdf(CLIP)) - 1)
 
 
-def estimate_noise(recording: Recording, stack: Stack, linear: Linear, blocks: np.ndarray, wrench: Array) -> Noise:
-    """Return the declared noise, and that which repeats show where the recording declares none."""
+def estimate_noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> Noise:
+    """Return the declared noise, and that which repeats show where the recording declares none.
+
+    here (N,): which samples of the stack are the recording's.
+    """
     declared = recording.noise
     position, rotation = declared.position, declared.rotation
     estimated = position is None or rotation is None
     if estimated:
-        seen = scatter_of_repeats(stack, linear, blocks, wrench)
+        seen = scatter_of_repeats(stack, linear, inputs, here)
         position = position if position is not None else seen[0] or USUAL_POSITION_NOISE
         rotation = rotation if rotation is not None else seen[1] or USUAL_ROTATION_NOISE
     assert position is not None
@@ -42,14 +46,15 @@ def estimate_noise(recording: Recording, stack: Stack, linear: Linear, blocks: n
 
 
 def scatter_of_repeats(
-    stack: Stack, linear: Linear, blocks: np.ndarray, wrench: Array
+    stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray
 ) -> tuple[float | None, float | None]:
     """Return the noise of position [m] and rotation [rad] by samples of one block under the same wrench.
 
-    Their difference, less what the small difference of their wrenches explains, is noise times sqrt(2). None where too
-    few repeat. Tool and markers are seen by one sensor.
+    here (N,): the samples that are looked at. Their difference, less what the small difference of their wrenches
+    explains, is noise times sqrt(2). None where too few repeat. Tool and markers are seen by one sensor.
     """
-    first, second = _repeats(blocks, wrench)
+    first, second = _repeats(inputs, here)
+    wrench = inputs.wrench
     if len(first) < FEWEST_REPEATS:
         return None, None
     moved: list[Array] = []
@@ -78,14 +83,22 @@ def _spread(values: Array) -> float | None:
     return robust / np.sqrt(2) if robust > 0 else None
 
 
-def _repeats(blocks: np.ndarray, wrench: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of samples of one block under wrenches that are one load, but for SAME_LOAD of the largest."""
+def _repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of samples of one block under wrenches that are one load, but for SAME_LOAD of the largest.
+
+    And under one gravity: a base that is tilted is no repeat.
+    """
+    wrench, blocks = inputs.wrench[here], inputs.blocks
     size = np.abs(wrench[:, :3]).max(initial=0.0), np.abs(wrench[:, 3:]).max(initial=0.0)
     scale = np.array(3 * [max(size[0], 1e-9)] + 3 * [max(size[1], 1e-9)])
     first, second = [], []
-    for block in np.unique(blocks):
-        members = np.flatnonzero(blocks == block)[:MOST_REPEATS]
-        scaled = wrench[members] / scale
+    loads = inputs.wrench / scale
+    if inputs.gravity is not None:
+        heaviest = max(float(np.nan_to_num(np.abs(inputs.gravity)).max(initial=0.0)), 1e-9)
+        loads = np.concatenate((loads, inputs.gravity / heaviest), axis=1)
+    for block in np.unique(blocks[here]):
+        members = np.flatnonzero((blocks == block) & here)[:MOST_REPEATS]
+        scaled = loads[members]
         used: set[int] = set()
         for i in range(len(members)):
             if i in used:

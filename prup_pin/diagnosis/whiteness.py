@@ -119,16 +119,23 @@ def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise |
         return None
     if problem.noise.source == "declared" and not could_show_structure(blocks):
         return None
-    lengths = _columns(problem.stack, "m")
-    turns = _columns(problem.stack, "rad")
-    other = replace(
-        problem.noise,
-        position=_size(raw[:, lengths], exists[:, lengths], problem.noise.position),
-        rotation=_size(raw[:, turns], exists[:, turns], problem.noise.rotation),
-        source="estimated",
-    )
+    found = [
+        _noise_of(problem.stack, noise, raw[rows], exists[rows]) for noise, rows in problem.noise.parts(fit.samples)
+    ]
+    other = found[0] if problem.noise.which is None else Noise.of_several(found, problem.noise.which)
     again = replace(problem, noise=other)
     return other if is_white(again, again.fit_at(fit.terms, fit.run), blocks) else None
+
+
+def _noise_of(stack: Stack, noise: Noise, raw: Array, exists: np.ndarray) -> Noise:
+    """Return a noise with the size that residuals (n, K) have."""
+    lengths, turns = _columns(stack, "m"), _columns(stack, "rad")
+    return replace(
+        noise,
+        position=_size(raw[:, lengths], exists[:, lengths], noise.position),
+        rotation=_size(raw[:, turns], exists[:, turns], noise.rotation),
+        source="estimated",
+    )
 
 
 def _columns(stack: Stack, unit: str) -> list[int]:

@@ -7,7 +7,7 @@ A deviation is no law: nobody left it out, it is there within a tolerance. All o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar
 
@@ -17,15 +17,16 @@ from ..mechanism import Mechanism, Module
 from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
 from ..modules import DriveModule
 from ..parameters import Quantity
+from ..recordings import SENSORS, Group
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .joint_places import across, parts
-from .law import Law, Place
+from .law import Effect, Law, Place
 from .pose_sensor import from_frame
 from .setup import Setup
 from .target import on_body
 
-__all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviations_of"]
+__all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviations_of", "lasting"]
 
 _AXES = "xyz"
 
@@ -36,7 +37,7 @@ class Deviation:
 
     `kind` is the key under which a tolerance of all its like is declared. `act(value, setup)` returns what another
     value does. `relative`: its tolerance is a share of the nominal value, and it stays positive. Beyond its tolerance
-    it is a finding, of `physics` at `place`.
+    it is a finding, of `physics` at `place`. `group`: the recordings to which it belongs, where these are not all.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Deviation:
     physics: str
     place: str
     act: Callable[[float, Setup], Iterable[Deed]]
+    group: Group | None = None
 
     def value(self, amount: float) -> float:
         """Return the value that is off by `amount`: absolute [unit], or of the logarithm where it is relative."""
@@ -92,11 +94,45 @@ class Calibration(Law):
         return f"{len(values)} parameters stand at their calibrated values"
 
 
-def deviations_of(mechanism: Mechanism, markers: Sequence[str] = ()) -> tuple[Deviation, ...]:
+def deviations_of(
+    mechanism: Mechanism, markers: Sequence[str] = (), groups: Mapping[str, Sequence[Group]] | None = None
+) -> tuple[Deviation, ...]:
     """Return all parameters of a robot, of its sensors, and of the frames of its tool and of `markers`.
 
-    What acts on a pose's report comes last, the targets before the frame in which they are reported.
+    What acts on a pose's report comes last, the targets before the frame in which they are reported. groups: recordings
+    that share a sensor, by the sensors that not all share (`Together.groups`); each group has its own parameters.
     """
+    shared = _of_all(mechanism, markers)
+    if not groups:
+        return shared
+    whose = {kind: groups[sensor] for sensor, kinds in SENSORS.items() if sensor in groups for kind in kinds}
+    return tuple(each for item in shared for each in _of_groups(item, whose.get(item.kind, ())))
+
+
+def _of_groups(item: Deviation, groups: Sequence[Group]) -> Iterator[Deviation]:
+    """Yield a deviation as often as groups of recordings have it, or once where all do."""
+    if not groups:
+        yield item
+    for group in groups:
+        name = f"{item.name} in {group.label}" if group.label else item.name
+        yield replace(item, name=name, act=partial(_within, item.act, group.sources), group=group)
+
+
+def _within(act: Callable, sources: Sequence[int], value: float, setup: Setup) -> Iterator[Deed]:
+    for deed in act(value, setup):
+        yield deed.within(setup.inputs.from_sources(sources))
+
+
+def lasting(effect: Effect, mechanism: Mechanism) -> Effect:
+    """Return an effect without what is off in single recordings: that tells nothing of another one."""
+    if not isinstance(effect.law, Calibration):
+        return effect
+    kept = [item for item in effect.law.deviations if item.group is None or not item.group.label]
+    values = {item.name: effect.values[item.name] for item in kept if item.name in effect.values}
+    return Effect(calibration_of(mechanism), effect.place, values)
+
+
+def _of_all(mechanism: Mechanism, markers: Sequence[str]) -> tuple[Deviation, ...]:
     return (
         *_values(mechanism),
         *_lengths(mechanism),
@@ -128,8 +164,10 @@ def amounts_of(deviations: Sequence[Deviation], mechanism: Mechanism, kinds: Map
         own = values.get(item.name)
         if own is not None:
             found[item.name] = own / item.nominal if item.relative else own
-        elif item.kind in kinds and item.kind not in ("stiffness", "bending"):
-            found[item.name] = kinds[item.kind]
+            continue
+        declared = kinds if item.group is None else item.group.tolerances
+        if item.kind in declared and item.kind not in ("stiffness", "bending"):
+            found[item.name] = declared[item.kind]
     return found
 
 

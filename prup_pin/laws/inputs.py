@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ class Inputs:
     time (N,) [s]; actuators (N, a) and their speeds (N, a) or None; wrench (N, 6); temperature (N,) [deg C] or None;
     blocks (N,) labels of samples between two moves of the actuators; runs (N,) labels of samples recorded one after
     another, one run where they are None; gravity (N, 3), acceleration of free fall in the base frame [m/s^2], or None
-    where it is the robot file's.
+    where it is the robot file's; sources (N,), which of several recordings a sample is from, or None for one.
     """
 
     time: Array
@@ -32,6 +33,7 @@ class Inputs:
     speeds: Array | None = None
     runs: np.ndarray | None = None
     gravity: Array | None = None
+    sources: np.ndarray | None = None
 
     @classmethod
     def empty(cls, actuators: int) -> Inputs:
@@ -45,6 +47,10 @@ class Inputs:
     def run_labels(self) -> np.ndarray:
         """Return the runs (N,)."""
         return np.zeros(len(self), int) if self.runs is None else self.runs
+
+    def from_sources(self, places: Sequence[int]) -> np.ndarray:
+        """Return which samples are from the recordings with these places, (N,); none where there is one alone."""
+        return np.zeros(len(self), bool) if self.sources is None else np.isin(self.sources, list(places))
 
     @property
     def warming(self) -> Array:

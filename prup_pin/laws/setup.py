@@ -121,9 +121,14 @@ class Setup:
         factors[list(self.mass_factors)] = list(self.mass_factors.values())
         return factors
 
-    def reported(self, position: Array, rotation: Array, frame: str) -> tuple[Array, Array]:
-        """Return what the pose sensor makes of true poses of a frame, (N, 3) [m] and (N, 3, 3)."""
+    def reported(
+        self, position: Array, rotation: Array, frame: str, samples: np.ndarray | None = None
+    ) -> tuple[Array, Array]:
+        """Return what the pose sensor makes of true poses of a frame, (n, 3) [m] and (n, 3, 3); of some samples or all.
+
+        The latter are the rows of the inputs that the n poses belong to.
+        """
         for report in self.reports:
             if report.frame in (None, frame):
-                position, rotation = report.reported(position, rotation)
+                position, rotation = report.of(position, rotation, samples)
         return position, rotation

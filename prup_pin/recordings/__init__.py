@@ -14,22 +14,27 @@ from .problems import KeyProblem, TableProblem
 from .reader import read_recording, read_tolerances
 from .recording import Noise, Recording
 from .suspicions import suspicions
-from .tolerances import KINDS_OF_TOLERANCE, TYPICAL, KindOfTolerance, Tolerances
+from .together import Group, Source, Together
+from .tolerances import KINDS_OF_TOLERANCE, SENSORS, TYPICAL, KindOfTolerance, Tolerances
 from .writer import write_prediction, write_recording
 
 __all__ = [
     "KINDS_OF_TOLERANCE",
+    "SENSORS",
     "TYPICAL",
     "ActuatorPose",
+    "Group",
     "KeyProblem",
     "KindOfTolerance",
     "LoadProgramme",
     "Noise",
     "RandomPoses",
     "Recording",
+    "Source",
     "TableProblem",
     "TaskPose",
     "TestPlan",
+    "Together",
     "Tolerances",
     "add_noise",
     "read_plan",

@@ -31,10 +31,10 @@ from .columns import (
 )
 from .problems import KeyProblem, Problems, TableProblem, is_number, json_kind, read_bytes, read_json_object, shown
 from .recording import Noise, Recording
-from .tolerances import KINDS_OF_TOLERANCE, Tolerances
+from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 
 #: Keys of the JSON beside the table.
-KEYS = ("robot", *NOISE_KEYS, "tolerances", "notes")
+KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "notes")
 _TOLERANCES = {kind.name: kind for kind in KINDS_OF_TOLERANCE}
 #: Rows that the careful reader holds as text at a time.
 _CHUNK = 20_000
@@ -61,6 +61,7 @@ class _Beside:
 
     noise: Noise = field(default_factory=Noise)
     tolerances: Tolerances = field(default_factory=Tolerances)
+    own_sensors: tuple[str, ...] = ()
     robot: str | None = None
     notes: str = ""
     remarks: list[str] = field(default_factory=list)
@@ -434,6 +435,7 @@ def _beside(path: Path, problems: Problems) -> _Beside:
         return _Beside(remarks=[f"There is no {beside.name} beside the table: the noise is not declared."])
     remarks = []
     tolerances = Tolerances()
+    own: tuple[str, ...] = ()
     values = read_json_object(beside, "a JSON object", problems)
     noise = {}
     for key, value in values.items():
@@ -443,6 +445,8 @@ def _beside(path: Path, problems: Problems) -> _Beside:
                 noise[NOISE_KEYS[key]] = checked
         elif key == "tolerances":
             tolerances = tolerances_value(value, problems, beside.name, f"{key}.")
+        elif key == "own_sensors":
+            own = _own_sensors(value, problems, beside.name)
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes"):
@@ -457,10 +461,28 @@ def _beside(path: Path, problems: Problems) -> _Beside:
     return _Beside(
         Noise(**noise),
         tolerances,
+        own,
         robot if isinstance(robot, str) else None,
         notes if isinstance(notes, str) else "",
         remarks,
     )
+
+
+def _own_sensors(value: object, problems: Problems, file: str) -> tuple[str, ...]:
+    """Return the sensors that a recording has for itself; what is wrong is added, and left out."""
+    if value is None or value is False:
+        return ()
+    if value is True:
+        return tuple(SENSORS)
+    if not isinstance(value, list):
+        message = f"is {json_kind(value)}; expected true, or a list of some of {', '.join(SENSORS)}"
+        problems.add(KeyProblem(message, None, file, key="own_sensors"))
+        return ()
+    for place, name in enumerate(value):
+        if name not in SENSORS:
+            message = f"is {json_kind(name)}. {nearest_names(shown(name), list(SENSORS))}"
+            problems.add(KeyProblem(message, None, file, key=f"own_sensors[{place}]"))
+    return tuple(name for name in SENSORS if name in value)
 
 
 def noise_value(key: str, value: object, problems: Problems, file: str, at: str = "") -> float | None:
@@ -547,6 +569,7 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
         run_names=table.run_names,
         noise=beside.noise,
         tolerances=beside.tolerances,
+        own_sensors=beside.own_sensors,
         robot=beside.robot,
         notes=beside.notes,
         path=str(path),

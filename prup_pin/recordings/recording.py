@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, UnknownNameError
 from ..spatial import WRENCH_NAMES, Array
 from .columns import LARGEST_GRAVITY, MARKER_GROUPS
-from .tolerances import Tolerances
+from .tolerances import SENSORS, Tolerances
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
 STANDSTILL = 1e-5
@@ -51,7 +51,8 @@ class Recording:
     gravity: (N, 3) acceleration of free fall in the base frame [m/s^2], or None where it is the robot file's.
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
-    noise, tolerances, robot, notes: what the JSON file beside the table says.
+    noise, tolerances, own_sensors, robot, notes: what the JSON file beside the table says; own_sensors are those of
+    `tolerances.SENSORS` that this recording does not share with others of the same device.
     path: the file that was read, or ''. ignored: its columns that the format does not know.
     remarks: sentences for a person, on what is absent or was ignored.
     """
@@ -73,6 +74,7 @@ class Recording:
     run_names: tuple[str, ...] = ("",)
     noise: Noise = field(default_factory=Noise)
     tolerances: Tolerances = field(default_factory=Tolerances)
+    own_sensors: tuple[str, ...] = ()
     robot: str | None = None
     notes: str = ""
     path: str = ""
@@ -107,6 +109,9 @@ class Recording:
                 store(name, _column(name, getattr(self, name), shape))
         if self.gravity is not None and (self.gravity**2).sum(axis=1).max(initial=0.0) > LARGEST_GRAVITY**2:
             raise InputError(f"gravity is larger than {LARGEST_GRAVITY:g} m/s^2: is it in mm/s^2? Expected m/s^2")
+        for name in self.own_sensors:
+            if name not in SENSORS:
+                raise UnknownNameError("sensor of a recording", name, list(SENSORS))
         run = np.asarray(np.zeros(n) if self.run is None else self.run).astype(np.int64)
         if run.shape != (n,) or (n and not (run.min() >= 0 and run.max() < len(self.run_names))):
             raise InputError(f"run must be {n} indices into run_names, which has {len(self.run_names)} entries")

@@ -137,6 +137,8 @@ def _repeats(recording: Recording) -> Array:
             noise = declared[name[0]]
             allowed = 6 * noise if noise is not None else 1e-2 * largest[name[0]]
             same &= ~(np.abs(np.diff(load)) > allowed)
+    if recording.gravity is not None:
+        same &= ~(np.abs(np.diff(recording.gravity, axis=0)) > 1e-2 * _largest(recording.gravity)).any(axis=1)
     return same
 
 

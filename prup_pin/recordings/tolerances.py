@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..parameters import SMALLEST_TOLERANCE
 from .problems import is_number
 
-__all__ = ["KINDS_OF_TOLERANCE", "TYPICAL", "KindOfTolerance", "Tolerances"]
+__all__ = ["KINDS_OF_TOLERANCE", "SENSORS", "TYPICAL", "KindOfTolerance", "Tolerances"]
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,15 @@ KINDS_OF_TOLERANCE = (
     KindOfTolerance("effort_gain", "relative", "scale of the effort of each actuated joint", _RELATIVE),
     KindOfTolerance("effort_bias", "N or N m", "zero of the effort of each actuated joint", _LOADS),
 )
+
+
+#: What a recording may have for itself beside others of the same device -> the kinds that are then its own.
+SENSORS = {
+    "pose_sensor": ("frame_position", "frame_rotation"),
+    "target": ("target_position", "target_rotation"),
+    "wrench_sensor": ("wrench_gain", "wrench_rotation", "wrench_bias_force", "wrench_bias_moment"),
+    "encoders": ("encoder_offset",),
+}
 
 
 @dataclass(frozen=True, repr=False)

@@ -58,6 +58,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
             beside[key] = float(getattr(recording.noise, name))
     if recording.tolerances.declared:
         beside["tolerances"] = {name: float(value) for name, value in recording.tolerances.declared.items()}
+    if recording.own_sensors:
+        beside["own_sensors"] = list(recording.own_sensors)
     if recording.notes:
         beside["notes"] = recording.notes
     write_whole({path: _lines(columns), path.with_suffix(".json"): json_lines(beside)})

@@ -96,6 +96,7 @@ def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
         taken(inputs.speeds),
         taken(inputs.runs),
         taken(inputs.gravity),
+        taken(inputs.sources),
     )
 
 

@@ -157,7 +157,7 @@ def test_noise_is_estimated_from_markers_where_they_repeat(arm):
     inputs = inputs_of(recording, arm)
     linear = Linear.of(Simulator(arm, inputs))
     stack = Stack(channels_of(recording, arm.mechanism))
-    noise = estimate_noise(recording, stack, linear, inputs.blocks, inputs.wrench)
+    noise = estimate_noise(recording, stack, linear, inputs, np.ones(40, bool))
     assert isinstance(noise, Noise)
     assert noise.source == "estimated"
     assert noise.position == pytest.approx(2e-6, rel=0.25)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ...errors import InputError
 from ...loaded import Chain, Conditions, Equilibria, FirstOrder
 from ...spatial import Array
 
@@ -88,6 +89,13 @@ class Deed(ABC):
     def resisted_joint(self) -> str | None:
         """The joint that it resists; None where it resists none."""
         return None
+
+    def within(self, rows: np.ndarray) -> Deed:
+        """Return the same deed at some samples (N,) alone, for what a sensor does while it is set up in one way.
+
+        Raises InputError for what is the robot's, at whatever sample.
+        """
+        raise InputError(f"{type(self).__name__} acts on the robot, in all recordings alike")
 
     @abstractmethod
     def enter(self, setup: Setup) -> None:

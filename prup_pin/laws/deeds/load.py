@@ -30,12 +30,20 @@ class WrenchReading(Deed):
 
     true: Callable[[Array], Array]
 
+    def within(self, rows: np.ndarray) -> WrenchReading:
+        return WrenchReading(partial(_true_at, true=self.true, rows=rows))
+
     def enter(self, setup: Setup) -> None:
         setup.sensed = self.true(setup.sensed)
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
         return _by_wrench(setup.sensed, at.setup.sensed, at)
+
+
+def _true_at(reported: Array, true: Callable[[Array], Array], rows: np.ndarray) -> Array:
+    """Return the true wrenches (N, 6) of reported ones, which are true where the reading is not meant."""
+    return np.where(rows[:, None], true(reported), reported)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,9 @@ class Travel(Deed):
     actuator: int
     extent: Array | float
 
+    def within(self, rows: np.ndarray) -> Travel:
+        return Travel(self.actuator, np.where(rows, self.extent, 0.0))
+
     def enter(self, setup: Setup) -> None:
         setup.travel[:, self.actuator] += self.extent
 

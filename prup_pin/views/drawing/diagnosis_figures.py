@@ -288,6 +288,8 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
     height = figure.get_size_inches()[1]
     each = (height - 1.0) / max(len(rows), 1)
     samples = diagnosis.samples
+    parts = [part for part in diagnosis.recordings if len(part.used)]
+    edges = [samples[part.used[0]] for part in parts]
     for row, ((kind, si, block), channel) in enumerate(rows):
         bottom = (height - 0.45 - (row + 1) * each + 0.12) / height
         axes = figure.add_axes((0.1, bottom, 0.88, (each - 0.18) / height))
@@ -295,6 +297,8 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
         before, after = diagnosis.residual_before[:, channel], diagnosis.residual_after[:, channel]
         factor, unit = scaled(float(np.quantile(np.abs(before), 0.98)), si)
         axes.axhspan(-2 * factor * noise, 2 * factor * noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
+        for edge in edges[1:]:
+            axes.axvline(edge - 0.5, color="#C3C9D0", lw=0.8, zorder=1)
         axes.plot(samples, factor * before, ".", color=_BEFORE, ms=3.2, zorder=2, label="before")
         axes.plot(samples, factor * after, ".", color=_AFTER, ms=2.6, zorder=3, label="after")
         axes.set_ylabel(f"{kind}\n{_AXIS_NAMES[si][channel - block.start]} [{unit}]", fontsize=8.5)
@@ -307,6 +311,10 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
             axes.tick_params(axis="x", labelbottom=False)
         else:
             axes.set_xlabel("sample", fontsize=9)
+        if row == 0 and len(parts) > 1:
+            for part, edge in zip(parts, edges, strict=True):
+                place = axes.get_xaxis_transform()
+                axes.text(edge, 1.02, part.name, transform=place, fontsize=7.5, va="bottom", clip_on=False)
         if row == 0:
             handles, texts = axes.get_legend_handles_labels()
             figure.legend(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from ... import __version__
 from ...diagnosis import Diagnosis
 from ...errors import InputError
 from ...laws import Effect
+from ...laws.deviations import lasting
 from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...recordings.columns import NOISE_KEYS
@@ -30,7 +31,7 @@ __all__ = ["MODEL", "PLAN", "REPORT", "VERDICT", "check_before", "write_diagnosi
 VERDICT, MODEL, REPORT, PLAN = "diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"
 
 
-def check_before(folder: Path, recording: Path, report: bool = True) -> None:
+def check_before(folder: Path, recordings: Path | Sequence[Path], report: bool = True) -> None:
     """Raise InputError or MissingExtraError, before anything is computed, where the files cannot be written."""
     if report:
         from .diagnosis_report import page
@@ -43,17 +44,18 @@ def check_before(folder: Path, recording: Path, report: bool = True) -> None:
         raise InputError(f"--out: '{there}' is not a folder; give a folder for {VERDICT}, {MODEL}, {REPORT}")
     if not os.access(there, os.W_OK | os.X_OK):
         raise InputError(f"--out: cannot write to '{there}'")
-    for name in (VERDICT, MODEL, PLAN):
-        if (folder / name).resolve() == recording.with_suffix(".json").resolve():
-            raise InputError(
-                f"--out: '{folder / name}' would replace the JSON file beside the recording; choose another"
-            )
+    for recording in [recordings] if isinstance(recordings, Path) else recordings:
+        for name in (VERDICT, MODEL, PLAN):
+            if (folder / name).resolve() == recording.with_suffix(".json").resolve():
+                raise InputError(
+                    f"--out: '{folder / name}' would replace the JSON file beside the recording; choose another"
+                )
 
 
 def write_diagnosis(
     diagnosis: Diagnosis,
     robot: Robot,
-    recording: Recording,
+    recording: Recording | Sequence[Recording],
     folder: Path,
     *,
     robot_name: str,
@@ -62,9 +64,10 @@ def write_diagnosis(
 ) -> list[Path]:
     """Write the files of a diagnosis and return their paths, the verdict's first.
 
-    robot_name, variant: what `load` takes for this robot; the corrected model names it. Each file is replaced as a
-    whole or not at all; a report or a plan of an earlier diagnosis does not stay. Raises InputError where the folder
-    cannot be written, MissingExtraError where the report's extra is not installed.
+    recording: the one that was diagnosed, or all of them. robot_name, variant: what `load` takes for this robot; the
+    corrected model names it. Each file is replaced as a whole or not at all; a report or a plan of an earlier diagnosis
+    does not stay. Raises InputError where the folder cannot be written, MissingExtraError where the report's extra is
+    not installed.
     """
     text = None
     if report:
@@ -76,10 +79,12 @@ def write_diagnosis(
     except OSError as error:
         raise InputError(f"--out: cannot make the folder '{folder}': {error.strerror}") from error
     model = folder / MODEL
-    notes = f"diagnosis of {Path(recording.path).name}: {verdict_text(diagnosis)}"
-    effects = tuple(_inside(effect, robot.mechanism) for effect in diagnosis.effects)
+    recordings = [recording] if isinstance(recording, Recording) else list(recording)
+    names = ", ".join(Path(item.path).name for item in recordings)
+    notes = f"diagnosis of {names}: {verdict_text(diagnosis)}"
+    effects = tuple(_inside(lasting(effect, robot.mechanism), robot.mechanism) for effect in diagnosis.effects)
     write_model(CorrectedModel(robot_name, effects, variant, notes), model)
-    plan = _plan(diagnosis, recording, json.loads(model.read_text(encoding="utf-8"))["robot"])
+    plan = _plan(diagnosis, recordings[0], json.loads(model.read_text(encoding="utf-8"))["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)
     document["next_experiment"] = {"why": diagnosis.next_experiment.get("why", ""), "plan": plan}
     files: dict[Path, Iterable[str]] = {folder / VERDICT: (dump(document) + "\n",)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.by_recording import ByRecording
 from ...diagnosis.calibrate import CalibratedParameter
 from ...diagnosis.local_curve import LocalCurve
 from ...laws.drawn import load_units
@@ -53,10 +54,25 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot, version: str = "") -> 
             for item in diagnosis.not_detectable
         ],
         "next_experiment": dict(diagnosis.next_experiment),
+        **(
+            {"recordings": [_recording(part) for part in diagnosis.recordings]} if len(diagnosis.recordings) > 1 else {}
+        ),
         "remarks": list(diagnosis.remarks),
         "unused_columns": list(diagnosis.unused_columns),
     }
     return plain(document)
+
+
+def _recording(part: ByRecording) -> dict[str, Any]:
+    noise = part.noise
+    return {
+        "recording": part.name,
+        "own_sensors": list(part.own),
+        "noise": {name: getattr(noise, name) for name in ("source", "position", "rotation", "force", "moment")},
+        "samples": part.samples,
+        "used": len(part.used),
+        "residual": {"before": part.before, "after": part.after},
+    }
 
 
 def _calibrated(item: CalibratedParameter) -> dict[str, Any]:

@@ -5,6 +5,7 @@ It holds everything, runs no script and fetches nothing; names of files and robo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from ... import __version__
 from ...diagnosis import Diagnosis, Finding
-from ...recordings import Recording
+from ...recordings import Recording, Together
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
@@ -24,6 +25,7 @@ from ..text.diagnosis_words import (
     hidden_rows,
     noise_text,
     parameter_texts,
+    recording_rows,
     verdict_text,
 )
 from ..text.joints import dimension
@@ -36,8 +38,9 @@ __all__ = ["diagnosis_html", "page"]
 _MOST_DRAWN = 200
 
 
-def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> str:
-    """Return one self-contained HTML page on a diagnosis of `recording`. Raises MissingExtraError."""
+def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Sequence[Recording]) -> str:
+    """Return one self-contained HTML page on a diagnosis of `recording`, or of several. Raises MissingExtraError."""
+    recordings = [recording] if isinstance(recording, Recording) else list(recording)
     template = page()
     white = diagnosis.residuals
     drawn = white is not None and bool(white.exists.any())
@@ -46,11 +49,11 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> 
         name=robot.name,
         version=__version__,
         path=robot.mechanism.description.path.name,
-        recording=Path(recording.path).name or "the recording",
+        recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
         verdict=diagnosis.verdict,
         sentence=verdict_text(diagnosis),
         facts=_facts(diagnosis),
-        measured=_measured(diagnosis, robot, recording),
+        measured=_measured(diagnosis, robot, recordings),
         place=svg(lambda: figures.place_figure(robot, diagnosis)),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.findings],
         channels=channel_rows(diagnosis),
@@ -85,10 +88,13 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     return facts
 
 
-def _measured(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> list[tuple[str, list[str]]]:
+def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
+    recording = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity).recording
     blocks = len(np.unique(recording.blocks())) if len(recording) else 0
     used = len(diagnosis.samples)
     rows = [("Samples", [str(len(recording)), f"{used} used"] if used != len(recording) else [str(used)])]
+    if len(recordings) > 1:
+        rows += [(name, [*texts]) for name, *texts in recording_rows(diagnosis)]
     rows.append(("Poses", [f"{blocks} standstills of the actuators"]))
     sizes = []
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
@@ -105,8 +111,9 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recording: Recording) -> list[
         rows.append(("Temperature", [f"{number(float(np.nanmin(warm)), 3)} to {number(float(np.nanmax(warm)), 3)} °C"]))
     *sensors, source = noise_text(diagnosis)
     rows.append(("Noise, 1 σ", [*sensors, f"({source})"]))
-    if recording.notes:
-        rows.append(("Notes", [recording.notes]))
+    for item in recordings:
+        if item.notes:
+            rows.append(("Notes", [item.notes]))
     return rows
 
 

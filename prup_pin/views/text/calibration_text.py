@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 from rich.console import Console
 from rich.text import Text
 
@@ -19,12 +22,15 @@ _SHOWN, _FAR = 20, 2.0
 _UNSEEN = 0.01
 
 
-def print_calibration(out: Console, robot: Robot, recording: Recording, found: Calibration) -> None:
+def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording], found: Calibration) -> None:
     """Print before and after, what was learned, what these data tell only together and what they never saw."""
     out.print(Text(_verdict(found), style="bold"))
     out.print()
     listed(out, "robot", [robot.name])
-    listed(out, "recording", [f"{len(recording)} samples, {found.samples} used"], ", ")
+    for recording in recordings:
+        name = [Path(recording.path).name] if len(recordings) > 1 else []
+        listed(out, "recording", [*name, f"{len(recording)} samples"], ", ")
+    listed(out, "used", [f"{found.samples} samples"])
     listed(out, "parameters", [f"{len(found.parameters)} that may be off"], ", ")
     acting = [effect.statement(robot.mechanism) for effect in found.effects[1:]]
     if acting:

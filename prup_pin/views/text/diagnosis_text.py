@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.console import Console
 from rich.text import Text
 
@@ -16,6 +18,7 @@ from .diagnosis_words import (
     hidden_rows,
     noise_text,
     parameter_texts,
+    recording_rows,
     verdict_text,
 )
 from .quantities import number
@@ -24,14 +27,21 @@ from .terminal import heading, listed, make_table, paragraph, print_table
 __all__ = ["print_diagnosis"]
 
 
-def print_diagnosis(out: Console, robot: Robot, recording: Recording, diagnosis: Diagnosis) -> None:
+def print_diagnosis(
+    out: Console, robot: Robot, recording: Recording | Sequence[Recording], diagnosis: Diagnosis
+) -> None:
     """Print the verdict, the findings with intervals, the residuals before and after, doubts and remarks."""
     _verdict(out, verdict_text(diagnosis))
     out.print()
     listed(out, "robot", [robot.name])
-    used = len(diagnosis.samples)
-    blocks = len(set(recording.blocks().tolist()))
-    listed(out, "recording", [f"{len(recording)} samples, {used} used", f"{blocks} poses"], ", ")
+    recordings = [recording] if isinstance(recording, Recording) else list(recording)
+    if len(recordings) > 1:
+        for name, *texts in recording_rows(diagnosis):
+            listed(out, "recording", [name, *texts], ", ")
+    else:
+        used = len(diagnosis.samples)
+        blocks = len(set(recordings[0].blocks().tolist()))
+        listed(out, "recording", [f"{len(recordings[0])} samples, {used} used", f"{blocks} poses"], ", ")
     listed(out, "noise", noise_text(diagnosis), ", ")
     if diagnosis.findings:
         heading(out, "Left out")

@@ -18,6 +18,7 @@ __all__ = [
     "noise_text",
     "parameter_texts",
     "places_text",
+    "recording_rows",
     "scaled",
     "verdict_text",
 ]
@@ -132,6 +133,17 @@ def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
         for unit, shown in (("um", "µm"), ("urad", "µrad")):
             if f"before_{unit}" in values:
                 rows.append(("", number(values[f"before_{unit}"], 3), number(values[f"after_{unit}"], 3), shown))
+    return rows
+
+
+def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return name, samples used, residual before and after, and own sensors of each recording."""
+    rows = []
+    for part in diagnosis.recordings:
+        ends = " → ".join(number(value, 3) for value in (part.before, part.after))
+        own = f"its own {', '.join(name.replace('_', ' ') for name in part.own)}" if part.own else ""
+        texts = (f"{part.samples} samples, {len(part.used)} used", f"{ends} × noise", own)
+        rows.append((part.name, *(text for text in texts if text)))
     return rows
 
 

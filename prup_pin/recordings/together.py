@@ -1,0 +1,289 @@
+"""Several recordings of one device as one: which sample is from which, and which sensors each has for itself.
+
+The device is the same, and so is all that is off about it. A recording may have been taken with sensors of its own: a
+tracker that was set up anew, a target that was mounted again, encoders that were homed. Then what is off about these is
+its own as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+from ..spatial import WRENCH_NAMES, Array
+from .columns import JOINT_GROUPS, MARKER_GROUPS
+from .recording import Recording
+from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
+
+__all__ = ["Group", "Source", "Together"]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One of several recordings: as it was given, its name for people, and the sensors that are its own."""
+
+    name: str
+    recording: Recording
+    own: tuple[str, ...] = ()
+
+
+class Group(NamedTuple):
+    """Recordings that share a sensor, by their places; `label` is '' for those that have none of their own."""
+
+    label: str
+    sources: tuple[int, ...]
+    tolerances: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Recordings one after the other.
+
+    recording: all N samples, each run a run of its own. which (N,): place of each sample's recording among `sources`;
+    rows (N,): its row there, from 0.
+    """
+
+    recording: Recording
+    sources: tuple[Source, ...]
+    which: NDArray[np.int64]
+    rows: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, recordings: Recording | Sequence[Recording], joints: Sequence[str], gravity: ArrayLike) -> Together:
+        """Return one or several recordings together.
+
+        joints: the robot's actuated ones, which each recording needs; gravity (3,): the robot file's, for recordings
+        without columns of their own [m/s^2]. Raises InputError where these are no recordings of one device, or one of
+        them twice.
+        """
+        given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+        if not given:
+            raise InputError("no recording was given")
+        names = _names(given)
+        if len(given) == 1:
+            n = len(given[0])
+            source = Source(names[0], given[0], given[0].own_sensors)
+            return cls(given[0], (source,), np.zeros(n, np.int64), np.arange(n))
+        _check(given, names, joints)
+        sources = tuple(
+            Source(name, recording, own) for name, recording, own in zip(names, given, _own_sensors(given), strict=True)
+        )
+        sizes = [len(recording) for recording in given]
+        return cls(
+            _joined(given, names, np.asarray(gravity, float)),
+            sources,
+            np.repeat(np.arange(len(given)), sizes),
+            np.concatenate([np.arange(size) for size in sizes]),
+        )
+
+    @property
+    def several(self) -> bool:
+        return len(self.sources) > 1
+
+    def select(self, rows: ArrayLike) -> Together:
+        """Return some samples, by indices."""
+        index = np.asarray(rows, np.int64)
+        return replace(self, recording=self.recording.select(index), which=self.which[index], rows=self.rows[index])
+
+    def each(self) -> Iterator[tuple[Source, np.ndarray]]:
+        """Yield every recording with the mask (N,) of its samples here."""
+        for place, source in enumerate(self.sources):
+            yield source, self.which == place
+
+    def told(self, source: Source, text: str) -> str:
+        """Return a sentence about one recording, with its name where there are several."""
+        return f"{source.name}: {text}" if self.several else text
+
+    @property
+    def groups(self) -> dict[str, tuple[Group, ...]]:
+        """Who shares a sensor with whom, by the sensor; those that all share are left out."""
+        found = {}
+        for sensor, kinds in SENSORS.items():
+            own = [place for place, source in enumerate(self.sources) if sensor in source.own]
+            if not self.several or not own:
+                continue
+            shared = tuple(place for place in range(len(self.sources)) if place not in own)
+            parts = [("", shared)] if shared else []
+            parts += [(self.sources[place].name, (place,)) for place in own]
+            found[sensor] = tuple(Group(label, places, self._tolerances(places, kinds)) for label, places in parts)
+        return found
+
+    def _tolerances(self, places: tuple[int, ...], kinds: Sequence[str]) -> dict[str, float]:
+        """Return what recordings that share a sensor say of it, and where they say nothing what the others do."""
+        declared = [source.recording.tolerances.declared for source in self.sources]
+        found: dict[str, float] = {}
+        for item in (*(declared[place] for place in places), *declared):
+            found = {**{kind: item[kind] for kind in kinds if kind in item}, **found}
+        return found
+
+
+def _names(recordings: Sequence[Recording]) -> list[str]:
+    """Return a name of each for people: its file's, as short as tells them apart."""
+    short = [Path(recording.path).name for recording in recordings]
+    told = [
+        name if short.count(name) == 1 else recording.path for name, recording in zip(short, recordings, strict=True)
+    ]
+    return [name or f"recording {place}" for place, name in enumerate(told, 1)]
+
+
+def _check(recordings: Sequence[Recording], names: Sequence[str], joints: Sequence[str]) -> None:
+    """Raise InputError where recordings cannot be of one device, or one of them is there twice."""
+    robots = [recording.robot for recording in recordings]
+    named = [(name, robot) for name, robot in zip(names, robots, strict=True) if robot]
+    if len({Path(robot).stem for _, robot in named}) > 1:
+        listed = ", ".join(f"{name} of '{robot}'" for name, robot in named)
+        raise InputError(f"these are recordings of different robots: {listed}. Expected recordings of one device")
+    for name, recording in zip(names, recordings, strict=True):
+        if not len(recording):
+            raise InputError(f"{name} holds no samples")
+        if joints and not any(joint in recording.positions for joint in joints):
+            there = ", ".join(f"q.{joint}" for joint in recording.positions) or "no q. column at all"
+            raise InputError(
+                f"{name} is of another robot: it has {there}; expected the actuated joints of this one, "
+                f"{', '.join(f'q.{joint}' for joint in joints)}"
+            )
+        missing = [f"q.{joint}" for joint in joints if joint not in recording.positions]
+        if missing:
+            raise InputError(f"{name} lacks {', '.join(missing)}: every recording needs all actuated joints")
+    for later in range(len(recordings)):
+        for earlier in range(later):
+            if _same(recordings[earlier], recordings[later]):
+                raise InputError(
+                    f"{names[earlier]} and {names[later]} hold the same samples, to the last digit: a recording that "
+                    "is given twice would count its noise as two measurements. Give each once"
+                )
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    """Return whether two recordings are one, copied: all that is measured or commanded is the same."""
+    if one.path and other.path and Path(one.path).resolve() == Path(other.path).resolve():
+        return True
+    if len(one) != len(other):
+        return False
+    arrays = [(one.time, other.time), (one.position, other.position), (one.rotation, other.rotation)]
+    arrays += [(one.wrench, other.wrench), (one.gravity, other.gravity)]
+    for group in (*JOINT_GROUPS.values(), *MARKER_GROUPS.values()):
+        mine, theirs = getattr(one, group), getattr(other, group)
+        if mine.keys() != theirs.keys():
+            return False
+        arrays += [(mine[name], theirs[name]) for name in mine]
+    return all(
+        (a is None and b is None) or (a is not None and b is not None and np.array_equal(a, b, equal_nan=True))
+        for a, b in arrays
+    )
+
+
+def _own_sensors(recordings: Sequence[Recording]) -> list[tuple[str, ...]]:
+    """Return the sensors that each recording has for itself: by its own word, or by another tolerance."""
+    other = {
+        sensor
+        for sensor, kinds in SENSORS.items()
+        for kind in kinds
+        if len(set(_declared(recordings, kind).values())) > 1
+    }
+    return [
+        tuple(sensor for sensor in SENSORS if sensor in recording.own_sensors or sensor in other)
+        for recording in recordings
+    ]
+
+
+def _declared(recordings: Sequence[Recording], kind: str) -> dict[int, float]:
+    """Return the tolerances of one kind by the places of the recordings that declare it."""
+    found = {place: recording.tolerances.declared.get(kind) for place, recording in enumerate(recordings)}
+    return {place: value for place, value in found.items() if value is not None}
+
+
+def _joined(recordings: Sequence[Recording], names: Sequence[str], gravity: Array) -> Recording:
+    """Return all samples as one recording; what one of them did not measure is NaN there."""
+    sizes = [len(recording) for recording in recordings]
+
+    def stacked(values: Sequence[Array | None], shape: tuple[int, ...] = ()) -> Array | None:
+        if all(value is None for value in values):
+            return None
+        parts = [
+            np.full((n, *shape), np.nan) if value is None else value for n, value in zip(sizes, values, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def mapped(group: str, shape: tuple[int, ...] = ()) -> dict[str, Any]:
+        listed = [getattr(recording, group) for recording in recordings]
+        found = dict.fromkeys(name for values in listed for name in values)
+        return {name: stacked([values.get(name) for values in listed], shape) for name in found}
+
+    def field(name: str, shape: tuple[int, ...] = ()) -> Array | None:
+        return stacked([getattr(recording, name) for recording in recordings], shape)
+
+    velocities = mapped("velocities")
+    everywhere = [joint for joint in velocities if all(joint in recording.velocities for recording in recordings)]
+    pulled: Array | None = None
+    if any(recording.gravity is not None for recording in recordings):
+        pulled = np.concatenate(
+            [
+                np.tile(gravity, (len(recording), 1)) if recording.gravity is None else recording.gravity
+                for recording in recordings
+            ]
+        )
+    runs, run_names, first = [], [], 0
+    for name, recording in zip(names, recordings, strict=True):
+        runs.append(recording.run + first)
+        run_names += [f"{name}: {label}" if label else name for label in recording.run_names]
+        first += len(recording.run_names)
+    components = {name for recording in recordings for name in recording.wrench_columns}
+    return Recording(
+        time=np.concatenate([recording.time for recording in recordings]),
+        positions=mapped("positions"),
+        velocities={joint: velocities[joint] for joint in everywhere},
+        accelerations=mapped("accelerations"),
+        efforts=mapped("efforts"),
+        wrench=np.concatenate([recording.wrench for recording in recordings]),
+        wrench_columns=tuple(name for name in WRENCH_NAMES if name in components),
+        position=field("position", (3,)),
+        rotation=field("rotation", (3,)),
+        markers=mapped("markers", (3,)),
+        marker_rotations=mapped("marker_rotations", (3,)),
+        gravity=pulled,
+        temperature=field("temperature"),
+        run=np.concatenate(runs),
+        run_names=tuple(run_names),
+        noise=recordings[0].noise,
+        tolerances=_one_device(recordings, names),
+        robot=next((recording.robot for recording in recordings if recording.robot), None),
+        ignored=tuple(dict.fromkeys(name for recording in recordings for name in recording.ignored)),
+        remarks=_remarks(recordings, names),
+    )
+
+
+def _one_device(recordings: Sequence[Recording], names: Sequence[str]) -> Tolerances:
+    """Return the tolerances of the device. Raises InputError where recordings declare two of one kind."""
+    sensors = {kind for kinds in SENSORS.values() for kind in kinds}
+    found = {}
+    for kind in (item.name for item in KINDS_OF_TOLERANCE):
+        declared = _declared(recordings, kind)
+        if len(set(declared.values())) > 1 and kind not in sensors:
+            listed = ", ".join(f"{value:g} in {names[place]}" for place, value in declared.items())
+            raise InputError(
+                f"the tolerance '{kind}' is {listed}: one device has one. Expected the same in all recordings, or in "
+                "one of them only; sensors' frames, targets and zeros may differ"
+            )
+        if declared:
+            found[kind] = next(iter(declared.values()))
+    return Tolerances(**found)
+
+
+def _remarks(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[str, ...]:
+    """Return sentences on what some recordings have and others lack, where that matters."""
+    remarks = []
+    cold = [name for name, recording in zip(names, recordings, strict=True) if recording.temperature is None]
+    if cold and len(cold) < len(names):
+        remarks.append(f"{', '.join(cold)}: no temperature was recorded; taken at 20 degrees Celsius")
+    speeds = {joint for recording in recordings for joint in recording.velocities}
+    lost = sorted(joint for joint in speeds if any(joint not in recording.velocities for recording in recordings))
+    if lost:
+        remarks.append(f"not used: {', '.join(f'qd.{joint}' for joint in lost)} (not in every recording)")
+    return tuple(remarks)
