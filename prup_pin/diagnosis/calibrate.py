@@ -194,14 +194,16 @@ def toleranced_of(
 def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candidate]):
     """Return a problem with its parameters calibrated, the robot's weight beside them where it explains more.
 
-    Whether weight acts has no parameter to be found, and without it others would be bent to take its place.
+    Whether weight acts has no parameter to be found, and without it others would be bent to take its place. Where
+    nothing else was applied it acts, unless that makes it worse.
     """
     heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
     light = problem.within(toleranced)
     if heavy is None:
         return light
     weighed = problem.within(toleranced, [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))])
-    return weighed if weighed.first.chi2 < light.first.chi2 - WEIGHT_SHOWS else light
+    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else WEIGHT_SHOWS
+    return weighed if weighed.first.chi2 < light.first.chi2 - shows else light
 
 
 def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
         return True
     actuators = problem.simulator.inputs.actuators[fit.samples]
     neighbours = _neighbours(actuators, blocks)
-    slopes = _slopes(actuators)
+    slopes = list(_slopes_of_each(problem, fit, actuators))
     tests = []
     for column in channels:
         tests += [
@@ -45,6 +45,20 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
     curves = strongest_curve(problem, fit)
     tests += [float(chi_squared.sf(curve.gain, curve.degrees)) for curve in curves]
     return bool(tests) and min(tests) * len(tests) > STRUCTURE_CHANCE
+
+
+def _slopes_of_each(problem: Problem, fit: Fit, actuators: Array) -> Iterator[Array]:
+    """Yield the slopes (n, k) over each recording's samples: what is off in one of them is no noise of all."""
+    sources = problem.simulator.inputs.sources
+    if sources is None:
+        yield _slopes(actuators)
+        return
+    for place in np.unique(sources[fit.samples]):
+        here = sources[fit.samples] == place
+        own = _slopes(actuators[here])
+        slopes = np.zeros((len(here), own.shape[1]))
+        slopes[here] = own
+        yield slopes
 
 
 def could_show_structure(blocks: np.ndarray) -> bool:
@@ -67,13 +81,16 @@ def _differs_by_block(column: Array, blocks: np.ndarray) -> Iterator[float]:
         yield float(chi_squared.sf((means**2).sum(), len(names)))
 
 
-def _follows_pose(column: Array, blocks: np.ndarray, neighbours: np.ndarray, slopes: Array) -> Iterator[float]:
+def _follows_pose(
+    column: Array, blocks: np.ndarray, neighbours: np.ndarray, slopes: Sequence[Array]
+) -> Iterator[float]:
     """Yield the chances that neighbouring poses agree so well, and that a slope over the actuators is so steep."""
     if len(neighbours):
         means = _means(column, blocks)[1]
         yield _chance_of_products(means[neighbours[:, 0]] * means[neighbours[:, 1]])
-    if slopes.shape[1]:
-        yield float(chi_squared.sf(((slopes.T @ column) ** 2).sum(), slopes.shape[1]))
+    for each in slopes:
+        if each.shape[1]:
+            yield float(chi_squared.sf(((each.T @ column) ** 2).sum(), each.shape[1]))
 
 
 def _means(column: Array, blocks: np.ndarray) -> tuple[np.ndarray, Array]:
@@ -117,11 +134,14 @@ def noise_of_the_rest(problem: Problem, fit: Fit, blocks: np.ndarray) -> Noise |
     count = int(exists.sum())
     if not count or fit.chi2 / count < chance_bound(count) ** 2:
         return None
-    if problem.noise.source == "declared" and not could_show_structure(blocks):
-        return None
     found = [
-        _noise_of(problem.stack, noise, raw[rows], exists[rows]) for noise, rows in problem.noise.parts(fit.samples)
+        noise
+        if noise.source == "declared" and not could_show_structure(blocks[rows])
+        else _noise_of(problem.stack, noise, raw[rows], exists[rows])
+        for noise, rows in problem.noise.parts(fit.samples)
     ]
+    if all(noise is old for noise, (old, _) in zip(found, problem.noise.parts(fit.samples), strict=True)):
+        return None
     other = found[0] if problem.noise.which is None else Noise.of_several(found, problem.noise.which)
     again = replace(problem, noise=other)
     return other if is_white(again, again.fit_at(fit.terms, fit.run), blocks) else None

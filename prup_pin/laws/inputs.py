@@ -23,6 +23,7 @@ class Inputs:
     blocks (N,) labels of samples between two moves of the actuators; runs (N,) labels of samples recorded one after
     another, one run where they are None; gravity (N, 3), acceleration of free fall in the base frame [m/s^2], or None
     where it is the robot file's; sources (N,), which of several recordings a sample is from, or None for one.
+    weight_alone: no wrench was recorded, so that nothing but the robot's weight acts.
     """
 
     time: Array
@@ -34,6 +35,7 @@ class Inputs:
     runs: np.ndarray | None = None
     gravity: Array | None = None
     sources: np.ndarray | None = None
+    weight_alone: bool = False
 
     @classmethod
     def empty(cls, actuators: int) -> Inputs:

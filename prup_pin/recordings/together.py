@@ -153,17 +153,17 @@ def _check(recordings: Sequence[Recording], names: Sequence[str], joints: Sequen
             raise InputError(f"{name} lacks {', '.join(missing)}: every recording needs all actuated joints")
     for later in range(len(recordings)):
         for earlier in range(later):
-            if _same(recordings[earlier], recordings[later]):
-                raise InputError(
-                    f"{names[earlier]} and {names[later]} hold the same samples, to the last digit: a recording that "
-                    "is given twice would count its noise as two measurements. Give each once"
-                )
+            one, other = recordings[earlier], recordings[later]
+            told = f"{names[earlier]} and {names[later]} hold the same samples, to the last digit"
+            if one.path and other.path and Path(one.path).resolve() == Path(other.path).resolve():
+                told = f"{Path(one.path).name} is given twice"
+            elif not _same(one, other):
+                continue
+            raise InputError(f"{told}: its noise would count as two measurements. Give each recording once")
 
 
 def _same(one: Recording, other: Recording) -> bool:
     """Return whether two recordings are one, copied: all that is measured or commanded is the same."""
-    if one.path and other.path and Path(one.path).resolve() == Path(other.path).resolve():
-        return True
     if len(one) != len(other):
         return False
     arrays = [(one.time, other.time), (one.position, other.position), (one.rotation, other.rotation)]

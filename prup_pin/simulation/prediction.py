@@ -96,6 +96,7 @@ def inputs_of(recording: Recording, robot: Robot) -> Inputs:
         speeds=speeds,
         runs=recording.run,
         gravity=recording.gravity,
+        weight_alone=not recording.has_wrench,
     )
 
 
