@@ -33,8 +33,8 @@ def asked(monkeypatch):
     """The recordings that reach the diagnosis, which then stops."""
     found = []
 
-    def stop(robot, recording, **options):
-        found.append(recording)
+    def stop(robot, recordings, **options):
+        found.extend(recordings)
         raise PrupPinError("stopped here")
 
     monkeypatch.setattr(prup_pin.diagnosis, "diagnose", stop)

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ..laws import Effect, Place
 from ..laws.deviations import Calibration, Deviation, amounts_of, deviations_of
 from ..mechanism import Mechanism
-from ..recordings import Group, Recording
+from ..recordings import SENSORS, Group, Recording
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
@@ -187,7 +187,8 @@ def toleranced_of(
     """
     tool = mechanism.need_tool().name  # whose target is that of a marker there, too
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
-    deviations = deviations_of(mechanism, markers, groups)
+    kinds = {kind: shared for sensor, shared in (groups or {}).items() for kind in SENSORS[sensor]}
+    deviations = deviations_of(mechanism, markers, kinds)
     return Toleranced.of(deviations, amounts_of(deviations, mechanism, recording.tolerances.declared))
 
 

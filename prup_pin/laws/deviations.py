@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from ..mechanism import Mechanism, Module
 from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
 from ..modules import DriveModule
 from ..parameters import Quantity
-from ..recordings import SENSORS, Group
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .joint_places import across, parts
@@ -26,9 +25,20 @@ from .pose_sensor import from_frame
 from .setup import Setup
 from .target import on_body
 
-__all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviations_of", "lasting"]
+__all__ = ["Calibration", "Deviation", "Sharing", "amounts_of", "calibration_of", "deviations_of", "lasting"]
 
 _AXES = "xyz"
+
+
+class Sharing(Protocol):
+    """Recordings that share a sensor, by their places, and its tolerances by kind; `label` names one that is alone."""
+
+    @property
+    def label(self) -> str: ...
+    @property
+    def sources(self) -> tuple[int, ...]: ...
+    @property
+    def tolerances(self) -> Mapping[str, float]: ...
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ class Deviation:
     physics: str
     place: str
     act: Callable[[float, Setup], Iterable[Deed]]
-    group: Group | None = None
+    group: Sharing | None = None
 
     def value(self, amount: float) -> float:
         """Return the value that is off by `amount`: absolute [unit], or of the logarithm where it is relative."""
@@ -95,21 +105,18 @@ class Calibration(Law):
 
 
 def deviations_of(
-    mechanism: Mechanism, markers: Sequence[str] = (), groups: Mapping[str, Sequence[Group]] | None = None
+    mechanism: Mechanism, markers: Sequence[str] = (), groups: Mapping[str, Sequence[Sharing]] | None = None
 ) -> tuple[Deviation, ...]:
     """Return all parameters of a robot, of its sensors, and of the frames of its tool and of `markers`.
 
     What acts on a pose's report comes last, the targets before the frame in which they are reported. groups: recordings
-    that share a sensor, by the sensors that not all share (`Together.groups`); each group has its own parameters.
+    that share what is of a kind, where not all do, by the kind; each group has its own parameters.
     """
-    shared = _of_all(mechanism, markers)
-    if not groups:
-        return shared
-    whose = {kind: groups[sensor] for sensor, kinds in SENSORS.items() if sensor in groups for kind in kinds}
-    return tuple(each for item in shared for each in _of_groups(item, whose.get(item.kind, ())))
+    of_all, groups = _of_all(mechanism, markers), groups or {}
+    return tuple(each for item in of_all for each in _of_groups(item, groups.get(item.kind, ())))
 
 
-def _of_groups(item: Deviation, groups: Sequence[Group]) -> Iterator[Deviation]:
+def _of_groups(item: Deviation, groups: Sequence[Sharing]) -> Iterator[Deviation]:
     """Yield a deviation as often as groups of recordings have it, or once where all do."""
     if not groups:
         yield item
