@@ -6,11 +6,12 @@ To add one: a final class in a file, and one line in `LAWS`. The contract is in 
 
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
-from .backlash import Backlash
+from .backlash import Backlash, BacklashByAxis
 from .coulomb_friction import CoulombFriction
 from .creep import CreepLaw
 from .encoder import EncoderDelay, EncoderOffset
 from .everywhere import Everywhere
+from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
 from .inputs import Inputs
@@ -36,6 +37,7 @@ LAWS: tuple[Law, ...] = (
     RootTiltCompliance(),
     HubRootCompliance(),
     Backlash(),
+    BacklashByAxis(),
     HertzianContact(),
     CoulombFriction(),
     ViscousFriction(),
@@ -43,6 +45,8 @@ LAWS: tuple[Law, ...] = (
     SpreadSelfWeight(),
     Payload(),
     OffCentrePayload(),
+    ExternalSpring(),
+    UnevenSpring(),
     Shear(),
     Torsion(),
     ThermalGrowth(),

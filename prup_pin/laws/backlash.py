@@ -11,7 +11,8 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Along, Deed, ExtraStrain, Strain
+from .deeds import Along, Deed, ExtraStrain, Solved, Strain
+from .drawn import Drawn, against_load
 from .law import ASPECTS, Law, Place
 from .modules_at import turns, yielding
 from .setup import Setup
@@ -20,8 +21,9 @@ from .setup import Setup
 class Backlash(Law):
     """Play that is taken up by the load: e = half_gap tanh(F / F_0) along the load, on top of the elastic part.
 
-    A loaded joint rests on one side of its gap; F_0 is the load that takes it there, small against the others. The play
-    has no memory: friction or weight that hold it on one side are laws of their own.
+    Across a bearing the gap is round: play in any direction. A loaded joint rests on one side of its gap; F_0 is the
+    load that takes it there, small against the others. The play has no memory: friction or weight that hold it on one
+    side are laws of their own.
     """
 
     physics = "backlash"
@@ -63,6 +65,43 @@ class Backlash(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "µrad" if turns(mechanism, place) else "µm"
         return f"{place} has a play of ±{1e6 * values['half_gap']:.3g} {unit}, which its load takes up"
+
+
+class BacklashByAxis(Law):
+    """Play across a bearing that has two gaps, one along each axis across: two bushes, or a guide with four faces.
+
+    Each gap is taken up by the load along its own axis, in the axes in which the robot file gives the module.
+    """
+
+    physics = "backlash"
+    summary = "play along each axis for itself"
+    variant = "radial by axis"
+    quantities = (
+        Quantity("half_gap_x", "m", "play along x to each side of the middle", 2e-5, upper=5e-3),
+        Quantity("half_gap_y", "m", "play along y to each side of the middle", 2e-5, upper=5e-3),
+        *Backlash.quantities[1:],
+    )
+    neutral: ClassVar = {"half_gap_x": 0.0, "half_gap_y": 0.0}
+    strong = 2e-4
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(place.name, self.variant) for place in yielding(mechanism, ("radial",))]
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        load = float(self.quantities[2].default)  # type: ignore[arg-type]
+        return [{"half_gap_x": gap, "half_gap_y": gap, "closing_load": load} for gap in (2e-5, 2e-6, 2e-4)]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        for component, gap in enumerate((values["half_gap_x"], values["half_gap_y"])):
+            play = partial(_play, gap=gap, load=values["closing_load"])
+            yield ExtraStrain(place.name, Strain(Along(slice(component, component + 1), play)))
+
+    def drawn(self, place: Place, at: Solved) -> Drawn | None:
+        return against_load(at, place.name, slice(0, 2))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        x, y = 1e6 * values["half_gap_x"], 1e6 * values["half_gap_y"]
+        return f"{place.name} has a play of ±{x:.3g} µm along its x and of ±{y:.3g} µm along its y, each for itself"
 
 
 def _play(force: Array, gap: float, load: float) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import numpy as np
 from ..loaded import Conditions
 from ..mechanism import Mechanism
 from ..spatial import Array
-from .deeds import Deed, JointResistance, Moment, PoseReport, RememberedStrain, Strain, Strains
+from .deeds import Deed, JointResistance, Moment, PoseReport, RememberedStrain, Strain, Strains, ToolSpring
 from .inputs import Inputs
 
 __all__ = ["Setup"]
@@ -36,6 +36,7 @@ class Setup:
     offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,)
     loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
     mass_factors: dict[int, float] = field(default_factory=dict)  # of the joints' bodies
+    springs: list[ToolSpring] = field(default_factory=list)
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
     reports: list[PoseReport] = field(default_factory=list)
@@ -51,7 +52,7 @@ class Setup:
     def copy(self) -> Setup:
         """Return a setup that may take more deeds; this one stays as it is."""
         other = replace(self, travel=self.travel.copy(), strains={name: [*own] for name, own in self.strains.items()})
-        kept = ("deeds", "parameters", "values", "resistances", "remembered", "reports")
+        kept = ("deeds", "parameters", "values", "resistances", "remembered", "reports", "springs")
         for name in (*kept, "offsets", "loop_offsets", "mass_factors"):
             setattr(other, name, getattr(self, name).copy())
         return other
@@ -111,6 +112,7 @@ class Setup:
             offsets=dict(self.offsets),
             loop_offsets=dict(self.loop_offsets),
             mass_factors=self._masses(),
+            springs=tuple((np.array(item.stiffness), np.array(item.slack)) for item in self.springs),
         )
 
     def _masses(self) -> Array | None:

@@ -241,7 +241,9 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
     seen = (turning @ screws.mT) * motions.turns
     # what the loads do as their points move
     left, right = [], []
-    form = _dead_force(conditions.wrench[:, :3], at.tool[:, :3, 3])
+    form = _dead_force(conditions.force_at(at.tool[:, :3, 3]), at.tool[:, :3, 3])
+    for stiffness, _ in conditions.springs:
+        form = form - _spring(stiffness, at.tool[:, :3, 3])
     left.append((carries[:, structure.tool.joint, None] * observers) @ form)
     right.append(motions.carries[:, structure.tool.joint, None] * screws)
     for index, loop in enumerate(structure.loops):
@@ -297,6 +299,12 @@ def _dead_force(force: Array, point: Array) -> Array:
     form[:, 3:, :3] = -cross
     form[:, 3:, 3:] = cross @ skew(point)
     return form
+
+
+def _spring(stiffness: Array, point: Array) -> Array:
+    """Return B (N, 6, 6): y . B x is what a screw y sees less of a spring as its point moves with the twist x."""
+    moves = np.concatenate((np.broadcast_to(np.eye(3), (len(point), 3, 3)), -skew(point)), axis=2)
+    return moves.mT @ stiffness @ moves
 
 
 # ---------------------------------------------------------------------------------------------------------- module rows

@@ -192,7 +192,8 @@ def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopFo
     """Return the base wrench that every joint carries, (N, joints, 6): the sum of all loads on its subtree."""
     n = len(placements)
     bodies = np.zeros((n, structure.count, 6))
-    force, moment, point = conditions.wrench[:, :3], conditions.wrench[:, 3:], tool[:, :3, 3]
+    moment, point = conditions.wrench[:, 3:], tool[:, :3, 3]
+    force = conditions.force_at(point)
     bodies[:, structure.tool.joint, :3] += force
     bodies[:, structure.tool.joint, 3:] += moment + np.cross(point, force)
     for index, loop in enumerate(structure.loops):

@@ -24,7 +24,8 @@ class Conditions:
     (N, k, k); `actuators` (N, actuated joints) is added to the positions of the pose; `offsets` moves the place of
     joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;
     `loop_offsets` likewise that of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second
-    end; `mass_factors` (joints,) multiplies the masses of the joints' bodies.
+    end; `mass_factors` (joints,) multiplies the masses of the joints' bodies; `springs` pull the tool point to where
+    they are slack: stiffness (3, 3) [N/m] and that point (3,), base axes.
     """
 
     wrench: Array
@@ -36,6 +37,14 @@ class Conditions:
     offsets: dict = field(default_factory=dict)
     loop_offsets: dict = field(default_factory=dict)
     mass_factors: Array | None = None
+    springs: tuple[tuple[Array, Array], ...] = ()
+
+    def force_at(self, point: Array) -> Array:
+        """Return the force on the tool while its point is there, (N, 3): the wrench's and the springs'."""
+        force = self.wrench[:, :3]
+        for stiffness, slack in self.springs:
+            force = force + (slack - point) @ stiffness.T
+        return force
 
     def take(self, rows) -> Conditions:
         """Return the conditions of some samples."""

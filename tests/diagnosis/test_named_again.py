@@ -19,9 +19,10 @@ BOXES = {
         **dict.fromkeys(("rx", "ry", "rz"), (-0.2, 0.2)),
     },
     "five_bar": {"x": (-0.05, 0.05), "y": (0.28, 0.36)},
+    "3prup": {"z": (0.35, 0.45), "theta": (-0.2, 0.2), "phi": (-0.2, 0.2)},
 }
 #: Full force [N] and moment [N m] of each robot's loads.
-LOADS = {"six_ups": (900.0, 120.0), "five_bar": (60.0, 0.0)}
+LOADS = {"six_ups": (900.0, 120.0), "five_bar": (60.0, 0.0), "3prup": (80.0, 10.0)}
 NOISE = Noise(position=2e-6, rotation=6e-6)
 
 
@@ -29,7 +30,7 @@ NOISE = Noise(position=2e-6, rotation=6e-6)
 def robot(name):
     if name == "five_bar":
         return prup_pin.load(ROBOTS / "five_bar/five_bar.urdf", tool="left_point", joint_stiffness=1e4)
-    return prup_pin.load(ROBOTS / "six_ups/six_ups.urdf")
+    return prup_pin.load("3prup" if name == "3prup" else ROBOTS / "six_ups/six_ups.urdf")
 
 
 def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
@@ -55,6 +56,16 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
         ("six_ups", ("thermal_growth", "leg3/drive", "", {"expansion": 1.2e-5})),
         ("six_ups", ("geometric_offset", "leg4_seat", "loop end", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
         ("six_ups", ("geometric_offset", "leg1_s3", "seat", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+        ("six_ups", ("external_spring", "environment", "", {"stiffness": 4e3, "x": 0.1, "y": -0.1, "z": 0.8})),
+        (
+            "3prup",
+            (
+                "backlash",
+                "leg2/R_theta_P",
+                "radial by axis",
+                {"half_gap_x": 6e-5, "half_gap_y": 4e-5, "closing_load": 0.5},
+            ),
+        ),
         ("five_bar", ("geometric_offset", "right_elbow", "position", {"x": 1e-4, "y": 0.0})),
     ],
     ids=lambda value: value if isinstance(value, str) else f"{value[0]} {value[1]}",

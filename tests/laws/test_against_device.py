@@ -12,7 +12,7 @@ import pytest
 import prup_pin
 from prup_pin import laws
 from prup_pin.laws import LAWS, Effect, Inputs, Place
-from prup_pin.simulation import Simulator
+from prup_pin.simulation import Simulator, effect_named
 from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed.device import Device
 from tests.reference.concealed.draw import programme
@@ -91,6 +91,12 @@ CASES = [
     play("leg1/R_lambda", "axial", "axial"),
     play("leg1/R_phi", "axial", "axial"),
     play("leg2/R_theta_P", "radial", "radial"),
+    case("play along each axis", "backlash", "leg2/R_theta_P",
+         {"direction": "radial", "half_gap": 3e-5, "smooth": 0.5, "by_axis": True},
+         effect(laws.BacklashByAxis, "leg2/R_theta_P", "radial by axis", half_gap_x=3e-5, half_gap_y=3e-5,
+                closing_load=0.5), within=0.08),
+    case("a hose", "external_spring", "environment", {"stiffness": 1500.0, "rest": [0.02, -0.05, 0.43]},
+         effect(laws.ExternalSpring, "environment", stiffness=1500.0, x=0.02, y=-0.05, z=0.43)),
     case("contact", "hertzian_contact", "leg3/R_theta_P", {"f0": 3.0, "f_ref": 2e5},
          effect(laws.HertzianContact, "leg3/R_theta_P", "radial", preload=3.0, reference_load=2e5)),
     # The device's secant reading, k ((F + F_0) / F_r)^(1/3) = F / x, is ours with F_r / 1.5^3 but for loads near F_0.
@@ -116,6 +122,9 @@ CASES = [
          effect(laws.HubRootCompliance, "leg3/moving_star_branch", root_tilting_stiffness=8e3)),
     case("growth of a screw", "thermal_growth", "leg2/ball_screw", {"coefficient": 3e-5},
          effect(laws.ThermalGrowth, "leg2/ball_screw", expansion=3e-5), within=AS_LONG_AS_TOLD),
+    case("growth of all screws", "thermal_growth", "robot", {"coefficient": 3e-5, "module": "ball_screw"},
+         effect_named("thermal_growth", "robot", "ball_screw", {"expansion": 3e-5}, ROBOT.mechanism),
+         within=AS_LONG_AS_TOLD),
     case("growth of a rod", "thermal_growth", "leg2/linear_rod", {"coefficient": 3e-5},
          effect(laws.ThermalGrowth, "leg2/linear_rod", expansion=3e-5), within=AS_LONG_AS_TOLD),
     case("lead", "lead_error", "leg2/ball_screw", {"kind": "proportional", "ratio": 1e-4},

@@ -394,6 +394,18 @@ def acting(*effects):
     return simulator("3prup").setup(effects)
 
 
+def test_a_hose_shares_the_load_with_the_spring(spring):
+    """K u + k (u - slack) = F: what it pulls follows the block."""
+    hose, slack = 5e4, 2e-3
+    laid = of(laws.ExternalSpring, "environment", stiffness=hose, x=slack, y=0.0, z=0.0)
+    forces = np.array([0.0, 300.0, -200.0])
+    moved = pulled(spring, forces, [laid])
+    np.testing.assert_allclose(moved[:, 0], (forces + hose * slack) / (K + hose), rtol=1e-9)
+    across = of(laws.UnevenSpring, "environment", "by direction", x=slack, y=0.1, z=0.1, stiffness_x=0.0,
+                stiffness_y=hose, stiffness_z=hose)  # fmt: skip
+    np.testing.assert_allclose(pulled(spring, forces, [across])[:, 0], forces / K, rtol=1e-9)
+
+
 def test_a_payload_is_a_dead_force():
     setup = acting(of(laws.Payload, "moving_star", mass=2.5))
     np.testing.assert_allclose(setup.wrench - setup.inputs.wrench, [[0, 0, 2.5 * 9.80665, 0, 0, 0]] * 10, atol=1e-12)

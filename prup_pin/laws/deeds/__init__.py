@@ -4,7 +4,7 @@ A deed of a new kind: a final class in a file of its own, and one line in `DEEDS
 """
 
 from .deed import BLOCK, RUN, Deed, History, Moment, Solved
-from .load import ScaledMass, ToolLoad, Weight, WrenchReading
+from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
 from .remembered import RememberedStrain
 from .report import PoseReport
 from .resistance import JointResistance
@@ -16,6 +16,7 @@ from .value import ChangedValue
 DEEDS: tuple[type[Deed], ...] = (
     WrenchReading,
     ToolLoad,
+    ToolSpring,
     Travel,
     ExtraStrain,
     ChangedValue,
@@ -50,6 +51,7 @@ __all__ = [
     "Strain",
     "Strains",
     "ToolLoad",
+    "ToolSpring",
     "Travel",
     "Weight",
     "WrenchReading",

@@ -15,7 +15,7 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["ScaledMass", "ToolLoad", "Weight", "WrenchReading"]
+__all__ = ["ScaledMass", "ToolLoad", "ToolSpring", "Weight", "WrenchReading"]
 
 #: Share of the weight by which its effect is differentiated.
 _LIGHT = 1e-3
@@ -58,6 +58,31 @@ class ToolLoad(Deed):
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
         return _by_wrench(setup.unsensed, at.setup.unsensed, at)
+
+
+@dataclass(frozen=True)
+class ToolSpring(Deed):
+    """A spring pulls the tool point to where it is `slack` (3,) [m], with `stiffness` (3, 3) [N/m], base axes.
+
+    It passes by the sensor, and follows the tool as this moves under load.
+    """
+
+    stiffness: tuple[tuple[float, ...], ...]
+    slack: tuple[float, ...]
+
+    def enter(self, setup: Setup) -> None:
+        setup.springs.append(self)
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        if setup.springs == at.setup.springs:
+            return None
+        point = at.first.found.tool[:, :3, 3]
+        force = np.zeros_like(point)
+        for sign, springs in ((1.0, setup.springs), (-1.0, at.setup.springs)):
+            for spring in springs:
+                force += sign * (np.array(spring.slack) - point) @ np.array(spring.stiffness).T
+        return (at.first.by_wrench[:, :, :3] @ force[..., None])[..., 0]
 
 
 def _by_wrench(new: Array, old: Array, at: Solved) -> Array | None:
