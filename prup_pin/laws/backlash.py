@@ -89,7 +89,7 @@ class BacklashByAxis(Law):
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         load = float(self.quantities[2].default)  # type: ignore[arg-type]
-        return [{"half_gap_x": gap, "half_gap_y": gap, "closing_load": load} for gap in (2e-5, 2e-6, 2e-4)]
+        return [{"half_gap_x": gap, "half_gap_y": gap, "closing_load": load} for gap in (2e-5, 2e-4)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for component, gap in enumerate((values["half_gap_x"], values["half_gap_y"])):
