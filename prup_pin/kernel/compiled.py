@@ -57,7 +57,7 @@ class LoopedTree:
         self._mechanism = mechanism
         self.model = mechanism.model
         self.closure = Closure(mechanism)
-        self._memory = _Memory(mechanism)
+        self._of_thread = _OfThread(mechanism)
         # Joints turn in the plane or slide, unless a position takes more numbers than a velocity.
         self._straight = self.model.nq == self.model.nv
 
@@ -74,7 +74,7 @@ class LoopedTree:
 
     def passing(self, q: Array) -> Passing:
         """Return what a step of Newton's method needs at a configuration (nq,)."""
-        model, memory = self.model, self._memory
+        model, memory = self.model, self._of_thread.memory
         data = memory.data
         pin.computeJointJacobians(model, data, q)
         for constraint, held in memory.constraints:
@@ -86,7 +86,7 @@ class LoopedTree:
 
     def closure_jacobian(self, passing: Passing) -> Array:
         """Return the gap's Jacobian (c, nv) at the configuration of this thread's last `passing`."""
-        memory, count, nv = self._memory, self.closure.count, self.model.nv
+        memory, count, nv = self._of_thread.memory, self.closure.count, self.model.nv
         if not count:
             return np.zeros((0, nv))
         twists = pin.getConstraintsJacobian(self.model, memory.data, memory.models, memory.held)
@@ -95,7 +95,7 @@ class LoopedTree:
 
     def completed(self, passing: Passing) -> Configuration:
         """Return all kinematics at the configuration of this thread's last `passing`."""
-        memory, closure = self._memory, self.closure
+        memory, closure = self._of_thread.memory, self.closure
         placements = memory.empty.copy()
         placements[:, :3] = passing.placements
         for into, view in memory.actions:
@@ -111,7 +111,14 @@ class LoopedTree:
         )
 
 
-class _Memory(threading.local):
+class _OfThread(threading.local):
+    """The working memory of the thread that asks."""
+
+    def __init__(self, mechanism: Mechanism):
+        self.memory = _Memory(mechanism)
+
+
+class _Memory:
     """Pinocchio's working memory for one thread, and views of it that every pass refreshes."""
 
     def __init__(self, mechanism: Mechanism):
