@@ -46,8 +46,6 @@ _SAME, _NEAR, _FAR = 1e-9, 0.1, 4.0
 
 #: From (start, coordinates) to the configuration (nq,) there and its tangents (nv, t). Raises NoPlaceError.
 Solve = Callable[[Array, Array], tuple[Array, Array]]
-
-
 #: From a place u (t,) and a motion near it to the motion (nv,) there and its slopes (nv, t). Raises NoPlaceError.
 Place = Callable[[Array, Array], tuple[Array, Array]]
 
@@ -143,7 +141,7 @@ def _sampled(place: Place, slopes: Array, linear: Mask, radius: float, terms: in
     """Return places all over a ball about home, where slopes are `slopes`, and how far out they were found."""
     count = len(linear)
     inner = int(np.ceil(_EQUATIONS * terms / (1 + count)))
-    distances = *_spread(0.0, _INNER * radius, inner), *_spread(_INNER * radius, radius, inner // 2)
+    distances = *_spread(0.0, _INNER * radius, inner), *_spread(_INNER * radius, radius, inner // 3)
     nv, most = len(slopes), 1 + len(distances)
     found = _Places(np.zeros((most, count)), np.zeros((most, nv)), np.zeros((most, nv, count)))
     found.slopes[0] = slopes
