@@ -34,7 +34,7 @@ _INNER = 0.73
 #: No ball is smaller.
 _LEAST = 0.1
 #: The degree, lower with more coordinates, so that there are no more terms than these; fewer for a costly solver.
-_DEGREE, _TERMS, _FEW_TERMS = 16, 170, 50
+_DEGREE, _TERMS, _FEW_TERMS = 12, 100, 50
 #: Equations for each term of the inner fit; a place gives one value and a slope along each coordinate.
 _EQUATIONS = 1.8
 #: Products of matrices with no more multiplications are done by one thread: bits depend on how several share them.

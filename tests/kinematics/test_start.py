@@ -28,7 +28,7 @@ def around_home(robot, metres, radians, count):
 @pytest.mark.parametrize(
     ("name", "metres", "radians", "error"),
     [
-        ("3prup", 0.1, 0.5, 1e-5),
+        ("3prup", 0.1, 0.5, 1e-4),
         (ROBOTS / "six_ups/six_ups.urdf", 0.05, 0.1, 1e-2),
         (ROBOTS / "five_bar/five_bar.urdf", 0.02, 0.1, 1e-4),
     ],
