@@ -25,7 +25,7 @@ def calibrate(
 ) -> None:
     """What recordings say of every parameter that may be off within its tolerance; no physics is looked for."""
     from ..diagnosis.calibration import calibrated
-    from ..laws.deviations import lasting
+    from ..laws.in_recording import lasting
     from ..simulation import CorrectedModel, write_model
     from ..views.text.calibration_text import print_calibration
 
@@ -34,7 +34,7 @@ def calibrate(
     loaded = Reading(variant=variant).load(name)
     with progress.stages() as tell:
         found = calibrated(loaded, read, tell=tell)
-    effects = tuple(lasting(effect, loaded.mechanism) for effect in found.effects)
+    effects = lasting(found.effects, loaded.mechanism)
     notes = f"calibrated on {', '.join(path.name for path in recordings)}"
     write_model(CorrectedModel(name, effects, variant, notes), out)
     print_calibration(terminal.console(), loaded, read, found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,6 +10,9 @@ import numpy as np
 
 from ..laws import LAWS, Effect, Everywhere, Inputs, Law, Place
 from ..laws.deeds import Deed
+from ..laws.deviations import Sharing
+from ..laws.in_recording import in_groups
+from ..laws.target import of_markers
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
@@ -161,8 +164,17 @@ class Term:
         return self.candidate.effect(self.coordinates)
 
 
-def candidates(mechanism: Mechanism, inputs: Inputs) -> list[Candidate]:
-    """Return every law at every place that these inputs could show."""
+def candidates(
+    mechanism: Mechanism,
+    inputs: Inputs,
+    markers: Sequence[str] = (),
+    groups: Mapping[str, Sequence[Sharing]] | None = None,
+) -> list[Candidate]:
+    """Return every law at every place that these inputs could show.
+
+    markers: frames that were measured beside the tool; groups: recordings that share a sensor, by the sensors that not
+    all share.
+    """
     warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > LEAST_WARMING
     fast = inputs.speeds is not None and np.nanmax(np.abs(inputs.speeds), initial=0.0) > 0
     step = float(np.median(np.diff(inputs.time))) if len(inputs) > 1 else 0.0
@@ -170,7 +182,8 @@ def candidates(mechanism: Mechanism, inputs: Inputs) -> list[Candidate]:
     has = {"temperature": warm, "speed": fast, "gravity": pulled}
     return [
         Candidate(law, place, mechanism, step)
-        for law in LAWS
+        for whole in (*LAWS, *of_markers(mechanism, markers))
+        for law in in_groups(whole, groups or {})
         if all(has[need] for need in law.needs)
         for place in law.places(mechanism)
     ]

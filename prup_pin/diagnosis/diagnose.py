@@ -154,7 +154,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     noise = Noise.of_several(noises, together.which)
     problem = Problem.of(simulator, stack, noise, nominal)
     raw_linear = stack.residual_of_start(linear)[problem.first.samples]
-    library = candidates(robot.mechanism, inputs)
+    library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups)
     toleranced = toleranced_of(recording, robot.mechanism, together.groups)
     return Asked(together, problem, inputs, raw_linear, library, toleranced, tuple(dict.fromkeys(unused)), remarks)
 

@@ -20,12 +20,12 @@ from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .joint_places import across, parts
-from .law import Effect, Law, Place
+from .law import Law, Place
 from .pose_sensor import from_frame
 from .setup import Setup
 from .target import on_body
 
-__all__ = ["Calibration", "Deviation", "Sharing", "amounts_of", "calibration_of", "deviations_of", "lasting"]
+__all__ = ["Calibration", "Deviation", "Sharing", "amounts_of", "calibration_of", "deviations_of"]
 
 _AXES = "xyz"
 
@@ -128,15 +128,6 @@ def _of_groups(item: Deviation, groups: Sequence[Sharing]) -> Iterator[Deviation
 def _within(act: Callable, sources: Sequence[int], value: float, setup: Setup) -> Iterator[Deed]:
     for deed in act(value, setup):
         yield deed.within(setup.inputs.from_sources(sources))
-
-
-def lasting(effect: Effect, mechanism: Mechanism) -> Effect:
-    """Return an effect without what is off in single recordings: that tells nothing of another one."""
-    if not isinstance(effect.law, Calibration):
-        return effect
-    kept = [item for item in effect.law.deviations if item.group is None or not item.group.label]
-    values = {item.name: effect.values[item.name] for item in kept if item.name in effect.values}
-    return Effect(calibration_of(mechanism), effect.place, values)
 
 
 def _of_all(mechanism: Mechanism, markers: Sequence[str]) -> tuple[Deviation, ...]:

@@ -41,6 +41,39 @@ class TargetMisalignment(Law):
         return f"the measured target sits {shift:.3g} mm beside the tool frame and is turned by {turn:.3g} mrad"
 
 
+class MarkerMisalignment(Law):
+    """The same of a marker on another frame. Which frames have one is the recording's to say."""
+
+    physics = TargetMisalignment.physics
+    summary = "a marker that is turned or shifted on its frame"
+    quantities = TargetMisalignment.quantities
+    neutral: ClassVar = TargetMisalignment.neutral
+
+    def __init__(self, frame: str):
+        self.frame = frame
+        vars(self).update(variant=f"marker {frame}")
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("target", self.variant)] if self.frame in mechanism.frame_names else []
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        shift = np.array([values[name] for name in ("x", "y", "z")])
+        turn = rotation_exp(np.array([values[name] for name in ("rx", "ry", "rz")]))
+        yield PoseReport(partial(on_body, shift=shift, turn=turn), self.frame)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
+        turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
+        return f"the marker sits {shift:.3g} mm beside the frame {self.frame} and is turned by {turn:.3g} mrad"
+
+
+def of_markers(mechanism: Mechanism, names: Iterable[str] | None = None) -> tuple[MarkerMisalignment, ...]:
+    """Return the law of each marker at frames of these names, or at any frame but the tool's."""
+    tool = None if mechanism.tool is None else mechanism.tool.name
+    known = mechanism.frame_names if names is None else [name for name in names if name in mechanism.frame_names]
+    return tuple(MarkerMisalignment(name) for name in known if name != tool)
+
+
 def beside(shift: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
     """Return the report of a target that sits beside its frame by a shift (3,) in the frame's axes."""
     return partial(on_body, shift=shift, turn=np.eye(3))

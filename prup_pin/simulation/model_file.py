@@ -11,6 +11,7 @@ from typing import Any
 from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
+from ..laws.target import of_markers
 from ..loading import load
 from ..mechanism import Mechanism
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
@@ -52,7 +53,8 @@ def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | N
     """Return the law of that name; where several share it, the one that acts at `place`. Raises UnknownNameError."""
     if physics == Calibration.physics:
         return Calibration(()) if mechanism is None else calibration_of(mechanism)
-    named = [law for law in LAWS if law.physics == physics]
+    every = LAWS if mechanism is None else (*LAWS, *of_markers(mechanism))
+    named = [law for law in every if law.physics == physics]
     if not named:
         raise UnknownNameError("law", physics, sorted({law.physics for law in LAWS}))
     if place is not None and mechanism is not None:
@@ -67,7 +69,8 @@ def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> P
     if physics == Calibration.physics:
         return Place(name, aspect)
     law_named(physics)
-    places = [place for law in LAWS if law.physics == physics for place in law.places(mechanism)]
+    every = (*LAWS, *of_markers(mechanism))
+    places = [place for law in every if law.physics == physics for place in law.places(mechanism)]
     if not places:
         raise UnknownNameError(f"place of {physics}", name, [], f"{physics} cannot act on '{mechanism.name}'.")
     there = [place for place in places if place.name == name]

@@ -18,7 +18,7 @@ from prup_pin.diagnosis.sensor_noise import estimate_noise
 from prup_pin.errors import InputError, RecordingFileError, UnknownNameError
 from prup_pin.recordings import Noise as SensorNoise
 from prup_pin.recordings import Recording, Tolerances, add_noise, read_plan, read_recording, write_recording
-from prup_pin.simulation import Simulator, effect_named, inputs_of
+from prup_pin.simulation import CorrectedModel, Simulator, effect_named, inputs_of, read_model, write_model
 from prup_pin.spatial import rotation_exp, rotation_log
 
 ARM = Path(__file__).parents[1] / "robots/elastic_arm/elastic_arm.urdf"
@@ -145,6 +145,30 @@ def test_markers_beside_their_frames_are_calibrated(arm):
     for name in ("marker link3.x", "marker link5.z", "marker link5.rx", "joint2/drive.stiffness"):
         assert known[name].learned > 0.8
         assert abs(known[name].x - x[names.index(name)]) < 4 * known[name].share
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_marker_beside_its_frame_is_named(arm, turned, tmp_path):
+    """Without a tolerance: the tool's target is where it should be, the marker's is not."""
+    values = {"x": 5e-4, "y": 0.0, "z": -3e-4, "rx": 0.0, "ry": 2e-3, "rz": 0.0}
+    off = effect_named("target_misalignment", "target", "marker link5", values, arm.mechanism)
+    inputs = standing(arm, 20)
+    seen = prup_pin.simulate(arm, inputs, [weight(arm), off], markers=["link5"])
+    recording = inputs.with_measurements(position=seen.position, rotation=seen.rotation, markers=seen.markers)
+    if turned:
+        recording = recording.with_measurements(marker_rotations=seen.marker_rotations)
+    found = diagnose(arm, add_noise(recording, NOISE, 4))
+    (finding,) = named(found)
+    assert (finding.physics, finding.location) == ("target_misalignment", "target")
+    assert finding.effect.place.aspect == "marker link5"
+    for name in values if turned else ("x", "y", "z"):
+        assert finding.parameters[name].value == pytest.approx(values[name], abs=1e-5)
+    assert found.after["fit"] == pytest.approx(1.0, abs=0.1)
+    write_model(CorrectedModel(str(ARM), found.effects), tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json").effects
+    assert [effect.place for effect in again] == [effect.place for effect in found.effects]
+    after = prup_pin.simulate(arm, inputs, again, markers=["link5"])
+    np.testing.assert_allclose(after.markers["link5"], seen.markers["link5"], atol=5e-6)
 
 
 def test_noise_is_estimated_from_markers_where_they_repeat(arm):

@@ -14,10 +14,22 @@ from prup_pin.cli import app
 from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.calibration import calibrated
 from prup_pin.diagnosis.diagnose import _fold_labels, asked
+from prup_pin.diagnosis.influence import Influence
 from prup_pin.errors import InputError, RecordingFileError
 from prup_pin.laws import Effect
-from prup_pin.recordings import Noise, Recording, Together, Tolerances, add_noise, read_recording, write_recording
+from prup_pin.laws.in_recording import in_groups, lasting
+from prup_pin.recordings import (
+    SENSORS,
+    Noise,
+    Recording,
+    Together,
+    Tolerances,
+    add_noise,
+    read_recording,
+    write_recording,
+)
 from prup_pin.simulation import Simulator, effect_named, inputs_of
+from prup_pin.simulation.model_file import law_named
 
 ARM = Path(__file__).parents[1] / "robots/elastic_arm/elastic_arm.urdf"
 NOISE = Noise(position=2e-6, rotation=1e-5)
@@ -206,6 +218,58 @@ def test_own_encoders_are_zeroed_anew(arm):
     expected = np.zeros((16, 6))
     expected[8:, 1] = 1e-4
     np.testing.assert_allclose(setup.travel, expected, atol=1e-18)
+
+
+def test_a_fault_of_a_sensor_is_that_of_its_recording(arm):
+    """Without tolerances the tracker's frame is right as declared, but for the recording where it is not."""
+    values = {"rx": 1e-3, "ry": 0.0, "rz": -5e-4, "tx": 2e-4, "ty": 0.0, "tz": 0.0}
+    off = effect_named("pose_sensor_misalignment", "pose_sensor", "", values, arm.mechanism)
+    first = measured(arm, loaded(arm, 1, path="first.csv"), [], 1)
+    second = measured(arm, loaded(arm, 2, path="second.csv", own_sensors=("pose_sensor",)), [off], 2)
+    found = prup_pin.diagnose(arm, [first, second])
+    (finding,) = named(found)
+    assert (finding.physics, finding.location) == ("pose_sensor_misalignment", "pose_sensor")
+    assert finding.effect.place.aspect == "in second.csv"
+    assert finding.statement.endswith("in second.csv")
+    for name, value in values.items():
+        assert finding.parameters[name].value == pytest.approx(value, abs=1e-5)
+    assert found.after["fit"] == pytest.approx(1.0, abs=0.1)
+    assert [effect.law.physics for effect in lasting(found.effects, arm.mechanism)] == ["self_weight"]
+
+
+@pytest.mark.parametrize("words", [("pose_sensor_misalignment", "pose_sensor"), ("wrench_sensor_bias", "wrench_sensor"),
+                                   ("target_misalignment", "target"), ("encoder_offset", "joint3/drive")])  # fmt: skip
+def test_first_order_of_a_sensors_law_in_one_recording(arm, words):
+    """It does to that recording's samples what it does to all of them, and nothing to the others'."""
+    physics, place = words
+    both = together(arm, loaded(arm, 1, 3), replace(loaded(arm, 2, 3), own_sensors=tuple(SENSORS)))
+    whole = law_named(physics)
+    laws = list(in_groups(whole, both.groups))
+    assert [law.group.label for law in laws] == ["", "recording 2"]
+    simulator = Simulator(arm, replace(inputs_of(both.recording, arm), sources=both.which))
+    run = simulator.run()
+    influence = Influence(simulator, run)
+
+    def change(law):
+        at = next(each for each in law.places(arm.mechanism) if each.name.partition("/")[0] == place.partition("/")[0])
+        values = dict(law.starts(at, arm.mechanism)[0])
+        effect = Effect(law, at, values).checked(arm.mechanism)
+        after = simulator.run([effect], run)
+        return influence.change(simulator.setup([effect])), after.position - run.position
+
+    (all_first, all_moved), (first, moved), (second, moved_too) = map(change, (whole, *laws))
+    for own, whole_change in ((first, all_first), (moved, all_moved)):
+        np.testing.assert_array_equal(own[3:], 0.0)
+        np.testing.assert_allclose(own[:3], whole_change[:3], atol=1e-13)
+    for own, whole_change in ((second, all_first), (moved_too, all_moved)):
+        np.testing.assert_array_equal(own[:3], 0.0)
+        np.testing.assert_allclose(own[3:], whole_change[3:], atol=1e-13)
+    assert np.abs(all_moved).max() > 1e-7
+
+
+def test_what_is_the_robots_is_so_in_all_recordings(arm):
+    with pytest.raises(InputError, match="acts on the robot, in all recordings alike"):
+        weight(arm).deeds(Simulator(arm, inputs_of(loaded(arm, 1, 2), arm)).setup())[0].within(np.ones(2, bool))
 
 
 # -- histories and folds -----------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from ... import __version__
 from ...diagnosis import Diagnosis
 from ...errors import InputError
 from ...laws import Effect
-from ...laws.deviations import lasting
+from ...laws.in_recording import lasting
 from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...recordings.columns import NOISE_KEYS
@@ -82,7 +82,7 @@ def write_diagnosis(
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
     names = ", ".join(Path(item.path).name for item in recordings)
     notes = f"diagnosis of {names}: {verdict_text(diagnosis)}"
-    effects = tuple(_inside(lasting(effect, robot.mechanism), robot.mechanism) for effect in diagnosis.effects)
+    effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
     write_model(CorrectedModel(robot_name, effects, variant, notes), model)
     plan = _plan(diagnosis, recordings[0], json.loads(model.read_text(encoding="utf-8"))["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)

@@ -1,0 +1,103 @@
+"""A sensor's law in one of several recordings: what is off there need not be off in the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import ClassVar
+
+from ..mechanism import Mechanism
+from ..parameters import Quantity
+from .deeds import Deed, Solved
+from .deviations import Calibration, Sharing, calibration_of
+from .drawn import Drawn
+from .law import Effect, Law, Place
+from .setup import Setup
+
+__all__ = ["InRecording", "in_groups", "lasting"]
+
+#: Words of the laws of each sensor that a recording may have for itself.
+_OF_SENSOR: Mapping[str, tuple[str, ...]] = {
+    "pose_sensor": ("pose_sensor_misalignment",),
+    "target": ("target_misalignment",),
+    "wrench_sensor": ("wrench_sensor_misalignment", "wrench_sensor_gain", "wrench_sensor_bias"),
+    "encoders": ("encoder_offset",),
+}
+
+
+class InRecording(Law):
+    """A law of a sensor at the samples of those recordings alone that share it.
+
+    The place's aspect names the recording where it is alone: 'in friday.csv'.
+    """
+
+    physics = ""
+    summary = ""
+    quantities = ()
+    neutral: ClassVar = {}
+
+    def __init__(self, law: Law, group: Sharing):
+        self.law, self.group = law, group
+        names = ("physics", "summary", "source", "quantities", "neutral", "needs", "spread", "cost", "likely", "strong")
+        vars(self).update({name: getattr(law, name) for name in names})
+        self._words = f" in {group.label}" if group.label else ""
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(name, f"{aspect}{self._words}".strip()) for name, aspect in self.law.places(mechanism)]
+
+    def at(self, place: Place) -> Place:
+        """Return the place of the law itself."""
+        return Place(place.name, f" {place.aspect}".removesuffix(self._words).strip())
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        rows = setup.inputs.from_sources(self.group.sources)
+        for deed in self.law.deeds(self.at(place), values, setup):
+            yield deed.within(rows)
+
+    def drawn(self, place: Place, at: Solved) -> Drawn | None:
+        return None
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return self.law.quantities_at(self.at(place), mechanism)
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        return self.law.starts(self.at(place), mechanism)
+
+    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
+        return self.law.neutral_at(self.at(place), mechanism)
+
+    def magnified(self, value: float, times: float) -> float:
+        return self.law.magnified(value, times)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return self.law.same_places(self.at(place), mechanism)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"{self.law.statement(self.at(place), values, mechanism)}{self._words}"
+
+
+def in_groups(law: Law, groups: Mapping[str, Sequence[Sharing]]) -> Iterator[Law]:
+    """Yield a law once for each group of recordings that shares its sensor, or the law itself where all share it.
+
+    groups: by the sensors that not all recordings share.
+    """
+    whose = [groups[sensor] for sensor, words in _OF_SENSOR.items() if law.physics in words and sensor in groups]
+    if whose:
+        yield from (InRecording(law, group) for group in whose[0])
+    else:
+        yield law
+
+
+def lasting(effects: Iterable[Effect], mechanism: Mechanism) -> tuple[Effect, ...]:
+    """Return effects without what is off in single recordings: that tells nothing of another one."""
+    found = []
+    for effect in effects:
+        law = effect.law
+        if isinstance(law, Calibration):
+            kept = {item.name for item in law.deviations if item.group is None or not item.group.label}
+            values = {name: value for name, value in effect.values.items() if name in kept}
+            found.append(Effect(calibration_of(mechanism), effect.place, values))
+        elif not isinstance(law, InRecording):
+            found.append(effect)
+        elif not law.group.label:
+            found.append(Effect(law.law, effect.place, effect.values))
+    return tuple(found)
