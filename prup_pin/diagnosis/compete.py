@@ -456,6 +456,11 @@ def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candida
     weight = float((changed**2).sum())
     worst = fit.chi2 + max(FAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT)
     present = {term.candidate.name for term in fit.terms}
+    begun = changed
+    if _loads_alone(problem, own):
+        # Without it nothing yields: what its rivals do is not what they do to the loaded robot.
+        fit = problem.fit_at(kept, like=fit)
+        beside, removed, begun = problem.beside(fit, range(len(kept))), 0.0 * removed, 0.0 * changed
     least = _Least(problem, fit, kept, problem.target(fit) - removed, beside)
     for candidate in library:
         if candidate.name in present or least(candidate) > worst:
@@ -465,10 +470,15 @@ def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candida
         if chi2 > worst:
             continue
         rival = Rival(term, chi2, change)
-        if chi2 < fit.chi2 + max(NEAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT):
+        if chi2 < rivals[0].chi2 + max(NEAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT):
             rival = _finished(search, fit, kept, rival, beside)
-        rivals.append(Rival(rival.term, rival.chi2, rival.change - changed, scale))
+        rivals.append(Rival(rival.term, rival.chi2, rival.change - begun, scale))
     return sorted(rivals, key=lambda rival: rival.score)
+
+
+def _loads_alone(problem: Problem, term: Term) -> bool:
+    """Return True for weight where no wrench acts: all that yields does so by this term."""
+    return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 
 
 def _challenged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:

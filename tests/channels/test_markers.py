@@ -92,6 +92,7 @@ def test_markers_alone_diagnose_an_arm_under_its_own_weight(arm, factor, turned)
     else:
         (finding,) = named(found)
         assert (finding.physics, finding.location) == ("stiffness_changed", "joint2/drive")
+        assert "stiffness" not in "".join(text for item in found.findings for text in item.alternatives)
         low, high = finding.parameters["factor"].interval
         assert low < factor < high
         assert high - low < 0.03

@@ -296,7 +296,13 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
         noise = diagnosis.noise.of_unit(si)
         before, after = diagnosis.residual_before[:, channel], diagnosis.residual_after[:, channel]
         factor, unit = scaled(float(np.quantile(np.abs(before), 0.98)), si)
-        axes.axhspan(-2 * factor * noise, 2 * factor * noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
+        if len(parts) > 1:
+            for part, edge in zip(parts, edges, strict=True):
+                own, ends = 2 * factor * part.noise.of_unit(si), (edge - 0.5, samples[part.used[-1]] + 0.5)
+                told = "noise, ± 2 σ" if part is parts[0] else None
+                axes.fill_between(ends, -own, own, color=_BAND, lw=0, zorder=0, label=told)
+        else:
+            axes.axhspan(-2 * factor * noise, 2 * factor * noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
         for edge in edges[1:]:
             axes.axvline(edge - 0.5, color="#C3C9D0", lw=0.8, zorder=1)
         axes.plot(samples, factor * before, ".", color=_BEFORE, ms=3.2, zorder=2, label="before")
