@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from ..channels import Linear, Noise, Stack, channels_of
 from ..errors import InputError
 from ..laws import Effect, Inputs
+from ..laws.deviations import without_effect
 from ..recordings import Recording, Together, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, inputs_of
@@ -156,6 +157,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     raw_linear = stack.residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups)
     toleranced = toleranced_of(recording, robot.mechanism, together.groups)
+    remarks += without_effect(recording.tolerances.declared)
     return Asked(together, problem, inputs, raw_linear, library, toleranced, tuple(dict.fromkeys(unused)), remarks)
 
 

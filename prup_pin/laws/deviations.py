@@ -28,6 +28,14 @@ from .target import on_body
 __all__ = ["Calibration", "Deviation", "Sharing", "amounts_of", "calibration_of", "deviations_of"]
 
 _AXES = "xyz"
+#: A direction shorter than this is none.
+_SMALL = 1e-9
+#: Kinds of tolerance that no measured pose has anything to say of, each with the reason.
+_NOT_FELT = {
+    "inertia": "a robot at rest does not feel its inertia",
+    "effort_gain": "efforts are not compared",
+    "effort_bias": "efforts are not compared",
+}
 
 
 class Sharing(Protocol):
@@ -169,6 +177,19 @@ def amounts_of(deviations: Sequence[Deviation], mechanism: Mechanism, kinds: Map
     return found
 
 
+def without_effect(kinds: Mapping[str, float]) -> list[str]:
+    """Return sentences on declared kinds of tolerance that change nothing, by their reasons."""
+    reasons: dict[str, list[str]] = {}
+    for kind in kinds:
+        if kind in _NOT_FELT:
+            reasons.setdefault(_NOT_FELT[kind], []).append(kind)
+    return [
+        f"the tolerance{'s' if len(names) > 1 else ''} {' and '.join(names)} change{'' if len(names) > 1 else 's'} "
+        f"nothing here: {reason}"
+        for reason, names in reasons.items()
+    ]
+
+
 # -- modules and bodies ------------------------------------------------------------------------------------------------
 
 
@@ -244,13 +265,34 @@ def _other_mass(joint: str, nominal: float, value: float, setup: Setup) -> Itera
 
 def _joint_places(mechanism: Mechanism) -> Iterator[Deviation]:
     for part, joint in parts(mechanism).items():
+        left = _not_told_by_lengths(mechanism, joint.name)
         for column, axis in enumerate(_AXES):
-            act = partial(_moved, joint.name, _column(column))
-            yield _geometric(f"{joint.name}.{axis}", "position", "m", part, act)
+            if np.any(left[column]):
+                act = partial(_moved, joint.name, np.concatenate((left[column], np.zeros(3))))
+                yield _geometric(f"{joint.name}.{axis}", "position", "m", part, act)
         if joint.nv == 1:
             for name, turn in across(joint.axis).items():
                 act = partial(_moved, joint.name, np.concatenate((np.zeros(3), turn)))
                 yield _geometric(f"{joint.name}.{name}", "direction", "rad", part, act)
+
+
+def _not_told_by_lengths(mechanism: Mechanism, joint: str) -> Array:
+    """Return the displacements (3, 3), by rows, that a joint's position along x, y and z stands for.
+
+    The axes, less the directions in which lengths place the joint that have a tolerance of their own: that one says
+    how far the joint is off there. What is left scatters alike in all other directions.
+    """
+    told = [
+        np.array(direction, float)
+        for length in mechanism.description.lengths
+        if mechanism.parameters[length.parameter.name].tolerance is not None
+        for name, direction in length.moves
+        if name == joint
+    ]
+    basis, sizes, _ = np.linalg.svd(np.array(told).reshape(-1, 3).T, full_matrices=True)
+    span = basis[:, : int((sizes > _SMALL).sum())]
+    left = np.eye(3) - span @ span.T
+    return np.where(np.linalg.norm(left, axis=1, keepdims=True) > _SMALL, left, 0.0)
 
 
 def _loop_ends(mechanism: Mechanism) -> Iterator[Deviation]:

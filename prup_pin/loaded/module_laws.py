@@ -219,6 +219,9 @@ def bent_group(
     if conditions.gravity is not None and conditions.spread_weight:
         frames = np.where(inner[:, None, None], tips[True][:, group.slots], tips[False][:, group.slots])
         gravity = (frames[..., :3, :3].mT @ conditions.gravity[..., None, :, None])[..., 0]
+        if conditions.mass_factors is not None:  # a body that weighs more, weighs more all along its beam
+            factors = [_mass_factor(structure, module, conditions.mass_factors) for module in group.modules]
+            gravity = gravity * np.array(factors)[:, None]
         tip = tip - _own_weight(structure, group, at, gravity, inner)
     rod = _rods(group, at, tip, gravity, with_tangent=False)
     back = rod.rotation.mT
@@ -254,6 +257,11 @@ def _beyond_tip(group: ModuleGroup, at: ModuleGeometry, gravity: Array) -> Array
     force = (line * reach)[..., None] * gravity
     centre = 0.5 * reach[..., None] * _AXIS
     return np.concatenate((force, np.cross(centre, force)), axis=-1)
+
+
+def _mass_factor(structure: Structure, module, factors: Array) -> float:
+    """Return what the mass of the body is multiplied by that a beam is."""
+    return float(factors[structure.mechanism.frame(module.body).joint]) if module.body else 1.0
 
 
 def _weighs_on_own_joint(structure: Structure, module) -> bool:

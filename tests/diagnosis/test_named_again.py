@@ -8,7 +8,7 @@ import pytest
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.errors import UnknownNameError
-from prup_pin.recordings import LoadProgramme, Noise, RandomPoses, TestPlan, add_noise
+from prup_pin.recordings import LoadProgramme, Noise, RandomPoses, TestPlan, Tolerances, add_noise
 from prup_pin.simulation import effect_named, simulate
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -119,3 +119,11 @@ def test_a_planar_robot_is_displaced_in_its_plane_only():
     values = {"x": 1e-4, "y": 0.0, "z": 1e-4}
     with pytest.raises(UnknownNameError, match="no parameter of geometric_offset named 'z'"):
         effect_named("geometric_offset", "right_elbow", "position", values, robot("five_bar").mechanism)
+
+
+def test_a_tolerance_without_effect_is_told():
+    recording = recorded("six_ups", poses=5)
+    object.__setattr__(recording, "tolerances", Tolerances(stiffness=0.1, inertia=0.1))
+    found = diagnose(robot("six_ups"), recording)
+    assert found.verdict == "nothing_missing"
+    assert [text for text in found.remarks if "the tolerance inertia changes nothing here" in text]

@@ -5,7 +5,7 @@ import pytest
 
 import prup_pin
 from prup_pin.laws import Effect, Place
-from prup_pin.laws.deviations import Calibration, amounts_of, deviations_of
+from prup_pin.laws.deviations import Calibration, amounts_of, deviations_of, without_effect
 from prup_pin.robots import packaged_folder
 from prup_pin.simulation import Simulator
 
@@ -50,3 +50,38 @@ def test_a_diameter_that_is_off_takes_the_tabulated_section_along(tmp_path):
     expected = Simulator(changed, inputs).run()
     assert np.abs(expected.position - Simulator(robot, inputs).run().position).max() > 1e-6
     np.testing.assert_allclose(run.position, expected.position, atol=1e-12)
+
+
+@pytest.mark.parametrize("leg", [1, 2])
+def test_what_a_length_with_a_tolerance_places_is_not_off_twice(tmp_path, leg):
+    declared = (f'<length name="leg{leg}/base.radius"', f'<length tolerance="2e-4" name="leg{leg}/base.radius"')
+    mechanism = robot_of(tmp_path, declared).mechanism
+    items = deviations_of(mechanism)
+    amounts = amounts_of(items, mechanism, {"position": 5e-5})
+
+    def covariance(joint):
+        """Of the displacement of a joint's place, by lengths and positions together, (3, 3) [m^2]."""
+        total, setup = np.zeros((3, 3)), Simulator(prup_pin.load("3prup"), bench.inputs("3prup")).setup()
+        for item in items:
+            if item.kind in ("length", "position") and item.name in amounts and "." in item.name:
+                for deed in item.act(item.value(amounts[item.name]), setup):
+                    if getattr(deed, "joint", None) == joint:
+                        moved = np.array(deed.displacement[:3])
+                        total += np.outer(moved, moved)
+        return total
+
+    named = f"leg{leg}/base.radius"
+    moves = next(length.moves for length in mechanism.description.lengths if length.parameter.name == named)
+    radial = np.array(dict(moves)[f"leg{leg}_slide"])
+    along = np.outer(radial, radial)
+    expected = 4e-8 * along + 2.5e-9 * (np.eye(3) - along)
+    np.testing.assert_allclose(covariance(f"leg{leg}_slide"), expected, rtol=1e-6, atol=1e-20)
+    np.testing.assert_allclose(covariance("leg3_slide"), 2.5e-9 * np.eye(3), rtol=1e-6, atol=1e-20)
+
+
+def test_tolerances_that_change_nothing_are_told():
+    told = without_effect({"stiffness": 0.1, "inertia": 0.1, "effort_gain": 0.05, "effort_bias": 1.0})
+    assert len(told) == 2
+    assert "the tolerance inertia changes nothing here: a robot at rest does not feel its inertia" in told
+    assert any("effort_gain and effort_bias" in text for text in told)
+    assert without_effect({"mass": 0.1}) == []

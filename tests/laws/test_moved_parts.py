@@ -199,3 +199,26 @@ def test_a_loop_that_does_not_exist():
     assert robot.mechanism.loops
     with pytest.raises(UnknownNameError, match="loop"):
         simulator.setup().take([MovedLoopEnd("leg9", 0, (0.0,) * 6)])
+
+
+def test_bodies_that_all_weigh_more_are_more_weight_also_along_beams():
+    simulator = machine("three_prup")[0]
+    mechanism = simulator.robot.mechanism
+    heavier = [ScaledMass(joint.name, 1.3) for joint in mechanism.joints]
+    scaled, whole = (simulated(simulator, deeds) for deeds in ([Weight(1.0, True), *heavier], [Weight(1.3, True)]))
+    np.testing.assert_allclose(scaled.position, whole.position, atol=1e-11)
+    lumped = simulated(simulator, [Weight(1.3)])
+    assert np.abs(lumped.position - whole.position).max() > 1e-7
+
+
+@pytest.mark.parametrize("joint", ["leg1_slide", "leg2_branch", "leg3_R_theta"])
+def test_a_heavier_body_under_spread_weight_is_right_to_first_order(joint):
+    simulator = machine("three_prup")[0]
+    deeds = [Weight(1.0, True)]
+    run = simulated(simulator, deeds)
+    setup = simulator.setup()
+    setup.take([*deeds, ScaledMass(joint, 1.001)])
+    found = Influence(simulator, run).change(setup)
+    after = simulated(simulator, [*deeds, ScaledMass(joint, 1.001)])
+    expected = np.concatenate((after.position - run.position, rotation_log(after.rotation @ run.rotation.mT)), axis=1)
+    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max() + 1e-11)

@@ -141,7 +141,12 @@ class ScaledMass(Deed):
 
 
 def _by_mass(at: Solved, joint: int) -> Array:
-    """Return what is watched by the whole weight of a joint's body, (n, R)."""
+    """Return what is watched by the whole weight of a joint's body, (n, R): along its beams where weight is spread."""
+    if at.setup.spread_weight:
+        now = at.first.found.conditions
+        factors = np.ones(len(at.first.chain.structure.masses)) if now.mass_factors is None else now.mass_factors
+        more = factors + _LIGHT * (np.arange(len(factors)) == joint)
+        return at.first.by_conditions(now, replace(now, mass_factors=more)) / _LIGHT
     gravity = at.setup.weight * at.setup.gravity(at.samples)
     return at.first.chain.structure.masses[joint] * at.first.by_mass(joint, gravity)
 
