@@ -28,6 +28,7 @@ from .candidates import Candidate
 from .criteria import (
     CALIBRATION_ROUNDS,
     CALIBRATION_STEP,
+    FAR_BEHIND,
     SETTLED,
     TWINS,
     WEIGHT_SHOWS,
@@ -199,10 +200,13 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     nothing else was applied it acts, unless that makes it worse.
     """
     heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
-    light = problem.within(toleranced)
     if heavy is None:
-        return light
-    weighed = problem.within(toleranced, [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))])
+        return problem.within(toleranced)
+    weight = [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
+    begun = [_begun(problem, toleranced, effects) for effects in ([], weight)]
+    hopeful = FAR_BEHIND * min(each.objective for each in begun)
+    found = [problem.within(each) for each in begun if each.objective <= hopeful]
+    light, weighed = found[0], found[-1]
     shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else WEIGHT_SHOWS
     return weighed if weighed.first.chi2 < light.first.chi2 - shows else light
 
@@ -225,34 +229,47 @@ def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
 
 
 def calibrate(
-    problem,
-    toleranced: Toleranced,
-    effects: Sequence[Effect] = (),
-    x: Array | None = None,
-    start: Run | None = None,
+    problem, toleranced: Toleranced, effects: Sequence[Effect] = (), begin: Calibrated | None = None
 ) -> Calibrated:
     """Return the posterior's mode of all toleranced parameters, with `effects` beside them.
 
-    problem: a `fit.Problem`. x (p,) and `start`: amounts, and a run like it, from which the search begins.
+    problem: a `fit.Problem`. `begin`: where the search goes on.
     """
-    toleranced = toleranced.possible(problem.nominal)
-    x = np.zeros(len(toleranced)) if x is None else x
-    now = _at(problem, toleranced, x, effects, start)
+    now = _drawn(problem, toleranced, effects) if begin is None else begin
     for rounds in range(CALIBRATION_ROUNDS):
         now = _differentiated(problem, now, rounds)
-        normal = now.jacobian.T @ now.jacobian + np.eye(len(x))
-        step = np.linalg.solve(normal, now.jacobian.T @ now.residual.ravel() - now.x)
-        if float(step @ normal @ step) < SETTLED:
-            return now
-        share, better = 1.0, None
-        while better is None and share > CALIBRATION_STEP:
-            trial = _at(problem, toleranced, now.x + share * step, effects, now.run)
-            better = trial if trial.objective < now.objective else None
-            share /= 3
+        better = _improved(problem, now)
         if better is None:
             return now
         now = better
     return _differentiated(problem, now, CALIBRATION_ROUNDS)
+
+
+def _begun(problem, toleranced: Toleranced, effects: Sequence[Effect]) -> Calibrated:
+    """Return where the first step towards the posterior's mode leads."""
+    now = _differentiated(problem, _drawn(problem, toleranced, effects), 0)
+    return _improved(problem, now) or now
+
+
+def _drawn(problem, toleranced: Toleranced, effects: Sequence[Effect]) -> Calibrated:
+    """Return the robot as its file has it, those parameters left out that leave it no equilibrium."""
+    toleranced = toleranced.possible(problem.nominal)
+    return _at(problem, toleranced, np.zeros(len(toleranced)), effects, None)
+
+
+def _improved(problem, now: Calibrated) -> Calibrated | None:
+    """Return where a Gauss-Newton step leads, shortened until it helps; None where none does any more."""
+    normal = now.jacobian.T @ now.jacobian + np.eye(len(now.x))
+    step = np.linalg.solve(normal, now.jacobian.T @ now.residual.ravel() - now.x)
+    if float(step @ normal @ step) < SETTLED:
+        return None
+    share = 1.0
+    while share > CALIBRATION_STEP:
+        trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run)
+        if trial.objective < now.objective:
+            return trial
+        share /= 3
+    return None
 
 
 def _at(problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None) -> Calibrated:

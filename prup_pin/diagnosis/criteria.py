@@ -272,6 +272,8 @@ TWINS: Final = 0.995
 BEYOND: Final = 3.0
 #: Chi squared by which the robot's own weight must help the calibration to be taken into it: three deviations and more.
 WEIGHT_SHOWS: Final = 25.0
+#: ... and after the first step: with or without weight, what is this many times worse is not followed to its end.
+FAR_BEHIND: Final = 4.0
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
 #: Work of a refinement beside toleranced parameters, relative to one without: it is differentiated anew as they move.

@@ -53,9 +53,13 @@ class Tolerable:
     start: Calibrated
 
     @classmethod
-    def of(cls, problem: Problem, toleranced: Toleranced, effects: Sequence[Effect]) -> Tolerable:
-        start = calibrate(problem, toleranced, effects)
-        return cls(start.toleranced, tuple(effects), start)
+    def of(cls, problem: Problem, begin: Toleranced | Calibrated) -> Tolerable:
+        """Return what may be off, calibrated; a calibration that has begun is brought to its end."""
+        if isinstance(begin, Toleranced):
+            start = calibrate(problem, begin)
+        else:
+            start = calibrate(problem, begin.toleranced, begin.effects, begin)
+        return cls(start.toleranced, start.effects, start)
 
     def at(self, x: Array) -> list[Effect]:
         """Return what acts before any law, with the parameters at x (p,)."""
@@ -110,10 +114,9 @@ class Problem:
         """The fit of the robot as its file has it, nothing off."""
         return replace(self, tolerances=None).first
 
-    def within(self, toleranced: Toleranced, effects: Sequence[Effect] = ()) -> Problem:
-        """Return the same problem with parameters that may be off; `effects` act whatever else does."""
-        plain = replace(self, tolerances=None)
-        return replace(self, tolerances=Tolerable.of(plain, toleranced, effects))
+    def within(self, begin: Toleranced | Calibrated) -> Problem:
+        """Return the same problem with parameters that may be off; effects of a calibration act whatever else does."""
+        return replace(self, tolerances=Tolerable.of(replace(self, tolerances=None), begin))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from .chain import Chain, chain_of, with_values
 from .equilibrium import Equilibria, find_equilibria
 from .first_order import FirstOrder, elastic_deformation
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
+from .other_values import deformation_of_law
 from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod
 from .state import Conditions, State
@@ -19,6 +20,7 @@ __all__ = [
     "RigidSamples",
     "State",
     "chain_of",
+    "deformation_of_law",
     "elastic_deformation",
     "find_equilibria",
     "find_loaded_pose",

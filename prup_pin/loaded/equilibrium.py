@@ -59,6 +59,13 @@ class Equilibria:
         """Placement of the tool, (N, 4, 4)."""
         return self.evaluation.tool
 
+    def unloaded(self, samples: Array) -> State:
+        """Return the states of some samples (k,) where nothing loads the robot: no wrench, no weight, no friction."""
+        some = self.conditions.take(samples)
+        bare = replace(some, wrench=np.zeros_like(some.wrench), gravity=None, torques=None)
+        rows = np.arange(len(samples))
+        return _newton(self.chain, self.rigid.take(samples), self.state.take(samples), bare, rows, None)[0]
+
     def own_inverses(self) -> Array:
         """Return the inverse of every sample's own derivative, (N, m, m)."""
         return inverted(self.matrix(), self.rigid.border)

@@ -50,6 +50,7 @@ class FirstOrder:
         #: Load of a drive module per force along its joint.
         self.ratio = {name: float(ratios[index, 0, 0]) for index, name in enumerate(layout.drive_names)}
         self._kept: dict[Hashable, Any] = {}
+        self._latest: dict[Hashable, tuple[Hashable, Any]] = {}
 
     def __len__(self) -> int:
         return len(self.found.converged)
@@ -59,6 +60,13 @@ class FirstOrder:
         if key not in self._kept:
             self._kept[key] = compute()
         return self._kept[key]
+
+    def latest(self, key: Hashable, question: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return what `compute` gives, which depends on the equilibria, key and question alone; the last one is kept."""
+        kept = self._latest.get(key)
+        if kept is None or kept[0] != question:
+            kept = self._latest[key] = (question, compute())
+        return kept[1]
 
     @cached_property
     def matrix(self) -> Array:

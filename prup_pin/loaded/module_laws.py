@@ -25,6 +25,7 @@ __all__ = [
     "DriveDeformations",
     "ModuleDeformations",
     "Slopes",
+    "beam_lengths",
     "bent_group",
     "drive_deformations",
     "module_deformations",
@@ -188,7 +189,7 @@ def module_deformations(
     return ModuleDeformations(strain, tuple(laws), tuple(extra))
 
 
-def _lengths(structure: Structure, slots: slice, rigid: Array, state: State, conditions: Conditions) -> Array:
+def beam_lengths(structure: Structure, slots: slice, rigid: Array, state: State, conditions: Conditions) -> Array:
     """Return the lengths of a group's beams (N, n), with what slides and actuators have added."""
     length = rigid.copy()
     for slot, _, rate, dof in structure.sliding:
@@ -211,7 +212,7 @@ def bent_group(
     conditions: Conditions,
 ) -> BentGroup:
     """Return a group of beams under their loads (N, n, 6); `at` is the rigid pose's."""
-    at = at._replace(length=_lengths(structure, group.slots, at.length, state, conditions))
+    at = at._replace(length=beam_lengths(structure, group.slots, at.length, state, conditions))
     inner = np.logical_not(at.inboard_is_root)
     # At the inner end the beam's tip feels the opposite of what the joint carries.
     tip = np.where(inner, -1.0, 1.0)[:, None] * load

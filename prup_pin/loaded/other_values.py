@@ -15,10 +15,10 @@ from ..modules import DriveModule, ModuleGeometry
 from ..spatial import Array
 from ..statics.wrench_jacobians import ModuleGroup
 from .equilibrium import Equilibria
-from .module_laws import ModuleDeformations, bent_group
+from .module_laws import ModuleDeformations, beam_lengths, bent_group
 from .residual import sliding_force
 
-__all__ = ["law_rows", "values_of_one"]
+__all__ = ["deformation_of_law", "law_rows", "values_of_one"]
 
 
 def law_rows(found: Equilibria, name: str, values: Mapping[str, Any]) -> dict[int, Array]:
@@ -33,9 +33,7 @@ def law_rows(found: Equilibria, name: str, values: Mapping[str, Any]) -> dict[in
     nq, nd, _, _ = chain.sizes
     slot = layout.wrench_names.index(name)
     module = chain.structure.modules[slot]
-    group = ModuleGroup(module.kind, (module,), slice(slot, slot + 1), values_of_one(module, values))
-    index, column = _place(chain.values.wrench_groups, slot)
-    at, load = _one(found.rigid.geometries[index], column), found.evaluation.loads[:, slot : slot + 1]
+    group, at, load = _group_of_one(found, slot, values)
     if not (module.kind.spans_frames and module.kind.bends_exactly):
         strain = group.kind.deformation(group.values, at, load)[:, 0]
         return {nq + nd + 6 * slot + axis: -strain[:, axis] for axis in range(6)}
@@ -49,6 +47,29 @@ def law_rows(found: Equilibria, name: str, values: Mapping[str, Any]) -> dict[in
         if sliding.slot == slot:
             rows[sliding.place] = sliding_force(chain.structure, sliding, laws, found.evaluation.loads)
     return rows
+
+
+def deformation_of_law(found: Equilibria, name: str, values: Mapping[str, Any]) -> Array:
+    """Return the deformation (N, 6) of a wrench module with other `values` under its present load.
+
+    That of a beam by its linear law, at its present length.
+    """
+    structure = found.chain.structure
+    slot = structure.layout.wrench_names.index(name)
+    group, at, load = _group_of_one(found, slot, values)
+    if not (group.kind.spans_frames and group.kind.bends_exactly):
+        return np.asarray(group.kind.deformation(group.values, at, load))[:, 0]
+    at = at._replace(length=beam_lengths(structure, group.slots, at.length, found.state, found.conditions))
+    return (group.kind.compliance(group.values, at, None)[:, 0] @ load[:, 0, :, None])[..., 0]
+
+
+def _group_of_one(found: Equilibria, slot: int, values: Mapping[str, Any]) -> tuple[ModuleGroup, ModuleGeometry, Array]:
+    """Return a wrench module with `values` as a group of its own, where it stands, and its load (N, 1, 6)."""
+    chain = found.chain
+    module = chain.structure.modules[slot]
+    group = ModuleGroup(module.kind, (module,), slice(slot, slot + 1), values_of_one(module, values))
+    index, column = _place(chain.values.wrench_groups, slot)
+    return group, _one(found.rigid.geometries[index], column), found.evaluation.loads[:, slot : slot + 1]
 
 
 def _drive_row(found: Equilibria, slot: int, values: Mapping[str, Any]) -> dict[int, Array]:

@@ -28,8 +28,8 @@ _SWEEPS = 60
 class JointResistance(Deed):
     """What resists a free joint along itself: an elastoplastic spring (Prandtl-Ishlinskii) and a damper.
 
-    `limit` [N m or N], `stiffness` before sliding [N m/rad or N/m], `damping` [N m s/rad or N s/m]. A joint is relaxed
-    at the first sample after a move of the actuators.
+    `limit` [N m or N], `stiffness` before sliding [N m/rad or N/m], `damping` [N m s/rad or N s/m]. A move of
+    the actuators leaves it relaxed where the joint stands without any load, weight included.
     """
 
     memory = BLOCK
@@ -70,6 +70,7 @@ class JointResistance(Deed):
                 first.joints_by_resistance(places),
                 at.moment.blocks,
                 at.moment.time,
+                first.once("relaxed", lambda: _relaxed(first.found, at.moment.blocks))[:, new.dofs],
             )
             after = new.on_joints(torques)
         return (first.by_row[:, :, : before.shape[1]] @ (after - before)[..., None])[..., 0]
@@ -99,6 +100,7 @@ class _Resisting(History):
         self.torques = np.zeros((len(samples), len(self.places)))
         self._before = before
         self._after = before
+        self._relaxed: Array | None = None
 
     def on_joints(self, torques: Array) -> Array:
         """Return torques (n, r) of the resistances as those of all free joints, (n, free joints)."""
@@ -111,6 +113,8 @@ class _Resisting(History):
         return replace(now, torques=self.on_joints(self.torques))
 
     def follow(self, found: Equilibria) -> float:
+        if self._relaxed is None:
+            self._relaxed = _relaxed(found, self.moment.blocks)[:, self.dofs]
         inverses, which = found.inverses  # type: ignore[misc]
         influence = inverses[:, self.places][:, :, self.places][which]
         new, self._after = resisted(
@@ -120,6 +124,7 @@ class _Resisting(History):
             influence,
             self.moment.blocks,
             self.moment.time,
+            self._relaxed,
             self._before,
         )
         scale = max(np.abs(new).max(initial=0.0), 1e-3)  # N m; smaller torques move nothing
@@ -132,6 +137,16 @@ class _Resisting(History):
         return self._after
 
 
+def _starts(blocks: np.ndarray) -> np.ndarray:
+    """Return the first sample of each block, (b,)."""
+    return np.flatnonzero(np.concatenate(([True], blocks[1:] != blocks[:-1])))
+
+
+def _relaxed(found: Equilibria, blocks: np.ndarray) -> Array:
+    """Return where all joints stand without load at the beginning of each block, (b, nv), since the rigid pose."""
+    return found.unloaded(_starts(blocks)).travel
+
+
 def resisted(
     resistances: Sequence[JointResistance],
     displacement: Array,
@@ -139,13 +154,14 @@ def resisted(
     influence: Array,
     blocks: np.ndarray,
     time: Array,
+    relaxed: Array,
     memory: Slid | None = None,
 ) -> tuple[Array, Slid | None]:
     """Return the resisting torques (N, r) that agree with the joints' history, and what is remembered after it.
 
     displacement (N, r) of the joints at the present `torque` (N, r); influence (N, r, r) is d(displacement)/d(torque);
-    `memory`: what is remembered before the first sample. A joint starts each block of samples relaxed, where it stands
-    under the load of the first one. Blocks know nothing of each other: they are followed side by side.
+    `memory`: what is remembered before the first sample. A joint starts each block relaxed, at `relaxed` (blocks, r).
+    Blocks know nothing of each other: they are followed side by side.
     """
     out = np.zeros_like(torque)
     if not len(time):
@@ -155,10 +171,10 @@ def resisted(
     damping = np.array([item.damping for item in resistances])
     reach = limit / np.where(stiffness > 0, stiffness, 1.0)
     free = displacement - (influence @ torque[..., None])[..., 0]  # where the joints would be without resistance
-    starts = np.flatnonzero(np.concatenate(([True], blocks[1:] != blocks[:-1])))
+    starts = _starts(blocks)
     lengths = np.diff(np.append(starts, len(time)))
     shape = (len(starts), len(resistances))
-    slid, last, now, before = free[starts], free[starts], np.zeros(shape), np.full(len(starts), np.nan)
+    slid, last, now, before = relaxed.copy(), free[starts], np.zeros(shape), np.full(len(starts), np.nan)
     if memory is not None and memory.block == blocks[0]:
         slid[0], last[0], now[0], before[0] = memory.slid, memory.last, memory.torque, memory.time
     for sample in range(int(lengths.max())):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnknownNameError
-from ...loaded import Chain, with_values
+from ...loaded import Chain, deformation_of_law
 from ...spatial import Array
 from .deed import Deed, Solved
 
@@ -43,24 +43,35 @@ class ChangedValue(Deed):
         old = at.setup.values
         if setup.values == old:
             return None
-        every = {**setup.values, **old}
-        changed = [name.rpartition(".")[0] for name in every if setup.values.get(name) != old.get(name)]
-        names = sorted(set(changed))  # in an order that does not depend on the process
-        other = with_values(at.plain, setup.values)
-        drives = [name for name in names if name in at.first.ratio]
-        carrying = [name for name in names if name not in at.first.ratio]
-        new = _deformations(other, carrying, at)
-        key = ("values", *names)
-        present = at.first.once(key, lambda: _deformations(at.first.chain, carrying, at))
         total = np.zeros((len(at.samples), at.first.by_row.shape[1]))
-        for name in drives:  # with their ratios
-            total += at.first.by_values(name, _values(other, name), _values(at.first.chain, name))
-        for name in carrying:
-            change = new[name] - present[name]
-            total += (at.first.by_strain(name) @ change[..., None])[..., 0]
-            if at.setup.mechanism.module(name).kind.bends_exactly:
-                total += _bent_beyond(name, setup, at, change)
+        for module, quantities in _changed(setup, old).items():
+            question = tuple(quantities.items())
+            total += at.first.latest(("value", module), question, partial(_by_values, module, quantities, at))
         return total
+
+
+def _changed(setup: Setup, old: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return the values that differ from `old` ones, by module and quantity: in an order that no process decides."""
+    found: dict[str, dict[str, float]] = {}
+    for name in sorted(name for name in {**setup.values, **old} if setup.values.get(name) != old.get(name)):
+        module, _, quantity = name.rpartition(".")
+        drawn = setup.mechanism.module(module).values[quantity]
+        found.setdefault(module, {})[quantity] = setup.values.get(name, drawn)
+    return found
+
+
+def _by_values(module: str, quantities: Mapping[str, float], at: Solved) -> Array:
+    """Return what is watched, (n, R), where some of a module's quantities have other values."""
+    first = at.first
+    present = first.once(("values", module), partial(_values, first.chain, module))
+    new = {**present, **quantities}
+    if module in first.ratio:  # a drive, with its ratio
+        return first.by_values(module, new, present)
+    before = first.once(("deformation", module), partial(deformation_of_law, first.found, module, present))
+    change = deformation_of_law(first.found, module, new) - before
+    watched = (first.by_strain(module) @ change[..., None])[..., 0]
+    bends = at.setup.mechanism.module(module).kind.bends_exactly
+    return watched + _bent_beyond(module, quantities, present, at, change) if bends else watched
 
 
 def _values(chain: Chain, module: str) -> dict[str, Any]:
@@ -72,56 +83,30 @@ def _values(chain: Chain, module: str) -> dict[str, Any]:
     raise UnknownNameError("module", module, chain.structure.layout.names)
 
 
-def _bent_beyond(module: str, setup: Setup, at: Solved, change: Array) -> Array:
+def _bent_beyond(
+    module: str, quantities: Mapping[str, float], present: Mapping[str, Any], at: Solved, change: Array
+) -> Array:
     """Return what a beam does beyond `change` (n, 6), that of its linear law, because it is bent, (n, R).
 
     Exact for small steps; a larger one counts as the linear law has it, one from or to what is rigid not at all.
     """
-    old = at.setup.values
     beyond, linear = np.zeros((len(at.samples), at.first.by_row.shape[1])), np.zeros_like(change)
-    for name in sorted({**setup.values, **old}):
-        owner, _, quantity = name.rpartition(".")
-        drawn = at.setup.mechanism.module(owner).values[quantity]
-        after, before = setup.values.get(name, drawn), old.get(name, drawn)
-        if owner == module and after != before and before > 0 and np.isfinite([after, before]).all():
-            slopes = at.first.once(("bent", name), partial(_slopes, module, quantity, before, at))
+    for quantity, after in quantities.items():
+        before = float(present[quantity])
+        if after != before and before > 0 and np.isfinite([after, before]).all():
+            slopes = at.first.once(("bent", module, quantity), partial(_slopes, module, quantity, present, at))
             beyond += (after - before) * slopes[0]
             linear += (after - before) * slopes[1]
     size = float(np.linalg.norm(linear))
     return beyond * (float(np.linalg.norm(change)) / size) if size else beyond
 
 
-def _slopes(module: str, quantity: str, value: float, at: Solved) -> tuple[Array, Array]:
+def _slopes(module: str, quantity: str, present: Mapping[str, Any], at: Solved) -> tuple[Array, Array]:
     """Return d(watched)/d(value) beyond a beam's linear law, (n, R), and that law's own d(deformation)/d(value)."""
-    first, name, step = at.first, f"{module}.{quantity}", _STEP * value
-    present = _values(first.chain, module)
+    first, value = at.first, float(present[quantity])
+    step = _STEP * value
     ends = [{**present, quantity: value + sign * step} for sign in (1, -1)]
     bent = first.by_values(module, *ends) / (2 * step)
-    ahead, behind = (_deformations(with_values(first.chain, {name: end[quantity]}), [module], at) for end in ends)
-    linear = (ahead[module] - behind[module]) / (2 * step)
+    ahead, behind = (deformation_of_law(first.found, module, end) for end in ends)
+    linear = (ahead - behind) / (2 * step)
     return bent - (first.by_strain(module) @ linear[..., None])[..., 0], linear
-
-
-def _deformations(chain: Chain, names: Sequence[str], at: Solved) -> dict[str, Array]:
-    """Return the deformations (n, 6) of wrench modules under their present loads, by the values of `chain`."""
-    out: dict[str, Array] = {}
-    values, found = chain.values, at.first.found
-    for index, group in enumerate(values.wrench_groups):
-        inside = [column for column, module in enumerate(group.modules) if module.name in names]
-        if not inside:
-            continue
-        geometry, load = found.rigid.geometries[index], found.evaluation.loads[:, group.slots]
-        if group.kind.spans_frames and group.kind.bends_exactly:
-            # its linear law at the present length; `_bent_beyond` adds what it does because it is bent
-            length = geometry.length.copy()
-            for slot, _, rate, dof in chain.structure.sliding:
-                if group.slots.start <= slot < group.slots.stop:
-                    length[:, slot - group.slots.start] += rate * found.state.travel[:, dof]
-            compliance = group.kind.compliance(group.values, geometry._replace(length=length), None)
-            for column in inside:
-                out[group.modules[column].name] = (compliance[:, column] @ load[:, column, :, None])[..., 0]
-        else:
-            strain = group.kind.deformation(group.values, geometry, load)
-            for column in inside:
-                out[group.modules[column].name] = strain[:, column]
-    return out

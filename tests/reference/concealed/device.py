@@ -960,7 +960,7 @@ class Device:
         """Equilibria at encoder readings q [m] (N, 3) under true wrenches w [N, N m] (N, 6) on P, base frame.
 
         temperature [degC] (N,) and time [s] (N,) default to 20 and 0, 1, 2, ...; new_pose (N,) marks the samples
-        where the robot has just moved (friction starts relaxed there; default: where q differs from the sample
+        where the robot has just moved (friction starts relaxed there, before any load acts; default: where q differs from the sample
         before). The pose returned is what the pose sensor sees; the wrench sensor is `report_wrench`.
         """
         q, w = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(w, float))
@@ -1020,8 +1020,9 @@ class Device:
             cols = begin[live] + j
             cj = _columns(c, cols, n)
             if j == 0:
-                cj["refs"] = {}
                 s = (p[:, cols], tuple(x[cols] for x in quat), u[:, :, cols])
+                ref = self._relaxed(cj, s, value_row)
+                cj["refs"] = {k: {"ref": ref[k], "on": 1.0} for k in self.friction}
             else:
                 cj["refs"] = {k: {"ref": ref[k][:, live], "on": 1.0} for k in self.friction}
                 prev = cols - 1
@@ -1038,12 +1039,17 @@ class Device:
             _put(out, o, cols)
             for k, f in self.friction.items():
                 v = su[value_row[k]]
-                if j == 0:
-                    ref[k] = v.copy()
-                else:
-                    r, pre = ref[k][:, live], 0.0 if f.get("viscous") else f["presliding"]
-                    ref[k][:, live] = np.clip(r, v - pre, v + pre)
+                r, pre = ref[k][:, live], 0.0 if f.get("viscous") else f["presliding"]
+                ref[k][:, live] = np.clip(r, v - pre, v + pre)
         return (p, quat, u), out, size, most
+
+    def _relaxed(self, c, start, value_row):
+        """Where the joints with friction stand when a move ends: nothing loads the robot yet, its weight neither."""
+        loads = self.weight, self.payload
+        self.weight, self.payload = None, []
+        (_, _, u), _, _, _ = self._robust(c | {"refs": {}}, np.zeros((c["q"].shape[1], 6)), start)
+        self.weight, self.payload = loads
+        return {k: u[value_row[k]].copy() for k in self.friction}
 
     def _slow(self, loads, c, c0, time):
         """Displacements that follow from the loads' past (creep) or from another leg's load (coupling)."""
