@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.sparse.csgraph import connected_components
 
 from ..laws import Effect, Place
@@ -29,7 +30,9 @@ from .criteria import (
     CALIBRATION_ROUNDS,
     CALIBRATION_STEP,
     FAR_BEHIND,
+    MUCH_LEFT,
     SETTLED,
+    SETTLED_SHARE,
     TWINS,
     WEIGHT_SHOWS,
     beyond_tolerance,
@@ -43,6 +46,7 @@ __all__ = [
     "calibrate",
     "calibrated_parameters",
     "changes_per_tolerance",
+    "least_within",
     "toleranced_of",
     "within_tolerances",
 ]
@@ -95,7 +99,8 @@ class Calibrated:
     """A simulation at the parameters' likeliest values, and what is known of them.
 
     x (p,) in multiples of the tolerances; changes (n, K, p) of the columns per tolerance, and jacobian (K n, p), the
-    same whitened; residual (n, K), whitened; objective: chi squared plus x^T x. `effects` act beside.
+    same whitened; residual (n, K), whitened; objective: chi squared plus x^T x. `effects` act beside; no |x| was
+    sought beyond `reach`.
     """
 
     toleranced: Toleranced
@@ -107,6 +112,7 @@ class Calibrated:
     jacobian: Array
     objective: float
     rounds: int
+    reach: float
 
     @property
     def run(self) -> Run:
@@ -193,17 +199,17 @@ def toleranced_of(
     return Toleranced.of(deviations, amounts_of(deviations, mechanism, recording.tolerances.declared))
 
 
-def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candidate]):
+def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candidate], reach: float):
     """Return a problem with its parameters calibrated, the robot's weight beside them where it explains more.
 
     Whether weight acts has no parameter to be found, and without it others would be bent to take its place. Where
-    nothing else was applied it acts, unless that makes it worse.
+    nothing else was applied it acts, unless that makes it worse. `reach` as in `calibrate`.
     """
     heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
     if heavy is None:
-        return problem.within(toleranced)
+        return problem.within(_begun(problem, toleranced, [], reach))
     weight = [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
-    begun = [_begun(problem, toleranced, effects) for effects in ([], weight)]
+    begun = [_begun(problem, toleranced, effects, reach) for effects in ([], weight)]
     hopeful = FAR_BEHIND * min(each.objective for each in begun)
     found = [problem.within(each) for each in begun if each.objective <= hopeful]
     light, weighed = found[0], found[-1]
@@ -229,13 +235,18 @@ def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
 
 
 def calibrate(
-    problem, toleranced: Toleranced, effects: Sequence[Effect] = (), begin: Calibrated | None = None
+    problem,
+    toleranced: Toleranced,
+    effects: Sequence[Effect] = (),
+    begin: Calibrated | None = None,
+    reach: float = np.inf,
 ) -> Calibrated:
     """Return the posterior's mode of all toleranced parameters, with `effects` beside them.
 
-    problem: a `fit.Problem`. `begin`: where the search goes on.
+    problem: a `fit.Problem`. `begin`: where the search goes on. `reach`: no parameter is taken to be off by more
+    tolerances than this.
     """
-    now = _drawn(problem, toleranced, effects) if begin is None else begin
+    now = _drawn(problem, toleranced, effects, reach) if begin is None else begin
     for rounds in range(CALIBRATION_ROUNDS):
         now = _differentiated(problem, now, rounds)
         better = _improved(problem, now)
@@ -245,41 +256,53 @@ def calibrate(
     return _differentiated(problem, now, CALIBRATION_ROUNDS)
 
 
-def _begun(problem, toleranced: Toleranced, effects: Sequence[Effect]) -> Calibrated:
+def _begun(problem, toleranced: Toleranced, effects: Sequence[Effect], reach: float) -> Calibrated:
     """Return where the first step towards the posterior's mode leads."""
-    now = _differentiated(problem, _drawn(problem, toleranced, effects), 0)
+    now = _differentiated(problem, _drawn(problem, toleranced, effects, reach), 0)
     return _improved(problem, now) or now
 
 
-def _drawn(problem, toleranced: Toleranced, effects: Sequence[Effect]) -> Calibrated:
+def _drawn(problem, toleranced: Toleranced, effects: Sequence[Effect], reach: float) -> Calibrated:
     """Return the robot as its file has it, those parameters left out that leave it no equilibrium."""
     toleranced = toleranced.possible(problem.nominal)
-    return _at(problem, toleranced, np.zeros(len(toleranced)), effects, None)
+    return _at(problem, toleranced, np.zeros(len(toleranced)), effects, None, reach)
 
 
 def _improved(problem, now: Calibrated) -> Calibrated | None:
     """Return where a Gauss-Newton step leads, shortened until it helps; None where none does any more."""
     normal = now.jacobian.T @ now.jacobian + np.eye(len(now.x))
     step = np.linalg.solve(normal, now.jacobian.T @ now.residual.ravel() - now.x)
-    if float(step @ normal @ step) < SETTLED:
+    if np.abs(now.x + step).max(initial=0.0) > now.reach:
+        root = np.linalg.cholesky(normal).T
+        step = least_within(root, root @ (now.x + step), np.full(len(step), now.reach)) - now.x
+    # Where much is left, the last digits would be those of a model that lacks something.
+    more = max(now.objective - MUCH_LEFT * now.residual.size, 0.0)
+    if float(step @ normal @ step) < SETTLED + SETTLED_SHARE * more:
         return None
     share = 1.0
     while share > CALIBRATION_STEP:
-        trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run)
+        trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run, now.reach)
         if trial.objective < now.objective:
             return trial
         share /= 3
     return None
 
 
-def _at(problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None) -> Calibrated:
+def least_within(matrix: Array, right: Array, reach: Array) -> Array:
+    """Return the least-squares solution of matrix x = right with every |x| within `reach` (p,), inf where free."""
+    return np.asarray(lsq_linear(matrix, right, (-reach, reach), method="bvls").x)
+
+
+def _at(
+    problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None, reach: float
+) -> Calibrated:
     run = problem.simulator.run([toleranced.effect(x), *effects], start)
     influence = Influence(problem.simulator, run, problem.stack)
     residual = problem.whitened(influence, problem.stack.residual(run)[run.samples])
     lost = bool((problem.nominal.run.solved & ~run.solved).any())
     objective = np.inf if lost else float((residual**2).sum() + x @ x)
     none = np.zeros((*residual.shape, 0))
-    return Calibrated(toleranced, x, tuple(effects), influence, residual, none, none[:, 0], objective, 0)
+    return Calibrated(toleranced, x, tuple(effects), influence, residual, none, none[:, 0], objective, 0, reach)
 
 
 def changes_per_tolerance(

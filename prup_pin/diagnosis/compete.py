@@ -21,6 +21,7 @@ from .criteria import (
     BENT,
     CHALLENGES,
     CLEAR_LEAD,
+    CLEARLY,
     CURVATURE,
     DETOURS,
     FALSE_ALARM,
@@ -102,12 +103,19 @@ class _Search:
         self.spent += len(fit.samples) * (MEMORY_WORK if candidate.remembers else 1.0)
         return self.problem.quick(fit, kept, candidate, starts, limit, beside)
 
-    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
+    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:
         """Return what `Problem.refine` does."""
         remembers = any(term.candidate.remembers for term in terms)
         each = REFINE_MEMORY_WORK if remembers else REFINE_WORK
         self.spent += len(start.samples) * each * (HELD_WORK if len(start.x) else 1.0)
-        return self.problem.refine(terms, start, rounds)
+        return self.problem.refine(terms, start, rounds, reach)
+
+    def released(self, fit: Fit) -> Fit:
+        """Return a fit with its toleranced parameters as far off as they would go."""
+        if not self.problem.is_held_back(fit):
+            return fit
+        free = self.refine(fit.terms, fit, reach=np.inf)
+        return free if free.chi2 < fit.chi2 else fit
 
 
 @dataclass(frozen=True)
@@ -315,6 +323,7 @@ def _forward(
             break
         least = threshold(len(library), fit.residual, labels, screened)
         before = cross_validated(problem, fit, labels)
+        rest: Fit | None = None
         taken = None
         for rival in sorted(screened, key=lambda rival: rival.score)[:TRIED_WHOLE]:
             size = rival.term.candidate.size
@@ -322,9 +331,15 @@ def _forward(
                 continue
             tell("the whole simulation", _share(step, 0.6))
             trial = search.refine([*fit.terms, rival.term], fit)
-            after = cross_validated(problem, trial, labels)
-            helps = before - after > LEAST_GAIN * before or _relieves(fit, trial, least(size))
-            if fit.chi2 - trial.chi2 >= least(size) and helps:
+            if not _clearly_better(problem, fit, trial):
+                # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
+                rest = rest or search.released(fit)
+                trial = search.released(trial)
+            without_it = rest or fit
+            helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before or _relieves(
+                without_it, trial, least(size)
+            )
+            if without_it.chi2 - trial.chi2 >= least(size) and helps:
                 taken = trial
                 break
             refused.add(rival.term.candidate.name)
@@ -338,7 +353,14 @@ def _forward(
         fit = _pruned(search, _merged(search, challenged, library), least)
         if fit is not challenged:
             rivals = []
-    return Selection(first, fit, tuple(tuple(each) for each in rivals), library, tuple(screened), search.spent)
+    last = search.released(fit)
+    return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.spent)
+
+
+def _clearly_better(problem: Problem, fit: Fit, trial: Fit) -> bool:
+    """Return True where parameters off by more than their tolerance could not do what a law does, to first order."""
+    free = problem.beyond(fit, problem.target(fit).ravel())
+    return trial.chi2 < CLEARLY * float(free @ free)
 
 
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:

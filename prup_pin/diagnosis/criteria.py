@@ -263,6 +263,9 @@ NO_FORCE: Final = 1e-6
 CALIBRATION_ROUNDS: Final = 12
 #: A step that gains less chi squared than this changes nothing that is told.
 SETTLED: Final = 0.05
+#: ... nor, where the mean squared residual exceeds this, one that gains less than this share of what exceeds it.
+MUCH_LEFT: Final = 4.0
+SETTLED_SHARE: Final = 1e-3
 #: A step that does not help is shortened down to this share.
 CALIBRATION_STEP: Final = 0.01
 #: Cosine of two parameters' changes beyond which they are told only together.
@@ -276,6 +279,8 @@ WEIGHT_SHOWS: Final = 25.0
 FAR_BEHIND: Final = 4.0
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
+#: A law is in without asking what parameters do beyond their tolerance, where it leaves this share of what they would.
+CLEARLY: Final = 0.5
 #: Work of a refinement beside toleranced parameters, relative to one without: it is differentiated anew as they move.
 HELD_WORK: Final = 4.0
 

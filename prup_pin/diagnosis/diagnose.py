@@ -50,6 +50,7 @@ from .criteria import (
     UNSEEN,
     WIDEST_LOGARITHM,
     WORSE,
+    beyond_tolerance,
     chance_bound,
     clean_bound,
 )
@@ -113,11 +114,14 @@ class Asked:
     unused: tuple[str, ...]
     remarks: list[str]
 
-    def within_tolerances(self, problem: Problem) -> Problem:
-        """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare."""
+    def within_tolerances(self, problem: Problem, reach: float = np.inf) -> Problem:
+        """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare.
+
+        `reach`: tolerances beyond which none is taken to be off.
+        """
         if not len(self.toleranced) or not compared(problem, problem.drawn):
             return problem
-        return within_tolerances(problem, self.toleranced, self.library)
+        return within_tolerances(problem, self.toleranced, self.library, reach)
 
 
 def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell) -> Asked:
@@ -166,14 +170,16 @@ def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: T
     inputs, library = given.inputs, given.library
     labels = _fold_labels(given)
     tell("calibration within tolerances", 0.02)
-    problem = given.within_tolerances(given.problem)
+    # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
+    reach = beyond_tolerance(len(given.toleranced))
+    problem = given.within_tolerances(given.problem, reach)
     selection = Selection.nothing(problem.first, library)
     if compared(problem, problem.first):
         selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         if larger is not None:
             given.remarks.append(_noisier(problem.noise, larger))
-            problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None))
+            problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
     tell("the verdict", 0.9)
     found = _verdict(problem, selection, inputs, labels, given.raw_linear, given.remarks, given.unused, robot, tell)

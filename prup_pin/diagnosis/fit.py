@@ -13,7 +13,7 @@ from ..channels import Noise, Stack
 from ..laws import Effect
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, calibrate, changes_per_tolerance
+from .calibrate import Calibrated, Toleranced, calibrate, changes_per_tolerance, least_within
 from .candidates import Candidate, Term
 from .criteria import STALE
 from .influence import Influence
@@ -53,12 +53,9 @@ class Tolerable:
     start: Calibrated
 
     @classmethod
-    def of(cls, problem: Problem, begin: Toleranced | Calibrated) -> Tolerable:
-        """Return what may be off, calibrated; a calibration that has begun is brought to its end."""
-        if isinstance(begin, Toleranced):
-            start = calibrate(problem, begin)
-        else:
-            start = calibrate(problem, begin.toleranced, begin.effects, begin)
+    def of(cls, problem: Problem, begin: Calibrated) -> Tolerable:
+        """Return what may be off; a calibration that has begun is brought to its end."""
+        start = calibrate(problem, begin.toleranced, begin.effects, begin)
         return cls(start.toleranced, start.effects, start)
 
     def at(self, x: Array) -> list[Effect]:
@@ -114,8 +111,8 @@ class Problem:
         """The fit of the robot as its file has it, nothing off."""
         return replace(self, tolerances=None).first
 
-    def within(self, begin: Toleranced | Calibrated) -> Problem:
-        """Return the same problem with parameters that may be off; effects of a calibration act whatever else does."""
+    def within(self, begin: Calibrated) -> Problem:
+        """Return the same problem with parameters that may be off; the calibration's effects act whatever else does."""
         return replace(self, tolerances=Tolerable.of(replace(self, tolerances=None), begin))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
@@ -269,11 +266,22 @@ class Problem:
             )
         return Beside.free(free) if columns else None
 
-    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6) -> Fit:
+    @property
+    def farthest(self) -> float:
+        """By how many tolerances a parameter may be off while laws are looked for."""
+        return np.inf if self.tolerances is None else self.tolerances.start.reach
+
+    def is_held_back(self, fit: Fit) -> bool:
+        """Return True where a parameter would go farther than laws are looked for."""
+        return bool(np.abs(fit.x).max(initial=0.0) > _AT_REACH * self.farthest)
+
+    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:
         """Return the fit of all terms and toleranced parameters together through the whole simulation.
 
-        Gauss-Newton steps, shortened where they do not help.
+        Gauss-Newton steps, shortened where they do not help; parameters within `reach` tolerances, by default the
+        problem's.
         """
+        reach = self.farthest if reach is None else reach
         fit = self.fit_at(terms, start.run, start)
         taken_at = fit.x
         for _ in range(rounds):
@@ -281,7 +289,7 @@ class Problem:
                 return fit
             if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
                 fit, taken_at = self.relinearised(fit), fit.x
-            step = _least_step(self.jacobian(fit), fit.residual.ravel(), fit.held, fit.x)
+            step = _least_step(self.jacobian(fit), fit.residual.ravel(), fit.held, fit.x, reach)
             share, better = 1.0, None
             sizes = [term.candidate.size for term in fit.terms]
             while share > 0.1:
@@ -362,6 +370,8 @@ class Beside:
         return values - self.basis @ ((self.ease * (self.basis.T @ values).T).T)
 
 
+#: Share of the reach at which a parameter stands at its end.
+_AT_REACH = 0.999
 #: Multiple of the noise by which a parameter may change the columns that nothing holds.
 _FREE = 1e6
 
@@ -375,7 +385,7 @@ def without(values: Array, beside: Beside | None) -> Array:
     return values if beside is None else beside.without(values)
 
 
-def _least_step(jacobian: Array, residual: Array, held: Array, x: Array) -> Array:
+def _least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: float) -> Array:
     """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
@@ -384,6 +394,11 @@ def _least_step(jacobian: Array, residual: Array, held: Array, x: Array) -> Arra
     count = jacobian.shape[1]
     matrix, right = with_priors(jacobian / scale, held, residual, x)
     step = np.linalg.lstsq(matrix, right, rcond=1e-10)[0]
+    if np.abs(x + step[count:]).max() > reach:
+        turned, root = np.linalg.qr(matrix)
+        here = np.concatenate((np.zeros(count), x))
+        ends = np.concatenate((np.full(count, np.inf), np.full(len(x), reach)))
+        step = least_within(root, turned.T @ right + root @ here, ends) - here
     return np.concatenate((step[:count] / scale, step[count:]))
 
 

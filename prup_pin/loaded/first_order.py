@@ -62,7 +62,7 @@ class FirstOrder:
         return self._kept[key]
 
     def latest(self, key: Hashable, question: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return what `compute` gives, which depends on the equilibria, key and question alone; the last one is kept."""
+        """Return what `compute` gives: a function of equilibria, key and question. Of each key the last one is kept."""
         kept = self._latest.get(key)
         if kept is None or kept[0] != question:
             kept = self._latest[key] = (question, compute())

@@ -960,8 +960,8 @@ class Device:
         """Equilibria at encoder readings q [m] (N, 3) under true wrenches w [N, N m] (N, 6) on P, base frame.
 
         temperature [degC] (N,) and time [s] (N,) default to 20 and 0, 1, 2, ...; new_pose (N,) marks the samples
-        where the robot has just moved (friction starts relaxed there, before any load acts; default: where q differs from the sample
-        before). The pose returned is what the pose sensor sees; the wrench sensor is `report_wrench`.
+        where the robot has just moved (friction starts relaxed there, before any load acts; default: where q differs
+        from the sample before). The pose returned is what the pose sensor sees; the wrench sensor is `report_wrench`.
         """
         q, w = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(w, float))
         n = len(q)
