@@ -321,7 +321,8 @@ def _forward(
         screened = screen(search, fit, library, told)
         if step == MOST_TERMS or search.over:
             break
-        least = threshold(len(library), fit.residual, labels, screened)
+        left = problem.beyond(fit, problem.target(fit).ravel()).reshape(fit.residual.shape)
+        least = threshold(len(library), left, labels, screened)
         before = cross_validated(problem, fit, labels)
         rest: Fit | None = None
         taken = None
@@ -331,7 +332,7 @@ def _forward(
                 continue
             tell("the whole simulation", _share(step, 0.6))
             trial = search.refine([*fit.terms, rival.term], fit)
-            if not _clearly_better(problem, fit, trial):
+            if trial.chi2 > CLEARLY * float((left**2).sum()):
                 # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
                 rest = rest or search.released(fit)
                 trial = search.released(trial)
@@ -355,12 +356,6 @@ def _forward(
             rivals = []
     last = search.released(fit)
     return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.spent)
-
-
-def _clearly_better(problem: Problem, fit: Fit, trial: Fit) -> bool:
-    """Return True where parameters off by more than their tolerance could not do what a law does, to first order."""
-    free = problem.beyond(fit, problem.target(fit).ravel())
-    return trial.chi2 < CLEARLY * float(free @ free)
 
 
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:
