@@ -240,7 +240,7 @@ def test_which_robot(run, bench):
         ("backlash leg2/ball_nut", "expected 'physics@place"),
         ("backlsh@leg2/ball_nut half_gap=1e-5", "'backlash'"),
         ("backlash@leg2/ball_nutt half_gap=1e-5 closing_load=1", "'leg2/ball_nut'"),
-        ("backlash@leg2/R_phi half_gap=1e-5 closing_load=1", "radial, axial; say which"),
+        ("backlash@leg2/R_phi half_gap=1e-5 closing_load=1", "radial, axial, radial by axis; say which"),
         ("backlash@leg2/R_phi:tilting half_gap=1e-5 closing_load=1", "radial, axial"),
         ("backlash@leg2/ball_nut half_gap=1e-5", "missing closing_load (> 0.02 and <= 10 N)"),
         ("backlash@leg2/ball_nut gap=1e-5 closing_load=1", "Valid: half_gap, closing_load"),
