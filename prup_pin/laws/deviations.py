@@ -21,6 +21,7 @@ from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .joint_places import across, parts
 from .law import Law, Place
+from .loop_places import SeatPosition
 from .pose_sensor import from_frame
 from .setup import Setup
 from .target import on_body
@@ -145,6 +146,7 @@ def _of_all(mechanism: Mechanism, markers: Sequence[str]) -> tuple[Deviation, ..
         *_masses(mechanism),
         *_joint_places(mechanism),
         *_loop_ends(mechanism),
+        *_seats(mechanism),
         *_encoders(mechanism),
         *_wrench_sensor(),
         *_targets(mechanism, markers),
@@ -305,6 +307,19 @@ def _loop_ends(mechanism: Mechanism) -> Iterator[Deviation]:
 
 def _moved_end(loop: str, end: int, unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
     yield MovedLoopEnd(loop, end, tuple((value * unit).tolist()))
+
+
+def _seats(mechanism: Mechanism) -> Iterator[Deviation]:
+    """Where a platform sits on the joint that carries it, as its loops' ends say it of the others."""
+    law = SeatPosition()
+    for place in law.places(mechanism):
+        for quantity in law.quantities_at(place, mechanism):
+            act = partial(_seated, place, quantity.name)
+            yield _geometric(f"{place.name}.seat_{quantity.name}", "position", "m", place.name, act)
+
+
+def _seated(place: Place, axis: str, value: float, setup: Setup) -> Iterator[Deed]:
+    yield from SeatPosition().deeds(place, {axis: value}, setup)
 
 
 def _geometric(name: str, kind: str, unit: str, place: str, act) -> Deviation:
