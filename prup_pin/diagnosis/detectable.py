@@ -22,23 +22,30 @@ _ROUNDS, _EXTRAPOLATIONS, _MET = 24, 4, 0.02
 
 
 def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
-    """Yield every law and place that stays below the threshold at a strong size, and what the data lack for others."""
+    """Yield every law and place that stays below the threshold at a strong size, and what the data lack for others.
+
+    Its effect counts by what toleranced parameters cannot do in its place.
+    """
     least = float(chi_squared.isf(FALSE_ALARM / len(selection.library), 1))
     present = {term.candidate.name for term in fit.terms}
     effects = [term.effect for term in fit.terms]
+
+    def changed(candidate: Candidate, coordinates: Array) -> Array:
+        return problem.change(fit, [*effects, candidate.effect(coordinates)]).ravel()
+
     for candidate in selection.library:
         if candidate.name in present or candidate.size > MOST_PARAMETERS_TOLD or candidate.everywhere:
             continue
 
         def share(coordinates: Array, candidate: Candidate = candidate) -> float:
             """Return the chi squared of a law, as a share of what is seen."""
-            change = problem.change(fit, [*effects, candidate.effect(coordinates)])
-            return float((change**2).sum()) / least
+            return float((problem.beyond(fit, changed(candidate, coordinates)) ** 2).sum()) / least
 
         strong = _strong(candidate)
         seen = share(strong)
         if seen < 1:
-            yield _hidden(candidate, strong, seen, share)
+            shows = float((changed(candidate, strong) ** 2).sum()) >= least
+            yield _hidden(candidate, strong, seen, share, shows)
     inputs = problem.simulator.inputs
     if inputs.temperature is None:
         yield Detectable("thermal_growth", "", "expansion", None, "1/K", "no temperature was recorded")
@@ -58,14 +65,21 @@ def _strong(candidate: Candidate) -> Array:
     return np.clip(coordinates, *candidate.bounds)
 
 
-def _hidden(candidate: Candidate, strong: Array, seen: float, share: Callable[[Array], float]) -> Detectable:
-    """Return what is told of a law that stays hidden where it is strong, at a share `seen` of what is seen."""
+def _hidden(
+    candidate: Candidate, strong: Array, seen: float, share: Callable[[Array], float], shows: bool
+) -> Detectable:
+    """Return what is told of a law that stays hidden where it is strong, at a share `seen` of what is seen.
+
+    `shows`: it would be seen if nothing else were a little off.
+    """
     law, quantity = candidate.law, candidate.quantities[0]
     value = float(candidate.values_of(strong)[0])
     needed, reason = None, "these loads do not reach it"
     if seen > 0:
         needed = _needed(candidate, strong, seen, share)
         small = "too small an effect on the measured pose under these loads"
+        if shows:
+            small = "these tolerances could hide it"
         reason = "not visible at any size" if needed is None else small
     below = law.magnified(value, 2.0) < value
     return Detectable(law.physics, str(candidate.place), quantity.name, needed, quantity.unit, reason, below)

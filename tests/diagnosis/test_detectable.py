@@ -6,11 +6,13 @@ from scipy.stats import chi2
 
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack
+from prup_pin.diagnosis.calibrate import Toleranced, calibrate
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.compete import Selection
 from prup_pin.diagnosis.criteria import FALSE_ALARM
 from prup_pin.diagnosis.detectable import not_detectable
 from prup_pin.diagnosis.fit import Problem
+from prup_pin.laws.deviations import deviations_of
 from prup_pin.simulation import Simulator, inputs_of
 
 from ..simulation.bench import inputs
@@ -91,3 +93,21 @@ def test_the_softer_the_more(simulator):
     _, _, found = hidden(simulator, 2e-2)
     below = {item.physics for item in found if item.below}
     assert below == {"stiffness_changed", "root_tilt_compliance", "hub_root_compliance"}
+
+
+def test_what_wide_tolerances_could_hide_is_told_with_its_size(simulator):
+    """To first order a parameter takes four of its tolerances before it is seen: then 1/f - 1 = 4 t of a factor f."""
+    mechanism = simulator.robot.mechanism
+    name = "leg1/R_lambda.tilting_stiffness"
+    off = Toleranced.of(deviations_of(mechanism), {name: 1.2})
+    problem = hidden(simulator, 2e-6)[0]
+    problem = problem.within(calibrate(problem, off))
+    library = candidates(mechanism, simulator.inputs)
+    found = list(not_detectable(problem, problem.first, Selection.nothing(problem.first, library)))
+    told = [item for item in found if "tolerances" in item.reason]
+    stiffness = [item for item in told if item.physics == "stiffness_changed"]
+    assert [item.location for item in stiffness] == ["leg1/R_lambda (tilting)"]
+    threshold = chi2.isf(FALSE_ALARM / len(library), 1)
+    assert 1 / stiffness[0].smallest - 1 == pytest.approx(1.2 * np.sqrt(threshold), rel=0.03)
+    exact = [item for item in hidden(simulator, 2e-6)[2] if item.physics == "stiffness_changed"]
+    assert "leg1/R_lambda (tilting)" not in [item.location for item in exact]
