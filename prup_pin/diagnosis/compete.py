@@ -31,6 +31,7 @@ from .criteria import (
     FEWEST_FOR_FOLDS,
     FIRST_STEPS,
     FLIPS,
+    FOLD_STEP,
     FOLDS,
     FRONT,
     FRONT_GAIN,
@@ -174,10 +175,15 @@ def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int =
     """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly)."""
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
     held = fit.held.reshape(*fit.residual.shape, -1)
-    return _held_out(fit.residual, jacobian, blocks, folds, held, fit.x)
+    logarithmic = [term.candidate.logarithmic for term in fit.terms]
+    narrow = np.concatenate([np.zeros(0), *(logs / FOLD_STEP for logs in logarithmic)])
+    return _held_out(fit.residual, jacobian, blocks, folds, held, fit.x, narrow)
 
 
-def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int, held: Array, x: Array) -> float:
+def _held_out(
+    residual: Array, jacobian: Array, blocks: np.ndarray, folds: int, held: Array, x: Array, narrow: Array
+) -> float:
+    """`narrow` (p,): one over what a coordinate may move by when blocks are left out."""
     total = 0.0
     labels = _segments(blocks)
     kinds = np.unique(labels)
@@ -192,7 +198,9 @@ def _held_out(residual: Array, jacobian: Array, blocks: np.ndarray, folds: int, 
             scale = np.linalg.norm(columns, axis=0)
             scale = np.where(scale > 0, scale, 1.0)
             within = held[~out].reshape(inside, len(x))
-            step = np.linalg.lstsq(*with_priors(columns / scale, within, residual[~out].ravel(), x), rcond=1e-8)[0]
+            matrix, right = with_priors(columns / scale, within, residual[~out].ravel(), x)
+            near = np.eye(len(narrow), matrix.shape[1]) * (narrow / scale)[:, None]
+            step = np.linalg.lstsq(np.vstack((matrix, near)), np.append(right, np.zeros(len(near))), rcond=1e-8)[0]
             step[: len(scale)] /= scale
             every = np.concatenate((jacobian[out], held[out]), axis=-1)
             target = target - every.reshape(-1, every.shape[-1]) @ step

@@ -78,6 +78,9 @@ FALSE_ALARM: Final = 0.01
 LEAST_GAIN: Final = 0.01
 #: Parts into which blocks fall for that; each is left out once.
 FOLDS: Final = 7
+#: A logarithm that only few samples tell (the load that closes a gap) moves by about so much when these are left out:
+#: farther, its first order says nothing of them.
+FOLD_STEP: Final = 1.0
 #: Fewer blocks than this leave too little to fit; samples are then held out by time, in so many segments.
 FEWEST_FOR_FOLDS: Final = 5
 SEGMENTS: Final = 10
