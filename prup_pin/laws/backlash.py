@@ -11,8 +11,7 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .deeds import Along, Deed, ExtraStrain, Solved, Strain
-from .drawn import Drawn, against_load
+from .deeds import Along, Deed, ExtraStrain, Strain
 from .law import ASPECTS, Law, Place
 from .modules_at import turns, yielding
 from .setup import Setup
@@ -95,9 +94,6 @@ class BacklashByAxis(Law):
         for component, gap in enumerate((values["half_gap_x"], values["half_gap_y"])):
             play = partial(_play, gap=gap, load=values["closing_load"])
             yield ExtraStrain(place.name, Strain(Along(slice(component, component + 1), play)))
-
-    def drawn(self, place: Place, at: Solved) -> Drawn | None:
-        return against_load(at, place.name, slice(0, 2))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         x, y = 1e6 * values["half_gap_x"], 1e6 * values["half_gap_y"]
