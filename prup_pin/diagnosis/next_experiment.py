@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,10 @@ import numpy as np
 from ..channels import PoseChannel, Stack
 from ..errors import PrupPinError
 from ..laws import Inputs
+from ..mechanism import Frame
 from ..robot import Robot
-from ..simulation import Simulator
-from ..spatial import WRENCH_NAMES
+from ..simulation import Run, Simulator
+from ..spatial import WRENCH_NAMES, Array, turn_between
 from .compete import Selection
 from .criteria import (
     INDISTINCT,
@@ -25,10 +27,15 @@ from .criteria import (
     WIDER,
     WORTH_SEPARATING,
 )
-from .fit import Problem
+from .fit import Problem, Term
 from .influence import Influence
 
 __all__ = ["next_experiment"]
+
+#: Shares of a planned load, one sample each.
+CYCLE = (0, 0.5, 1, 0.5, 0, -0.5, -1, -0.5, 0)
+#: Pairs that the reason lists.
+MOST_LISTED = 3
 
 
 def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
@@ -68,37 +75,32 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     noise = influence.stack.deviation(problem.noise)
     unmeasured = np.concatenate([channel.exists.any() & ~channel.exists.any(axis=0) for channel in seen])
     noise[unmeasured] = np.inf
-    if pairs and len(usable) == 2 * len(pairs):
+    separates = bool(pairs) and len(usable) == 2 * len(pairs)
+    if separates:
         for one, other in pairs:
             both = [influence.change(simulator.setup([term.effect])) for term in (one, other)]
             value[run.samples] += (((both[0] - both[1]) / noise) ** 2).sum(axis=1)
-        listed = "; ".join(f"{one.candidate.name} against {other.candidate.name}" for one, other in pairs[:3])
-        why = f"separates {listed}"
-        distinct = float(np.sqrt(value.max(initial=0.0)))
-        if distinct < 1:
-            why += f" (hardly: at most {distinct:.2g} times the noise in a sample; they may be one and the same)"
     else:
         moved = (influence.compliance @ trial.wrench[run.samples][..., None])[..., 0] / noise
         value[run.samples] = (moved**2).sum(axis=1)
     per_pose = value.reshape(len(positions), len(loads))
     best = np.argsort(-per_pose.max(axis=1))[:PLANNED_POSES]
+    chosen = [(positions[i], loads[int(np.argmax(per_pose[i]))]) for i in best]
+    if separates:
+        why, told = _told_apart(robot, problem, selection, pairs, chosen, gravity, noise, influence.stack)
+        if not told:
+            return {"why": why, "plan": {}}
+    names = robot.mechanism.actuated
     plan["poses"] = [
-        {
-            "actuators": {
-                name: round(float(q), 6) for name, q in zip(robot.mechanism.actuated, positions[i], strict=True)
-            }
-        }
-        for i in best
+        {"actuators": {name: round(float(q), 6) for name, q in zip(names, at, strict=True)}} for at, _ in chosen
     ]
     plan["loads"] = [
         {
-            "cycle": [0, 0.5, 1, 0.5, 0, -0.5, -1, -0.5, 0],
-            "wrench": {
-                n: round(float(x), 4) for n, x in zip(WRENCH_NAMES, loads[int(np.argmax(per_pose[i]))], strict=True)
-            },
+            "cycle": [*CYCLE],
+            "wrench": {n: round(float(x), 4) for n, x in zip(WRENCH_NAMES, load, strict=True)},
             "poses": [place],
         }
-        for place, i in enumerate(best)
+        for place, (_, load) in enumerate(chosen)
     ]
     if markers := [channel.frame.name for channel in seen if channel is not problem.stack.poses[0]]:
         plan["markers"] = markers
@@ -107,7 +109,65 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     return {"why": why, "plan": plan}
 
 
-def _pairs(selection: Selection) -> list:
+def _told_apart(
+    robot: Robot,
+    problem: Problem,
+    selection: Selection,
+    pairs: Sequence[tuple[Term, Term]],
+    chosen: Sequence[tuple[Array, Array]],
+    gravity: Array | None,
+    noise: Array,
+    stack: Stack,
+) -> tuple[str, bool]:
+    """Return what a plan of (positions, load) would tell apart, and whether it tells anything: it is simulated."""
+    count = len(CYCLE)
+    planned = Inputs(
+        time=np.arange(count * len(chosen), dtype=float),
+        actuators=np.repeat(np.array([at for at, _ in chosen]), count, axis=0),
+        wrench=np.concatenate([np.outer(CYCLE, load) for _, load in chosen]),
+        blocks=np.repeat(np.arange(len(chosen)), count),
+        gravity=None if gravity is None else np.tile(gravity, (count * len(chosen), 1)),
+    )
+    simulator = Simulator(robot, planned)
+    fit = selection.last
+    known: dict[tuple[int, int], Run] = {}
+    base = [] if problem.tolerances is None else problem.tolerances.at(fit.x)
+
+    def run(term: Term, instead_of: Term) -> Run:
+        """Return the simulated plan with a term in another one's place."""
+        key = id(term), id(instead_of)
+        if key not in known:
+            kept = [other.effect for other in fit.terms if other is not instead_of]
+            known[key] = simulator.run([*base, *kept, term.effect])
+        return known[key]
+
+    frames = [channel.frame for channel in stack.poses]
+    apart, alike = [], []
+    for one, other in pairs:
+        difference = np.nan_to_num(_between(run(one, one), run(other, one), frames) / noise)
+        size = float((difference**2).sum())
+        text = f"{one.candidate.name} against {other.candidate.name}"
+        if size < INDISTINCT:
+            alike.append(text)
+        else:
+            largest = float(np.sqrt((difference**2).sum(axis=1).max()))
+            apart.append(f"{text} (by {largest:.2g} times the noise)")
+    same = f"no pose and load within reach tells apart: {'; '.join(alike[:MOST_LISTED])}"
+    if not apart:
+        return same, False
+    return f"separates {'; '.join(apart[:MOST_LISTED])}" + (f". But {same}" if alike else ""), True
+
+
+def _between(one: Run, other: Run, frames: Sequence[Frame]) -> Array:
+    """Return the motion of frames (n, 6 frames) from one run to another, NaN where either has no answer."""
+    parts = []
+    for frame in frames:
+        (p, r), (q, s) = one.pose_of(frame), other.pose_of(frame)
+        parts.append(np.concatenate((q - p, turn_between(r, s)), axis=1))
+    return np.where((one.solved & other.solved)[:, None], np.concatenate(parts, axis=1), np.nan)
+
+
+def _pairs(selection: Selection) -> list[tuple[Term, Term]]:
     """Return pairs of terms (ours, rival) that the data leave together."""
     pairs = []
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
