@@ -9,8 +9,8 @@ A separate simulator (tests/reference/concealed, another formulation that shares
 device, its effects, places, sizes, loads and noise from a seed. The answer is sealed in a file; the diagnosis sees the
 recording alone; the answer is opened only to score. Finished trials are kept in OUT/trials.jsonl, so a stopped run goes
 on. `--scattered` draws so many devices of each robot whose parameters are all a little off (OUT/scattered.jsonl);
-`--today` lets plain least squares and stepwise regression answer beside. `--docs` writes the summary into
-docs/concealed_trials.md.
+`--today` lets plain least squares and stepwise regression answer beside. `--docs` writes the summaries into
+docs/concealed_trials.md and docs/scattered_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -203,13 +203,13 @@ def score(seed, group, found, truth, seconds, before, after) -> dict:
     }
 
 
-SCATTERED_HEAD = """
-## Devices whose parameters scatter
+SCATTERED_HEAD = """# Concealed trials on devices whose parameters scatter
 
 Robots of which every part is a little off, within tolerances that stand beside the recording: stiffnesses, bending,
 masses, base points and joints, directions, encoders, the pose sensor's frame and its target, the wrench sensor. Weights
-act, loads are 0.6 of full. Each robot has a simulator of its own (`tests/reference/concealed/`): the 3-PRUP as above, a
-6-UPS platform by the balance of each leg, an arm of elastic joints by each joint's torque.
+act, loads are 0.6 of full. Each robot has a simulator of its own (`tests/reference/concealed/`): the 3-PRUP as in the
+[trials without scatter](concealed_trials.md), a 6-UPS platform by the balance of each leg, an arm of elastic joints by
+each joint's torque. The answer is sealed while the device is diagnosed.
 
 - *Size* of an effect: RMS of what is left of it in its strongest channel after the best fit of all parameters with
   their tolerances as priors, in multiples of the noise; or half the length of that fit in tolerances, the larger of
@@ -359,7 +359,7 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/trials"))
-    parser.add_argument("--docs", action="store_true", help="write docs/concealed_trials.md")
+    parser.add_argument("--docs", action="store_true", help="write the pages of docs/ on what was run")
     parser.add_argument("--export", type=Path, metavar="DIR", help="write scattered devices for another tool")
     parser.add_argument("--score", type=Path, metavar="DIR", help="score another tool's answers in an exported folder")
     options = parser.parse_args()
@@ -378,20 +378,24 @@ def main() -> None:
     counts[CLEAN_SEEDS] = options.count // 4
     jobs = {("", start + first + index): (trial, start + first + index)
             for start, count in counts.items() for index in range(count)}  # fmt: skip
-    parts = []
+    pages: dict[str, str] = {}
     if jobs:
         done = run(jobs, options.out / "trials.jsonl", options.workers, told_plain)
         command = f"python scripts/concealed_trials.py --count {options.count} --first-seed {first} --docs"
-        parts += [HEAD.format(command=command), counted(summary, done, jobs)]
+        text = counted(summary, done, jobs)
+        print("\n" + text)
+        pages["concealed_trials.md"] = HEAD.format(command=command) + text
     if scattered:
         jobs = {(robot, seed): (scattered_trial, seed, robot, options.today) for robot, seed in scattered}
         done = run(jobs, options.out / "scattered.jsonl", options.workers, told)
-        command = f"python scripts/concealed_trials.py --count {options.count} --scattered {options.scattered}"
+        command = f"python scripts/concealed_trials.py --count 0 --scattered {options.scattered}"
         command += " --today" * options.today + f" --first-seed {first} --docs"
-        parts += [SCATTERED_HEAD.format(command=command), counted(partial(scattered_summary, share=wilson), done, jobs)]
-    print("\n" + "".join(parts[1::2]))
+        text = counted(partial(scattered_summary, share=wilson), done, jobs)
+        print("\n" + text)
+        pages["scattered_trials.md"] = SCATTERED_HEAD.format(command=command) + text
     if options.docs:
-        (ROOT / "docs" / "concealed_trials.md").write_text("".join(parts), encoding="utf-8")
+        for name, text in pages.items():
+            (ROOT / "docs" / name).write_text(text, encoding="utf-8")
 
 
 def scored(answers: list[dict]) -> str:
