@@ -67,6 +67,9 @@ from .whiteness import compared, noise_of_the_rest
 
 __all__ = ["Asked", "asked", "diagnose"]
 
+#: Parameters that a remark lists by name.
+MOST_LISTED = 5
+
 Tell = Callable[[str, float], None]
 
 
@@ -293,7 +296,16 @@ def _verdict(
     named = "explained" if findings else "nothing_missing"
     verdict = "unexplained" if unknown else named
     calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
-    findings += [_beyond_tolerance(item, final, held) for item in calibrated if item.is_beyond(len(calibrated))]
+    beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
+    if beyond and unknown:
+        # what no law explains drives them: they are no findings of their own
+        listed = ", ".join(item.name for item in beyond[:MOST_LISTED]) + (", …" if len(beyond) > MOST_LISTED else "")
+        remarks.append(
+            f"{len(beyond)} parameter{'s' if len(beyond) > 1 else ''} would lie beyond tolerance ({listed}), but while "
+            "structure is left over they may only stand for what is unknown"
+        )
+        beyond = []
+    findings += [_beyond_tolerance(item, final, held) for item in beyond]
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
     if problem.tolerances is not None:
         findings += [_acting(effect, robot) for effect in problem.tolerances.effects]
