@@ -261,9 +261,9 @@ class Problem:
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
         if self.tolerances is not None:
-            return fit.influence.first.once(
-                ("beside", self, id(fit.held), tuple(kept)), lambda: Beside.within(free, fit.held)
-            )
+            # What is kept holds the array by whose identity it is found: no other one can come to have it.
+            key = ("beside", self, id(fit.held), tuple(kept))
+            return fit.influence.first.once(key, lambda: (fit.held, Beside.within(free, fit.held)))[1]
         return Beside.free(free) if columns else None
 
     @property
