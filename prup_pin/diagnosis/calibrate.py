@@ -47,6 +47,7 @@ __all__ = [
     "calibrated_parameters",
     "changes_per_tolerance",
     "least_within",
+    "settled",
     "toleranced_of",
     "within_tolerances",
 ]
@@ -203,7 +204,8 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     """Return a problem with its parameters calibrated, the robot's weight beside them where it explains more.
 
     Whether weight acts has no parameter to be found, and without it others would be bent to take its place. Where
-    nothing else was applied it acts, unless that makes it worse. `reach` as in `calibrate`.
+    nothing else was applied it acts, unless that makes it worse. `reach`: tolerances beyond which none
+    is taken to be off.
     """
     heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
     if heavy is None:
@@ -234,19 +236,16 @@ def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
     return sorted(found, key=lambda item: item.share)
 
 
-def calibrate(
-    problem,
-    toleranced: Toleranced,
-    effects: Sequence[Effect] = (),
-    begin: Calibrated | None = None,
-    reach: float = np.inf,
-) -> Calibrated:
+def calibrate(problem, toleranced: Toleranced, effects: Sequence[Effect] = ()) -> Calibrated:
     """Return the posterior's mode of all toleranced parameters, with `effects` beside them.
 
-    problem: a `fit.Problem`. `begin`: where the search goes on. `reach`: no parameter is taken to be off by more
-    tolerances than this.
+    problem: a `fit.Problem`.
     """
-    now = _drawn(problem, toleranced, effects, reach) if begin is None else begin
+    return settled(problem, _drawn(problem, toleranced, effects, np.inf))
+
+
+def settled(problem, now: Calibrated) -> Calibrated:
+    """Return a calibration that has begun at its end."""
     for rounds in range(CALIBRATION_ROUNDS):
         now = _differentiated(problem, now, rounds)
         better = _improved(problem, now)
@@ -320,5 +319,5 @@ def changes_per_tolerance(
 def _differentiated(problem, found: Calibrated, rounds: int) -> Calibrated:
     """Return a calibrated run with its changes per tolerance, to first order about it."""
     changes = changes_per_tolerance(problem.simulator, found.influence, found.toleranced, found.x, found.effects)
-    jacobian = (problem.whiteners(found.influence) @ changes).reshape(found.residual.size, -1)
+    jacobian = problem.whitened_changes(found.influence, changes)
     return replace(found, changes=changes, jacobian=jacobian, rounds=rounds)

@@ -13,7 +13,7 @@ from ..channels import Noise, Stack
 from ..laws import Effect
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, calibrate, changes_per_tolerance, least_within
+from .calibrate import Calibrated, Toleranced, changes_per_tolerance, least_within, settled
 from .candidates import Candidate, Term
 from .criteria import STALE
 from .influence import Influence
@@ -55,7 +55,7 @@ class Tolerable:
     @classmethod
     def of(cls, problem: Problem, begin: Calibrated) -> Tolerable:
         """Return what may be off; a calibration that has begun is brought to its end."""
-        start = calibrate(problem, begin.toleranced, begin.effects, begin)
+        start = settled(problem, begin)
         return cls(start.toleranced, start.effects, start)
 
     def at(self, x: Array) -> list[Effect]:
