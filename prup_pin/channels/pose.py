@@ -52,6 +52,13 @@ class PoseChannel(Channel):
         return cls._of(None, None, count, frame, "pose")
 
     @classmethod
+    def of_run(cls, run: Run, frame: Frame) -> PoseChannel:
+        """Return the pose of a frame as a simulation has it, as if that had been measured without noise."""
+        position, rotation = run.pose_of(frame)
+        exists = np.repeat(run.solved[:, None], 6, axis=1)
+        return cls(frame, np.nan_to_num(position), np.nan_to_num(rotation), exists)
+
+    @classmethod
     def _of(cls, position: Array | None, vector: Array | None, n: int, frame: Frame, name: str) -> PoseChannel:
         position = np.full((n, 3), np.nan) if position is None else np.array(position)
         vector = np.full((n, 3), np.nan) if vector is None else np.array(vector)

@@ -13,7 +13,7 @@ from ..laws import Inputs
 from ..mechanism import Frame
 from ..robot import Robot
 from ..simulation import Run, Simulator
-from ..spatial import WRENCH_NAMES, Array, turn_between
+from ..spatial import WRENCH_NAMES, Array
 from .compete import Selection
 from .criteria import (
     INDISTINCT,
@@ -27,7 +27,7 @@ from .criteria import (
     WIDER,
     WORTH_SEPARATING,
 )
-from .fit import Problem, Term
+from .fit import Fit, Problem, Term
 from .influence import Influence
 
 __all__ = ["next_experiment"]
@@ -58,13 +58,7 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     count = len(positions) * len(loads)
     # the base stays as it stood last
     gravity = None if inputs.gravity is None else inputs.gravity[np.isfinite(inputs.gravity).all(axis=1)][-1]
-    trial = Inputs(
-        time=np.arange(count, dtype=float),
-        actuators=np.repeat(np.array(positions), len(loads), axis=0),
-        wrench=np.tile(loads, (len(positions), 1)),
-        blocks=np.repeat(np.arange(len(positions)), len(loads)),
-        gravity=None if gravity is None else np.tile(gravity, (count, 1)),
-    )
+    trial = _inputs(positions, [loads] * len(positions), gravity)
     simulator = Simulator(robot, trial)
     usable = [term for pair in pairs for term in pair if set(term.candidate.law.needs) <= {"gravity"}]
     value = np.zeros(count)
@@ -87,7 +81,9 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     best = np.argsort(-per_pose.max(axis=1))[:PLANNED_POSES]
     chosen = [(positions[i], loads[int(np.argmax(per_pose[i]))]) for i in best]
     if separates:
-        why, told = _told_apart(robot, problem, selection, pairs, chosen, gravity, noise, influence.stack)
+        planned = _inputs([at for at, _ in chosen], [np.outer(CYCLE, load) for _, load in chosen], gravity)
+        frames = [channel.frame for channel in seen]
+        why, told = _told_apart(Simulator(robot, planned), problem, selection.last, pairs, noise, frames)
         if not told:
             return {"why": why, "plan": {}}
     names = robot.mechanism.actuated
@@ -109,27 +105,30 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     return {"why": why, "plan": plan}
 
 
-def _told_apart(
-    robot: Robot,
-    problem: Problem,
-    selection: Selection,
-    pairs: Sequence[tuple[Term, Term]],
-    chosen: Sequence[tuple[Array, Array]],
-    gravity: Array | None,
-    noise: Array,
-    stack: Stack,
-) -> tuple[str, bool]:
-    """Return what a plan of (positions, load) would tell apart, and whether it tells anything: it is simulated."""
-    count = len(CYCLE)
-    planned = Inputs(
-        time=np.arange(count * len(chosen), dtype=float),
-        actuators=np.repeat(np.array([at for at, _ in chosen]), count, axis=0),
-        wrench=np.concatenate([np.outer(CYCLE, load) for _, load in chosen]),
-        blocks=np.repeat(np.arange(len(chosen)), count),
-        gravity=None if gravity is None else np.tile(gravity, (count * len(chosen), 1)),
+def _inputs(positions: Sequence[Array], loads: Sequence[Array], gravity: Array | None) -> Inputs:
+    """Return the inputs of poses by their actuators' positions (a,), under loads (l, 6) in each of them."""
+    count, each = len(positions) * len(loads[0]), len(loads[0])
+    return Inputs(
+        time=np.arange(count, dtype=float),
+        actuators=np.repeat(np.array(positions), each, axis=0),
+        wrench=np.concatenate(loads),
+        blocks=np.repeat(np.arange(len(positions)), each),
+        gravity=None if gravity is None else np.tile(gravity, (count, 1)),
     )
-    simulator = Simulator(robot, planned)
-    fit = selection.last
+
+
+def _told_apart(
+    simulator: Simulator,
+    problem: Problem,
+    fit: Fit,
+    pairs: Sequence[tuple[Term, Term]],
+    noise: Array,
+    frames: Sequence[Frame],
+) -> tuple[str, bool]:
+    """Return what a plan would tell apart, and whether it tells anything: it is simulated.
+
+    noise (K,) of the columns that `frames` are measured in.
+    """
     known: dict[tuple[int, int], Run] = {}
     base = [] if problem.tolerances is None else problem.tolerances.at(fit.x)
 
@@ -141,10 +140,11 @@ def _told_apart(
             known[key] = simulator.run([*base, *kept, term.effect])
         return known[key]
 
-    frames = [channel.frame for channel in stack.poses]
     apart, alike = [], []
     for one, other in pairs:
-        difference = np.nan_to_num(_between(run(one, one), run(other, one), frames) / noise)
+        rival = run(other, one)
+        measured = Stack(tuple(PoseChannel.of_run(rival, frame) for frame in frames))
+        difference = measured.residual(run(one, one)) / noise
         size = float((difference**2).sum())
         text = f"{one.candidate.name} against {other.candidate.name}"
         if size < INDISTINCT:
@@ -156,15 +156,6 @@ def _told_apart(
     if not apart:
         return same, False
     return f"separates {'; '.join(apart[:MOST_LISTED])}" + (f". But {same}" if alike else ""), True
-
-
-def _between(one: Run, other: Run, frames: Sequence[Frame]) -> Array:
-    """Return the motion of frames (n, 6 frames) from one run to another, NaN where either has no answer."""
-    parts = []
-    for frame in frames:
-        (p, r), (q, s) = one.pose_of(frame), other.pose_of(frame)
-        parts.append(np.concatenate((q - p, turn_between(r, s)), axis=1))
-    return np.where((one.solved & other.solved)[:, None], np.concatenate(parts, axis=1), np.nan)
 
 
 def _pairs(selection: Selection) -> list[tuple[Term, Term]]:
