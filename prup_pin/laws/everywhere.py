@@ -6,13 +6,11 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
-from typing import ClassVar
 
 from ..mechanism import Mechanism
-from ..parameters import Quantity
-from .deeds import Deed, Solved
-from .drawn import Drawn
+from .deeds import Deed
 from .law import Law, Place
+from .of_another import OfAnother
 from .setup import Setup
 
 __all__ = ["ROBOT", "Everywhere"]
@@ -25,23 +23,14 @@ _LEG = re.compile(r"\d+|(?<![a-z])(?:left|right)(?![a-z])")
 _COST = 6.0
 
 
-class Everywhere(Law):
+class Everywhere(OfAnother):
     """The same law at all places whose names differ only in the leg, with one value for all of them.
 
     The place is the robot; its aspect says which parts: 'ball_nut', 'R_lambda radial', 'leg*_slide'.
     """
 
-    physics = ""
-    summary = ""
-    quantities = ()
-    neutral: ClassVar = {}
-
     def __init__(self, law: Law):
-        self.law = law
-        own = {
-            name: getattr(law, name) for name in ("physics", "source", "neutral", "needs", "spread", "likely", "strong")
-        }
-        vars(self).update(own, summary=f"{law.summary}, at all like places", cost=law.cost + _COST)
+        super().__init__(law, summary=f"{law.summary}, at all like places", cost=law.cost + _COST)
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(ROBOT, aspect) for aspect in self.like(mechanism)]
@@ -57,17 +46,8 @@ class Everywhere(Law):
         """Return the like places that a place of this law stands for."""
         return self.like(mechanism)[place.aspect]
 
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return self.law.quantities_at(self.at(place, mechanism)[0], mechanism)
-
-    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        return self.law.starts(self.at(place, mechanism)[0], mechanism)
-
-    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
-        return self.law.neutral_at(self.at(place, mechanism)[0], mechanism)
-
-    def magnified(self, value: float, times: float) -> float:
-        return self.law.magnified(value, times)
+    def inner(self, place: Place, mechanism: Mechanism) -> Place:
+        return self.at(place, mechanism)[0]
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return [each.name for each in self.at(place, mechanism)]
@@ -75,9 +55,6 @@ class Everywhere(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for each in self.at(place, setup.mechanism):
             yield from self.law.deeds(each, values, setup)
-
-    def drawn(self, place: Place, at: Solved) -> Drawn | None:
-        return None
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         places = self.at(place, mechanism)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import ClassVar
 
 from ..mechanism import Mechanism
-from ..parameters import Quantity
-from .deeds import Deed, Solved
+from .deeds import Deed
 from .deviations import Calibration, Sharing, calibration_of
-from .drawn import Drawn
 from .law import Effect, Law, Place
+from .of_another import OfAnother
 from .setup import Setup
 
 __all__ = ["InRecording", "in_groups", "lasting"]
@@ -24,55 +22,33 @@ _OF_SENSOR: Mapping[str, tuple[str, ...]] = {
 }
 
 
-class InRecording(Law):
+class InRecording(OfAnother):
     """A law of a sensor at the samples of those recordings alone that share it.
 
     The place's aspect names the recording where it is alone: 'in friday.csv'.
     """
 
-    physics = ""
-    summary = ""
-    quantities = ()
-    neutral: ClassVar = {}
-
     def __init__(self, law: Law, group: Sharing):
-        self.law, self.group = law, group
-        names = ("physics", "summary", "source", "quantities", "neutral", "needs", "spread", "cost", "likely", "strong")
-        vars(self).update({name: getattr(law, name) for name in names})
+        super().__init__(law, quantities=law.quantities)
+        self.group = group
         self._words = f" in {group.label}" if group.label else ""
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, f"{aspect}{self._words}".strip()) for name, aspect in self.law.places(mechanism)]
 
-    def at(self, place: Place) -> Place:
-        """Return the place of the law itself."""
+    def inner(self, place: Place, mechanism: Mechanism) -> Place:
         return Place(place.name, f" {place.aspect}".removesuffix(self._words).strip())
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         rows = setup.inputs.from_sources(self.group.sources)
-        for deed in self.law.deeds(self.at(place), values, setup):
+        for deed in self.law.deeds(self.inner(place, setup.mechanism), values, setup):
             yield deed.within(rows)
 
-    def drawn(self, place: Place, at: Solved) -> Drawn | None:
-        return None
-
-    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return self.law.quantities_at(self.at(place), mechanism)
-
-    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
-        return self.law.starts(self.at(place), mechanism)
-
-    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
-        return self.law.neutral_at(self.at(place), mechanism)
-
-    def magnified(self, value: float, times: float) -> float:
-        return self.law.magnified(value, times)
-
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return self.law.same_places(self.at(place), mechanism)
+        return self.law.same_places(self.inner(place, mechanism), mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{self.law.statement(self.at(place), values, mechanism)}{self._words}"
+        return f"{self.law.statement(self.inner(place, mechanism), values, mechanism)}{self._words}"
 
 
 def in_groups(law: Law, groups: Mapping[str, Sequence[Sharing]]) -> Iterator[Law]:
