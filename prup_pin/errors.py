@@ -155,13 +155,16 @@ class SimulationStoppedError(PrupPinError):
 
 
 class MissingExtraError(PrupPinError, ImportError):
-    """An optional dependency is not installed; the message holds the command that installs it."""
+    """A package is not installed; the message holds the command that installs it.
 
-    def __init__(self, package: str, extra: str):
+    `extra`: the extra of prup_pin that brings it along; None where a plain installation does.
+    """
+
+    def __init__(self, package: str, extra: str | None = None):
         self.package, self.extra = package, extra
+        where = f"prup_pin's extra '{extra}'" if extra else "what a plain `pip install prup_pin` brings"
         super().__init__(
-            f"this needs the package '{package}', which is not installed: pip install {package} "
-            f"(it is part of prup_pin's extra '{extra}')"
+            f"this needs the package '{package}', which is not installed: pip install {package} (it is part of {where})"
         )
 
 

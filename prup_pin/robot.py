@@ -191,7 +191,7 @@ class Robot:
         ellipsoids: str = "beside",
         serve: bool = False,
     ) -> View:
-        """Return a view of the robot in meshcat's viewer (extra: view): `view.save("view.html")`, or a notebook's cell.
+        """Return a view of the robot in meshcat's viewer: `view.save("view.html")`, or a notebook's cell.
 
         What each argument means stands at `prup_pin.views.meshcat.view.view`; that file is loaded only now.
         """

@@ -86,7 +86,7 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
         if examples is None:
             from .errors import MissingExtraError
 
-            raise MissingExtraError("example-robot-data", "robots")
+            raise MissingExtraError("example-robot-data")
         return examples / EXAMPLE_ROBOTS[name], (examples.parents[1], examples.parent), None
     raise UnknownNameError("robot", name, (*packaged_names(), *EXAMPLE_ROBOTS), "A path to a file works too.")
 

@@ -1,6 +1,6 @@
 # Sourced by the other scripts: makes the project's own virtual environment.
 #
-#   use_venv EXTRAS    makes .venv in the project's folder, or reuses it, with the package installed as `.[EXTRAS]`,
+#   use_venv [EXTRAS]  makes .venv in the project folder, or reuses it, with `.` or `.[EXTRAS]` installed,
 #                      and sets VENV_PYTHON to its interpreter.
 #
 # Needs bash and Python 3.10 or newer with venv and pip. PYTHON=/path/to/python chooses the interpreter. Another
@@ -65,8 +65,9 @@ _with_dots() {
 }
 
 use_venv() {
-  local extras="$1" root venv python wanted mark
+  local extras="${1:-}" root venv python wanted mark what
   root="$(project_folder)"
+  what="${extras:+[$extras]}"
   venv="$root/.venv"
   unset PYTHONHOME PYTHONPATH
   python="$(_find_python)" || exit 1
@@ -83,9 +84,9 @@ use_venv() {
   mark="$venv/.installed-$(printf '%s' "$extras" | tr ',' '-')"
   wanted="$(cksum <"$root/pyproject.toml") $root"
   if [ ! -f "$mark" ] || [ "$(cat "$mark")" != "$wanted" ] || ! "$VENV_PYTHON" -c 'import prup_pin' >/dev/null 2>&1; then
-    _with_dots "Installing prup_pin[$extras] and what it needs, about a minute" \
-      "$VENV_PYTHON" -m pip install --quiet --disable-pip-version-check --no-input -e "$root[$extras]" ||
-      _fail "pip could not install prup_pin[$extras]; see above."
+    _with_dots "Installing prup_pin$what and what it needs, about a minute" \
+      "$VENV_PYTHON" -m pip install --quiet --disable-pip-version-check --no-input -e "$root$what" ||
+      _fail "pip could not install prup_pin$what; see above."
     printf '%s\n' "$wanted" >"$mark"
   fi
 }

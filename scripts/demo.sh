@@ -4,5 +4,5 @@
 set -euo pipefail
 
 source "$(dirname "${BASH_SOURCE[0]}")/_venv.sh"
-use_venv figures
+use_venv
 exec "$VENV_PYTHON" "$(project_folder)/scripts/demo.py" "$@"

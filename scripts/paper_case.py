@@ -4,8 +4,7 @@
 
 A correct 3-PRUP (the independent simulator of tests/reference/concealed, sensor noise included) is recorded; the robot
 file's variant `as_published`, which carries the printed sign of Eq. (90), is compared with it. Prints the verdict and
-draws paper_case.png: the residual before and after, and what the printed equation leaves out at a rod's tip. Needs the
-extra `figures`.
+draws paper_case.png: the residual before and after, and what the printed equation leaves out at a rod's tip.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ def test_pyplot_stays_untouched():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_missing_matplotlib_names_the_extra():
+def test_missing_matplotlib_says_what_to_install():
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
         "try:\n    import prup_pin.views.drawing.figures\n"

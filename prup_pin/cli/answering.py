@@ -28,9 +28,7 @@ def stiffness(
     as_json: Annotated[
         str | None, typer.Option("--json", metavar="FILE|-", help="Write all numbers in SI; - is stdout, without text.")
     ] = None,
-    pictures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there (extra: figures).")
-    ] = None,
+    pictures: Annotated[Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there.")] = None,
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity", help="Also say which values to change first to make it stiffer.")
     ] = False,

@@ -22,19 +22,23 @@ def diagnose(
     robot: RobotOption = None,
     variant: Variant = None,
     tolerances: TolerancesOption = None,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html (extra: report).")] = True,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
 ) -> None:
     """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
-    from ..views.report.diagnosis_files import check_before, write_diagnosis
+    from ..views.report.diagnosis_files import REPORT, check_before, missing_for_report, write_diagnosis
     from ..views.text.diagnosis_text import print_diagnosis
 
-    check_before(out, recordings, report)
+    check_before(out, recordings)
+    missing = missing_for_report() if report else ""
     read = [with_tolerances(read_recording(path), tolerances) for path in recordings]
     name = robot or robot_of_all(read)
     loaded = Reading(variant=variant).load(name)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, tell=tell)
-    written = write_diagnosis(found, loaded, read, out, robot_name=name, variant=variant, report=report)
+    drawn = report and not missing
+    written = write_diagnosis(found, loaded, read, out, robot_name=name, variant=variant, report=drawn)
     print_diagnosis(terminal.console(), loaded, read, found)
     list_written(written)
+    if missing:
+        typer.echo(f"Left out: {REPORT}: {missing}")

@@ -29,7 +29,7 @@ def view(
     serve: Annotated[bool, typer.Option("--serve", help="Serve it on this machine until Ctrl-C; no file.")] = False,
     open_browser: Open = False,
 ) -> None:
-    """The robot in 3-D: its pose, its deflection, what yields (extra: view)."""
+    """The robot in 3-D: its pose, its deflection, what yields."""
     from ..views.meshcat.view import view as shown_in_3d
 
     if serve and html is not None:
@@ -58,7 +58,7 @@ def report(
     ] = None,
     open_browser: Open = False,
 ) -> None:
-    """One page with everything about one pose, to print or hand on (extra: report)."""
+    """One page with everything about one pose, to print or hand on."""
     from ..views.report import report_html
 
     check_folder(out, "--out")

@@ -153,7 +153,7 @@ def test_the_next_experiment_declares_the_same_tolerances(diagnosed, tmp_path):
 def test_without_the_extra_it_says_which(diagnosed, monkeypatch):
     robot, recording, diagnosis = diagnosed
     monkeypatch.setitem(sys.modules, "jinja2", None)
-    with pytest.raises(MissingExtraError, match="report"):
+    with pytest.raises(MissingExtraError, match="pip install jinja2"):
         diagnosis_html(diagnosis, robot, recording)
 
 

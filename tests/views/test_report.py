@@ -264,12 +264,12 @@ def test_without_jinja2_the_message_says_what_to_install(robot, pose, monkeypatc
     without_package(monkeypatch, "jinja2")
     with pytest.raises(MissingExtraError, match="pip install jinja2") as caught:
         report_html(robot, pose, WRENCH)
-    assert caught.value.extra == "report"
+    assert caught.value.extra is None
 
 
 def test_without_meshcat_the_drawing_stands_alone_and_the_page_says_so(robot, pose, monkeypatch):
     def missing(*_, **__):
-        raise MissingExtraError("meshcat", "view")
+        raise MissingExtraError("meshcat")
 
     monkeypatch.setattr("prup_pin.views.meshcat.view.view", missing)
     page = report_html(robot, pose, WRENCH)

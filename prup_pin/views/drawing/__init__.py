@@ -1,4 +1,4 @@
-"""Pictures on paper, by matplotlib (the extra `figures`): the mechanism at a pose, shares, ellipsoids, a diagnosis.
+"""Pictures on paper, by matplotlib: the mechanism at a pose, shares, ellipsoids, a diagnosis.
 
 Imports `text` and `scene`; `plotting` alone imports matplotlib.
 """

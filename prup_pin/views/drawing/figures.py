@@ -1,4 +1,4 @@
-"""Pictures: the mechanism at a pose, and which module yields. Needs matplotlib, the extra `figures`.
+"""Pictures: the mechanism at a pose, and which module yields. Needs matplotlib.
 
 The mechanism is drawn in parallel projection: gravity points down on the page, nearer parts cover farther ones, and
 labels are placed where nothing else is.

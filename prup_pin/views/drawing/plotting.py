@@ -14,7 +14,7 @@ try:
     from matplotlib.patches import Patch, Polygon
     from matplotlib.transforms import Bbox
 except ImportError as error:
-    raise MissingExtraError("matplotlib", "figures") from error
+    raise MissingExtraError("matplotlib") from error
 
 __all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "Patch", "PolyCollection", "Polygon", "plain_words"]
 

@@ -1,4 +1,4 @@
-"""Scenes in a browser, by meshcat's viewer (the extra `view`): commands of its protocol, a page, a small server.
+"""Scenes in a browser, by meshcat's viewer: commands of its protocol, a page, a small server.
 
 Imports `scene`, and nothing of `drawing`.
 """

@@ -33,7 +33,7 @@ def _msgpack():
     try:
         return importlib.import_module("umsgpack")  # comes with meshcat
     except ImportError as error:
-        raise MissingExtraError("meshcat", "view") from error
+        raise MissingExtraError("meshcat") from error
 
 
 def packed(command: Command) -> bytes:

@@ -33,7 +33,7 @@ class Server:
             import tornado.web
             import tornado.websocket
         except ImportError as error:
-            raise MissingExtraError("meshcat", "view") from error
+            raise MissingExtraError("meshcat") from error
         server = self
         self._messages: list[bytes | str] = []
         self._sockets: set[Any] = set()

@@ -1,6 +1,6 @@
 """Scenes in meshcat's viewer: as a self-contained HTML page, in a notebook, or served to a browser on this machine.
 
-Needs the extra `view`, which is loaded when it is first used.
+Meshcat is loaded when it is first used.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def _viewer_script() -> str:
         path = Path(folder) / "viewer" / "dist" / "main.min.js"
         if path.is_file():
             return path.read_text(encoding="utf-8")
-    raise MissingExtraError("meshcat", "view")
+    raise MissingExtraError("meshcat")
 
 
 # -- the page ----------------------------------------------------------------------------------------------------------

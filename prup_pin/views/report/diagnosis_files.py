@@ -13,7 +13,7 @@ import numpy as np
 
 from ... import __version__
 from ...diagnosis import Diagnosis
-from ...errors import InputError
+from ...errors import InputError, MissingExtraError
 from ...laws import Effect
 from ...laws.in_recording import lasting
 from ...mechanism import Mechanism
@@ -26,17 +26,24 @@ from ..text.diagnosis_words import verdict_text
 from .as_json import dump
 from .diagnosis_json import diagnosis_as_json
 
-__all__ = ["MODEL", "PLAN", "REPORT", "VERDICT", "check_before", "write_diagnosis"]
+__all__ = ["MODEL", "PLAN", "REPORT", "VERDICT", "check_before", "missing_for_report", "write_diagnosis"]
 
 VERDICT, MODEL, REPORT, PLAN = "diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"
 
 
-def check_before(folder: Path, recordings: Path | Sequence[Path], report: bool = True) -> None:
-    """Raise InputError or MissingExtraError, before anything is computed, where the files cannot be written."""
-    if report:
+def missing_for_report() -> str:
+    """Return what keeps the report from being made, in words; nothing where it can be made."""
+    try:
         from .diagnosis_report import page
 
         page()
+    except MissingExtraError as error:
+        return str(error)
+    return ""
+
+
+def check_before(folder: Path, recordings: Path | Sequence[Path]) -> None:
+    """Raise InputError, before anything is computed, where the files cannot be written."""
     there = folder
     while not there.exists() and there != there.parent:
         there = there.parent
@@ -66,8 +73,8 @@ def write_diagnosis(
 
     recording: the one that was diagnosed, or all of them. robot_name, variant: what `load` takes for this robot; the
     corrected model names it. Each file is replaced as a whole or not at all; a report or a plan of an earlier diagnosis
-    does not stay. Raises InputError where the folder cannot be written, MissingExtraError where the report's extra is
-    not installed.
+    does not stay. Raises InputError where the folder cannot be written, MissingExtraError where what
+    makes the report is not installed.
     """
     text = None
     if report:

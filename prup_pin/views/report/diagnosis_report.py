@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one self-contained page for a colleague. Needs the extra `report`.
+"""The report of a diagnosis: one self-contained page for a colleague.
 
 It holds everything, runs no script and fetches nothing; names of files and robots are escaped by the template engine.
 """

@@ -1,4 +1,4 @@
-"""The report: one self-contained page for whoever builds the machine. Needs the extra `report`.
+"""The report: one self-contained page for whoever builds the machine.
 
 The page holds everything and fetches nothing. What a robot file names is escaped by the template engine; beyond that
 the page allows only its own scripts, by their hashes.
@@ -76,7 +76,7 @@ def report_html(
     changes: parameters that differ from the robot file, by name, to be named in the report.
     notes: remarks to be added.
 
-    Without the extra `view` the scene is left out and the page says so. Raises MissingExtraError, and what
+    Without meshcat the scene is left out and the page says so. Raises MissingExtraError, and what
     `robot.pose` and `robot.compliance` raise.
     """
     template = page_template("report_page.html")
@@ -134,7 +134,7 @@ def page_template(name: str):
     try:
         import jinja2
     except ImportError as error:
-        raise MissingExtraError("jinja2", "report") from error
+        raise MissingExtraError("jinja2") from error
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("prup_pin", "views/report"),
         autoescape=True,  # names come from files that anybody may have written

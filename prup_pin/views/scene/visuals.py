@@ -145,7 +145,7 @@ def _load_mesh(path: str, _changed: int) -> tuple[tuple[Mesh, str | None], ...]:
     try:
         import trimesh
     except ImportError as error:
-        raise MissingExtraError("trimesh", "view") from error
+        raise MissingExtraError("trimesh") from error
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what readers of mesh formats deprecate is not the user's concern
