@@ -1,5 +1,7 @@
 """Stiffness of robots with closed loops, on Pinocchio: how stiff, here, in this direction, and which part is soft."""
 
+from typing import TYPE_CHECKING
+
 from .errors import (
     InputError,
     JointLimitWarning,
@@ -23,6 +25,9 @@ from .robot import Robot
 from .sensitivity import Sensitivity
 from .simulation import Prediction, simulate
 from .statics import Compliance
+
+if TYPE_CHECKING:  # completion and type checkers see it
+    from .diagnosis import diagnose
 
 __version__ = "0.1.0"
 

@@ -7,9 +7,11 @@ facts as attributes, so that a program need not parse the sentence.
 from __future__ import annotations
 
 import difflib
+import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 
 __all__ = [
     "InputError",
@@ -26,6 +28,7 @@ __all__ = [
     "SingularPoseError",
     "UnknownNameError",
     "UnreachablePoseError",
+    "imported",
 ]
 
 
@@ -166,6 +169,14 @@ class MissingExtraError(PrupPinError, ImportError):
         super().__init__(
             f"this needs the package '{package}', which is not installed: pip install {package} (it is part of {where})"
         )
+
+
+def imported(package: str, extra: str) -> ModuleType:
+    """Return an optional package that is installed. Raises MissingExtraError."""
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise MissingExtraError(package, extra) from error
 
 
 class JointLimitWarning(UserWarning):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .errors import InputError, PrupPinError, UnreachablePoseError
+from .errors import InputError, PrupPinError, UnreachablePoseError, imported
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
@@ -21,6 +21,8 @@ from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, solve_statics
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from .views.meshcat.view import PoseLike, View
 
 __all__ = ["Robot"]
@@ -184,16 +186,27 @@ class Robot:
         wrench=None,
         scale: float | None = None,
         *,
-        motion: str | None = None,
+        motion: Literal["load", "mode 1", "mode 2", "mode 3", "mode 4", "mode 5", "mode 6"] | None = None,
         workspace: Sequence[ClosedPose] | None = None,
         index: Callable[[Compliance], float] | None = None,
         compliance: Compliance | None = None,
-        ellipsoids: str = "beside",
+        ellipsoids: Literal["beside", "tool", "none"] = "beside",
         serve: bool = False,
     ) -> View:
-        """Return a view of the robot in meshcat's viewer: `view.save("view.html")`, or a notebook's cell.
+        """Return a view of the robot in meshcat's viewer: `view.save("view.html")`, or a notebook cell's last line.
 
-        What each argument means stands at `prup_pin.views.meshcat.view.view`; that file is loaded only now.
+        pose: a closed pose, or task coordinates such as {"z": 0.4}; none: home. Several make a path that the robot
+            follows.
+        wrench: (6,) or {"fx": 300}, on the tool, base axes [N, N m]: draws the deflection and each module's share.
+        scale: the deflection is drawn this many times larger; none: a round number that shows it.
+        motion: 'load' lets the load grow and fall; 'mode 1' (to 6) shows a vibration mode, see `statics.vibration`.
+        workspace: poses, drawn as a cloud of dots coloured by `index` (of a Compliance); none: the largest
+            translational compliance.
+        compliance: that of the pose, where it is not the one at rest: `robot.compliance(pose, load=…)`.
+        ellipsoids: 'beside' the robot, at the 'tool', or 'none'.
+        serve: serve it on this machine; the address is `view.url`.
+
+        Raises InputError, MissingExtraError, and what `pose` and `compliance` raise.
         """
         from .views.meshcat.view import view
 
@@ -249,11 +262,74 @@ class Robot:
             notes.append(f"locked where they stand: {', '.join(sorted(self.mechanism.locked))}")
         return tuple(notes)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the robot file says, as plain numbers and lists, SI: joints, loops, modules, all parameters."""
+        mechanism = self.mechanism
+        joints = {
+            joint.name: {"unit": joint.unit, "actuated": joint.name in mechanism.actuated} for joint in mechanism.joints
+        }
+        return {
+            "robot": self.name,
+            "file": str(mechanism.description.path),
+            "tool": None if mechanism.tool is None else mechanism.tool.name,
+            "gravity": mechanism.gravity.tolist(),
+            "task_coordinates": list(self.task_coordinates),
+            "joints": joints,
+            "locked": sorted(mechanism.locked),
+            "loops": {
+                loop.name: {"frames": [loop.first.name, loop.second.name], "free": sorted(loop.free)}
+                for loop in mechanism.loops
+            },
+            "modules": {
+                module.name: {"kind": module.kind.kind, "leg": module.leg, "joint": mechanism.joint(module.joint).name}
+                for module in mechanism.modules
+            },
+            "parameters": {
+                name: {"value": _plain(parameter.value), "unit": parameter.unit, "source": parameter.source}
+                for name, parameter in self.parameters.items()
+            },
+            "assumptions": list(self.assumptions),
+        }
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas table of all parameters, a row for each name: module, kind, value, unit, source.
+
+        Raises MissingExtraError (extra: tables).
+        """
+        kinds = {module.name: module.kind.kind for module in self.mechanism.modules}
+        rows = [
+            {
+                "parameter": name,
+                "module": parameter.owner,
+                "kind": kinds.get(parameter.owner, "length"),
+                "value": parameter.value,
+                "unit": parameter.unit,
+                "tolerance": parameter.tolerance,
+                "source": parameter.source,
+            }
+            for name, parameter in self.parameters.items()
+        ]
+        columns = ["parameter", "module", "kind", "value", "unit", "tolerance", "source"]
+        return imported("pandas", "tables").DataFrame(rows, columns=columns).set_index("parameter")
+
+    def _repr_html_(self) -> str:
+        from .views.notebook.cells import robot_html
+
+        return robot_html(self)
+
     def __repr__(self) -> str:
         m = self.mechanism
         return (
             f"<Robot {m.name}: {m.model.njoints - 1} joints, {len(m.loops)} loops, {len(m.modules)} compliant modules>"
         )
+
+
+def _plain(value: Any) -> Any:
+    """Return a number or lists of numbers; what is not finite is None."""
+    array = np.asarray(value, float)
+    if array.ndim:
+        return [_plain(item) for item in array]
+    return float(array) if np.isfinite(array) else None
 
 
 def random_poses(

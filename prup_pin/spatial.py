@@ -119,6 +119,23 @@ def as_wrench(value, name: str = "wrench") -> Array:
     return wrench
 
 
+def as_wrenches(value, name: str = "wrench") -> Array:
+    """Return `value` as finite wrenches (..., 6), or raise InputError. A mapping is one wrench, by its components."""
+    if not isinstance(value, Mapping):
+        try:
+            wrenches = np.asarray(value, float)
+        except (TypeError, ValueError, OverflowError):
+            wrenches = np.zeros(0)
+        if wrenches.ndim > 1:
+            if wrenches.shape[-1] != 6 or not np.isfinite(wrenches).all():
+                raise InputError(
+                    f"{name}: several have shape (…, 6), along the last axis finite fx fy fz mx my mz [N, N m]; got "
+                    f"shape {wrenches.shape}"
+                )
+            return wrenches
+    return as_wrench(value, name)
+
+
 def rotation_exp(vector: Array) -> Array:
     """Return exp([v]x), the rotation of rotation vectors (..., 3), as (..., 3, 3)."""
     squared = (vector * vector).sum(-1)[..., None, None]

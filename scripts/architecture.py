@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from prup_pin.views.drawing.drawing import FAINT, INK
-from tests.imports import DOOR, needed, room_imports
+from tests.imports import DOORS, needed, room_imports
 
 OUT = ROOT / "docs" / "pictures"
 STIFF, LEFT_OUT, BOTH = "#0072B2", "#009E73", INK  # colours of the roads
@@ -73,7 +73,7 @@ BOXES = {
     "simulation": Box(10, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
     "channels": Box(11, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
     "diagnosis": Box(12, RIGHT, LEFT_OUT, "locate, compete, judge"),
-    "views": Box(13, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, scene, drawing, meshcat, report"),
+    "views": Box(13, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, notebook, scene, drawing, meshcat, report"),
     "cli": Box(14, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
 }
 #: Rooms that are made to be added to.
@@ -81,8 +81,8 @@ OPEN = {"modules": "a module", "mechanism": "a format", "laws": "a law, a deed",
 
 
 def arrows(rooms: dict[str, set[str]]) -> list[tuple[str, str]]:
-    """Return the arrows that are drawn: those from which all other imports follow, without the ground and the door."""
-    without = {room: others - {DOOR[1]} if room == DOOR[0] else others for room, others in rooms.items()}
+    """Return the arrows that are drawn: those from which all other imports follow, without the ground and the doors."""
+    without = {room: others - {other for start, other in DOORS if start == room} for room, others in rooms.items()}
     return sorted((room, other) for room, other in needed(without) if other not in GROUND_ROOMS)
 
 
@@ -118,7 +118,7 @@ def picture(rooms: dict[str, set[str]]) -> Figure:
         _draw_room(axes, room, BOXES[room])
     for room, other in arrows(rooms):
         _draw_arrow(axes, room, other)
-    _draw_door(axes)
+    _draw_doors(axes)
     _draw_plus(axes, (RIGHT[0] + 0.25, BOTTOM + 2.1 * PITCH), INK)
     for line, text in enumerate(("made to be added to:", "; ".join(OPEN.values()))):
         at = BOTTOM + 2.1 * PITCH - 0.24 * line
@@ -180,13 +180,29 @@ def _arrow(axes, start: tuple[float, float], end: tuple[float, float]) -> None:
     axes.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>", **how))
 
 
-def _draw_door(axes) -> None:
-    room, other = (BOXES[name] for name in DOOR)
-    left, at, to = 0.4, (room.low + room.high) / 2, (other.low + other.high) / 2
-    axes.plot((room.sides[0], left, left), (at, at, to), color=FAINT, lw=1.3, ls=(0, (4, 3)))
-    _arrow(axes, (left, to), (other.sides[0], to))
-    text = "only when a picture is asked for"
-    axes.text(left - 0.13, (at + to) / 2, text, fontsize=9, color=FAINT, rotation=90, ha="center", va="center")
+def _draw_doors(axes) -> None:
+    for room, other in sorted((BOXES[start], BOXES[end]) for start, end in DOORS):
+        on_left = room.sides[0] < other.middle
+        edge, side = (room.sides[0], other.sides[0]) if on_left else (room.sides[1], other.sides[1])
+        outside, at, to = 0.4 if on_left else SIZE[0] - 0.4, (room.low + room.high) / 2, (other.low + other.high) / 2
+        axes.plot((edge, outside, outside), (at, at, to), color=FAINT, lw=1.3, ls=(0, (4, 3)))
+        _arrow(axes, (outside, to), (side, to))
+    text = "only when it is to be shown"
+    axes.text(
+        0.27,
+        (at_of("robot") + at_of("views")) / 2,
+        text,
+        fontsize=9,
+        color=FAINT,
+        rotation=90,
+        ha="center",
+        va="center",
+    )
+
+
+def at_of(room: str) -> float:
+    """Return the height of a box's middle."""
+    return (BOXES[room].low + BOXES[room].high) / 2
 
 
 def _draw_road(axes, left: float, row: float, title: str, lines: Sequence[str], colour: str) -> None:

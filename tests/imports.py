@@ -36,8 +36,9 @@ LAYERS = [
     "views",
     "cli",
 ]
-#: The one door from a robot to its picture: `Robot.view` loads the view when it is asked for one, and not before.
-DOOR = ("robot", "views")
+#: Doors from an object to how it is shown: `Robot.view`, and what a notebook asks of a robot, a compliance, a
+#: diagnosis. The view is loaded when one of them is called, and not before.
+DOORS = {("robot", "views"), ("statics", "views"), ("diagnosis", "views")}
 
 
 def room_of(path: Path) -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..channels import Columns, Noise
+from ..errors import imported
 from ..laws import Effect
 from ..simulation import Run
 from ..spatial import Array
@@ -16,6 +17,9 @@ from .by_recording import ByRecording
 from .calibrate import CalibratedParameter
 from .local_curve import LocalCurve
 from .recovered import Agreement, Recovered, Residuals
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["Detectable", "Diagnosis", "Finding", "FittedParameter"]
 
@@ -106,3 +110,32 @@ class Diagnosis:
     def explained(self) -> bool:
         """True where what is left is noise."""
         return self.verdict != "unexplained"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `prup-pin diagnose` writes as diagnosis.json; docs/diagnosis.md explains its keys."""
+        from ..views.report.diagnosis_json import diagnosis_as_json
+
+        return diagnosis_as_json(self, None if self.final is None else self.final.geometry.robot)
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas table with a row for each fitted parameter of each finding (extra: tables).
+
+        Columns: finding (counted from 1), physics, location, parameter, value, unit, low, high (95 % interval),
+        heldout_gain. A finding without parameters has one row without them. Raises MissingExtraError.
+        """
+        rows: list[dict[str, Any]] = []
+        for number, finding in enumerate(self.findings, 1):
+            same = {"finding": number, "physics": finding.physics, "location": finding.location}
+            for name, fitted in finding.parameters.items() or [(None, None)]:
+                row = {**same, "parameter": name, "heldout_gain": finding.heldout_gain}
+                if fitted is not None:
+                    low, high = sorted(fitted.interval)
+                    row |= {"value": fitted.value, "unit": fitted.unit, "low": low, "high": high}
+                rows.append(row)
+        columns = ["finding", "physics", "location", "parameter", "value", "unit", "low", "high", "heldout_gain"]
+        return imported("pandas", "tables").DataFrame(rows, columns=columns)
+
+    def _repr_html_(self) -> str:
+        from ..views.notebook.cells import diagnosis_html
+
+        return diagnosis_html(self)

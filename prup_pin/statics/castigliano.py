@@ -45,16 +45,26 @@ class Statics(NamedTuple):
 
         By virtual work, sum J_m^T e_m with the loads J_m of unit wrenches on that frame.
         """
-        virtual = self.jacobians
-        if frame is not None:
-            rows = loads_from_frame(self.layout, self.pose, self.maps, self.pose.mechanism.frame(frame))
-            virtual = self.layout.split(rows)
-            if self.stress is not None:
-                virtual = _least_energy(virtual, self.stress, self.lambdas)
         return sum(
             (jacobian.mT @ strain[..., None])[..., 0].sum(axis=0)
-            for jacobian, strain in zip(virtual, strains, strict=True)
+            for jacobian, strain in zip(self._virtual(frame), strains, strict=True)
         )
+
+    def compliance_of(self, frame: str) -> Array:
+        """Return the displacement of a named frame per wrench on the tool, (6, 6)."""
+        return sum(
+            (virtual.mT @ lam @ jacobian).sum(axis=0)
+            for virtual, lam, jacobian in zip(self._virtual(frame), self.lambdas, self.jacobians, strict=True)
+        )
+
+    def _virtual(self, frame: str | None) -> tuple[Array, Array]:
+        """Return the modules' loads under unit wrenches on the tool, or on a named frame."""
+        if frame is None:
+            return self.jacobians
+        virtual = self.layout.split(
+            loads_from_frame(self.layout, self.pose, self.maps, self.pose.mechanism.frame(frame))
+        )
+        return virtual if self.stress is None else _least_energy(virtual, self.stress, self.lambdas)
 
 
 def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = None) -> Statics:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from eigenpy import PartialPivLU
 
-from ..errors import InputError, NoStiffnessError, UnknownNameError
+from ..errors import InputError, NoStiffnessError, UnknownNameError, imported
 from ..kernel import NEGLIGIBLE_ENERGY
-from ..spatial import WRENCH_NAMES, Array, as_wrench, frobenius
+from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius
 from .castigliano import Statics
 from .elastic_line import ElasticLine, elastic_line
 from .weight import weight_strains
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["Compliance"]
 
@@ -40,6 +44,9 @@ class _Named(Mapping):
 
     def __len__(self) -> int:
         return len(self._index)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self._index)
 
 
 class Compliance:
@@ -96,18 +103,14 @@ class Compliance:
         return k
 
     def deflection(self, wrench, frame: str | None = None) -> Array:
-        """Return the deflection (6,) [m, rad] of the tool, or of any named frame, under a wrench (6,) on the tool.
+        """Return the deflection (..., 6) [m, rad] of the tool, or of a named frame, under tool wrenches (..., 6).
 
         The deflection of another frame is that of a point fixed to its body, base axes, by Castigliano's dummy load.
+        Several wrenches are answered at once, each along the last axis; {"fx": 300} is one.
         """
-        w = as_wrench(wrench)
-        if frame is None:
-            return self.C @ w
-        strains = [
-            (lam @ (jacobian @ w)[..., None])[..., 0]
-            for jacobian, lam in zip(self._statics.jacobians, self._statics.lambdas, strict=True)
-        ]
-        return self._statics.displacement(strains, frame)
+        w = as_wrenches(wrench)
+        c = self.C if frame is None else self._statics.compliance_of(frame)
+        return (c @ w[..., None])[..., 0]
 
     def elastic_line(self, name: str, wrench, count: int = 25) -> ElasticLine:
         """Return the bent centre line of a beam module under a wrench (6,) on the tool, `count` sections root to tip.
@@ -198,6 +201,78 @@ class Compliance:
         Small deflections; gravity is the robot file's.
         """
         return self._statics.displacement(weight_strains(self._statics), frame)
+
+    # -- to hand on ------------------------------------------------------------------------------------------------
+
+    def to_dict(self, wrench=None) -> dict[str, Any]:
+        """Return pose, C, K and the parts as plain numbers and lists, SI; what does not exist is None.
+
+        With a `wrench` (6,) on the tool also the deflection, and each part's share in it where it is not zero.
+        """
+        pose, load = self.pose, None if wrench is None else as_wrench(wrench)
+        shares = self._shares(load)
+        modules = {
+            module.name: {
+                "kind": module.kind.kind,
+                "leg": module.leg,
+                "group": "bodies" if module.kind.is_body else "joints",
+                "C": self.parts[module.name].tolist(),
+                "share": shares.get(module.name),
+                "deflection": None if load is None else (self.parts[module.name] @ load).tolist(),
+            }
+            for module in pose.mechanism.modules
+        }
+        return {
+            "robot": pose.mechanism.name,
+            "tool": pose.mechanism.need_tool().name,
+            "coordinates": {name: float(value) for name, value in pose.coordinates.items()},
+            "actuators": pose.actuators,
+            "C": self.C.tolist(),
+            "K": None if len(self.rigid_directions) else self.K.tolist(),
+            "rigid_directions": self.rigid_directions.tolist(),
+            "wrench": None if load is None else load.tolist(),
+            "deflection": None if load is None else self.deflection(load).tolist(),
+            "modules": modules,
+            "legs": {leg: part.tolist() for leg, part in self.legs.items()},
+        }
+
+    def to_dataframe(self, wrench=None) -> DataFrame:
+        """Return a pandas table with a row for each module: its kind, leg, group and part (extra: tables).
+
+        With a `wrench` (6,) its share and its part dx … rz in the tool's deflection [m, rad]; without one the diagonal
+        of its C, dx/fx … rz/mz. Raises MissingExtraError.
+        """
+        load = None if wrench is None else as_wrench(wrench)
+        shares = self._shares(load)
+        parts = np.array([self.parts[name] for name in self.names])
+        rows = []
+        for module, part in zip(self.pose.mechanism.modules, parts, strict=True):
+            row: dict[str, Any] = {
+                "module": module.name,
+                "kind": module.kind.kind,
+                "leg": module.leg,
+                "group": "bodies" if module.kind.is_body else "joints",
+            }
+            if load is None:
+                names = [f"{moved}/{by}" for moved, by in zip(TWIST_NAMES, WRENCH_NAMES, strict=True)]
+                row |= dict(zip(names, np.diagonal(part).tolist(), strict=True))
+            else:
+                row["share"] = shares.get(module.name)
+                row |= dict(zip(TWIST_NAMES, (part @ load).tolist(), strict=True))
+            rows.append(row)
+        return imported("pandas", "tables").DataFrame(rows).set_index("module")
+
+    def _shares(self, load: Array | None) -> dict[str, float]:
+        """Return the shares under a load that deflects something."""
+        try:
+            return {} if load is None else self.shares(load)
+        except InputError:
+            return {}
+
+    def _repr_html_(self) -> str:
+        from ..views.notebook.cells import compliance_html
+
+        return compliance_html(self)
 
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={value:.4g}" for name, value in self.pose.coordinates.items())

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -196,27 +196,14 @@ def view(
     wrench=None,
     scale: float | None = None,
     *,
-    motion: str | None = None,
+    motion: Literal["load", "mode 1", "mode 2", "mode 3", "mode 4", "mode 5", "mode 6"] | None = None,
     workspace: Sequence[ClosedPose] | None = None,
     index: Callable[[Compliance], float] | None = None,
     compliance: Compliance | None = None,
-    ellipsoids: str = "beside",
+    ellipsoids: Literal["beside", "tool", "none"] = "beside",
     serve: bool = False,
 ) -> View:
-    """Return a view of the robot, in meshcat's viewer; `view.save("view.html")`, or the last line of a notebook's cell.
-
-    pose: a closed pose, or task coordinates such as {"z": 0.4}; none: home. Several make a path that the robot follows.
-    wrench: (6,) or {"fx": 300}, on the tool, base axes [N, N m]: draws the deflection and each module's share in it.
-    scale: the deflection is drawn this many times larger; none: a round number that shows it.
-    motion: 'load' lets the load grow and fall; 'mode 1' (to 6) shows a vibration mode, see `statics.vibration`.
-    workspace: poses, drawn as a cloud of dots coloured by `index` (of a Compliance); none: the largest translational
-        compliance.
-    compliance: that of the pose, where it is not the one at rest: `robot.compliance(pose, load=…)`.
-    ellipsoids: 'beside' the robot, at the 'tool', or 'none'.
-    serve: serve it on this machine; the address is `view.url`.
-
-    Raises InputError, MissingExtraError, and what `robot.pose` and `robot.compliance` raise.
-    """
+    """Return a view of the robot, in meshcat's viewer; the arguments are explained at `Robot.view`."""
     poses = [_pose(robot, item) for item in _several(pose)]
     single = poses[0] if poses else None
     shown: Scene | Motion

@@ -18,12 +18,15 @@ __all__ = ["UNIT", "diagnosis_as_json"]
 UNIT = "multiples of the noise (RMS of whitened residual)"
 
 
-def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot, version: str = "") -> dict[str, Any]:
-    """Return the document that `prup-pin diagnose` writes. What does not exist, or is not finite, is None."""
+def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = "") -> dict[str, Any]:
+    """Return the document that `prup-pin diagnose` writes. What does not exist, or is not finite, is None.
+
+    Without a robot (nothing could be compared) it has no name and no curves.
+    """
     noise = diagnosis.noise
     document: dict[str, Any] = {
         "prup_pin": version,
-        "robot": robot.name,
+        "robot": None if robot is None else robot.name,
         "verdict": diagnosis.verdict,
         "noise": {
             "source": noise.source,
@@ -87,7 +90,7 @@ def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
     }
 
 
-def _finding(finding: Finding, robot: Robot) -> dict[str, Any]:
+def _finding(finding: Finding, robot: Robot | None) -> dict[str, Any]:
     value: dict[str, Any] = {
         "physics": finding.physics,
         "location": finding.location,
@@ -101,7 +104,7 @@ def _finding(finding: Finding, robot: Robot) -> dict[str, Any]:
         "statement": finding.statement,
         "alternatives": list(finding.alternatives),
     }
-    if finding.curve is not None:
+    if finding.curve is not None and robot is not None:
         value["curve"] = _curve(finding.curve, robot)
     return value
 
