@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from .mechanism.readers import read
 from .parameters import Parameter
 from .robot import Robot
 
-__all__ = ["load"]
+__all__ = ["Reading", "load"]
 
 
 def load(
@@ -70,6 +70,37 @@ def load(
             f'load(..., actuated=["joint", …]) with names from {", ".join(list(mechanism.model.names)[1:])}'
         )
     return Robot(mechanism).prepared()
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a robot's file is read beyond what it says: the arguments of `load`, and what is changed afterwards.
+
+    parameters: other values by full name; held: joints that stand still, and where [m, rad].
+    """
+
+    variant: str | None = None
+    tool: str | None = None
+    joint_stiffness: float | Mapping[str, float] | None = None
+    actuated: Sequence[str] | None = None
+    home: Mapping[str, float] | None = None
+    package_folders: Sequence[str | Path] | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    def load(self, name: str) -> Robot:
+        """Return the robot of that name or file, read so. Raises as `load` and the changes do."""
+        robot = load(
+            name,
+            tool=self.tool,
+            joint_stiffness=self.joint_stiffness,
+            variant=self.variant,
+            actuated=self.actuated,
+            home=self.home,
+            package_folders=self.package_folders,
+        )
+        robot = robot.with_parameters(self.parameters) if self.parameters else robot
+        return robot.with_held_joints(self.held)
 
 
 def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, stiffness) -> RobotDescription:

@@ -239,6 +239,18 @@ class Robot:
         """
         return self._with(self.mechanism.with_locked_joints([names] if isinstance(names, str) else list(names)))
 
+    def with_tool(self, frame: str) -> Robot:
+        """Return the robot with another tool frame, on which loads act. Raises UnknownNameError."""
+        return Robot(self.mechanism.with_tool(frame))
+
+    def with_held_joints(self, positions: Mapping[str, float]) -> Robot:
+        """Return the robot with joints that stand still at these positions [m, rad], as if their links were one.
+
+        What yields at them is gone with them. Raises UnknownNameError, and InputError for a joint of several freedoms
+        that is not held at 0.
+        """
+        return self._with(self.mechanism.with_held_joints(positions)) if positions else self
+
     def with_variant(self, name: str) -> Robot:
         """Return a variant that the robot file describes. Raises UnknownNameError."""
         return self._with(self.mechanism.with_variant(name))

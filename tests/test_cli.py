@@ -303,7 +303,7 @@ def test_bugs_keep_their_traceback(monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr("prup_pin.cli.options.load", broken)
+    monkeypatch.setattr("prup_pin.loading.load", broken)
     assert isinstance(CliRunner().invoke(app, ["info"]).exception, ZeroDivisionError)
 
 

@@ -11,7 +11,15 @@ from ..recordings import read_recording
 from ..views.text import terminal
 from . import progress
 from .files import list_written
-from .options import Reading, RecordingFiles, RobotOption, TolerancesOption, Variant, robot_of_all, with_tolerances
+from .options import (
+    Reading,
+    RecordingFiles,
+    RobotOption,
+    SetParameters,
+    TolerancesOption,
+    robot_of_all,
+    with_tolerances,
+)
 
 __all__ = ["diagnose"]
 
@@ -20,9 +28,11 @@ def diagnose(
     recordings: RecordingFiles,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
     robot: RobotOption = None,
-    variant: Variant = None,
     tolerances: TolerancesOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
 ) -> None:
     """What recordings say that the simulation left out: where, which physics, how much of it."""
     from ..diagnosis import diagnose as diagnosed
@@ -33,11 +43,11 @@ def diagnose(
     missing = missing_for_report() if report else ""
     read = [with_tolerances(read_recording(path), tolerances) for path in recordings]
     name = robot or robot_of_all(read)
-    loaded = Reading(variant=variant).load(name)
+    loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, tell=tell)
     drawn = report and not missing
-    written = write_diagnosis(found, loaded, read, out, robot_name=name, variant=variant, report=drawn)
+    written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=drawn)
     print_diagnosis(terminal.console(), loaded, read, found)
     list_written(written)
     if missing:

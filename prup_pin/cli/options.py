@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fnmatch
 import inspect
+import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
@@ -10,11 +12,11 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from .. import load
-from ..errors import InputError, nearest_names
+from .. import loading
+from ..errors import InputError, UnknownNameError, nearest_names
 from ..recordings import TYPICAL, Recording, Tolerances, read_tolerances
 from ..robot import Robot
-from ..views.text.quantities import parse_assignments, parse_quantity
+from ..views.text.quantities import UNITS, parse_assignments, parse_quantity
 
 __all__ = [
     "Frame",
@@ -26,10 +28,12 @@ __all__ = [
     "RobotName",
     "RobotOption",
     "Scale",
+    "SetParameters",
     "Stop",
     "TolerancesOption",
     "Variant",
     "Workers",
+    "changes_of",
     "robot_beside",
     "robot_of_all",
     "taken_apart",
@@ -66,6 +70,10 @@ TolerancesOption = Annotated[
         help="What is a little off, instead of what the recording declares; docs/tolerances.md.",
     ),
 ]
+SetParameters = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter; * matches several. Repeatable."),
+]
 Stop = Annotated[bool, typer.Option("--stop", help="Stop at the first row without an answer.")]
 
 
@@ -90,6 +98,19 @@ class Reading:
 
     def load(self, name: str) -> Robot:
         """Return the robot of that name or file, read so."""
+        return self.understood().load(name)
+
+    def changed(self, name: str, settings: Sequence[str] | None) -> tuple[Robot, loading.Reading]:
+        """Return the robot of that name or file with parameters changed as typed, and how it was read."""
+        understood = self.understood()
+        robot = understood.load(name)
+        changes = changes_of(robot, settings or ())
+        if not changes:
+            return robot, understood
+        return robot.with_parameters(changes), replace(understood, parameters=changes)
+
+    def understood(self) -> loading.Reading:
+        """Return what was typed, as `prup_pin.loading` takes it."""
         springs: Any = None
         if self.joint_stiffness is not None:
             if "=" in self.joint_stiffness:
@@ -99,15 +120,44 @@ class Reading:
         actuated = None
         if self.actuated is not None:
             actuated = [joint.strip() for joint in self.actuated.split(",") if joint.strip()]
-        return load(
-            name,
+        return loading.Reading(
+            variant=self.variant,
             tool=self.tool,
             joint_stiffness=springs,
-            variant=self.variant,
             actuated=actuated,
             home=None if self.home is None else _joint_values(self.home, "--home", "joint"),
             package_folders=self.package_folder,
         )
+
+
+def changes_of(robot: Robot, settings: Sequence[str]) -> dict[str, Any]:
+    """Return parameter values by full name of `--set name=value`; * in a name matches several."""
+    changes: dict[str, Any] = {}
+    for setting in settings:
+        pattern, equals, value = setting.partition("=")
+        pattern = pattern.strip()
+        if not equals:
+            raise InputError(f"--set {setting}: expected NAME=VALUE, for example leg1/linear_rod.diameter=0.022")
+        names = [pattern]
+        if any(sign in pattern for sign in "*?["):
+            names = fnmatch.filter(robot.parameters, pattern)
+            if not names:
+                raise UnknownNameError("parameter", pattern, list(robot.parameters))
+        for name in names:
+            changes[name] = _parameter_value(robot, name, value, setting)
+    return changes
+
+
+def _parameter_value(robot: Robot, name: str, value: str, setting: str) -> Any:
+    """Return a number, or an array typed as JSON; lengths and angles may carry a unit."""
+    if value.strip().startswith("["):
+        try:
+            return json.loads(value)
+        except json.JSONDecodeError as error:
+            raise InputError(f"--set {setting}: not a list of numbers ({error})") from None
+    unit = robot.parameters[name].unit if name in robot.parameters else ""
+    kind = next((known for known, units in UNITS.items() if unit in units), "number")
+    return parse_quantity(value, kind, "--set", setting, len(setting) - len(value))
 
 
 def _joint_values(text: str, option: str, dimension: str) -> dict[str, float]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
-import json
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,14 +10,14 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import InputError, JointLimitWarning, UnknownNameError
+from ..errors import InputError, JointLimitWarning
 from ..kinematics import ClosedPose
 from ..robot import Robot
 from ..spatial import Array, as_wrench
 from ..statics import Compliance
 from ..views.text.joints import coordinate_dimensions, dimension
-from ..views.text.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
-from .options import Reading, RobotName
+from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list
+from .options import Reading, RobotName, SetParameters, changes_of
 
 __all__ = ["Case", "Question", "limits_as_notes"]
 
@@ -60,10 +58,7 @@ class Question:
     at_load: Annotated[
         bool, typer.Option("--at-load", help="Take modules that stiffen with load at --wrench, not at rest.")
     ] = False
-    set_parameters: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter; * matches several. Repeatable."),
-    ] = None
+    set_parameters: SetParameters = None
     lock: Annotated[
         list[str] | None, typer.Option("--lock", metavar="JOINT", help="Put a brake on a joint. Repeatable.")
     ] = None
@@ -81,7 +76,7 @@ class Question:
         notes: list[str] = []
         with limits_as_notes(notes):
             robot = self.reading.load(self.robot)
-            changes = _changes(robot, self.set_parameters or [])
+            changes = changes_of(robot, self.set_parameters or ())
             if changes:
                 robot = robot.with_parameters(changes)
             if self.lock:
@@ -149,33 +144,3 @@ def _has_unit(at: str, name: str) -> bool:
         if key.strip() == name:
             return not value.strip()[-1:].isdigit() and not value.strip().endswith(".")
     return False
-
-
-def _changes(robot: Robot, settings: list[str]) -> dict[str, Any]:
-    """Return parameter values by full name of `--set name=value`; * in a name matches several."""
-    changes: dict[str, Any] = {}
-    for setting in settings:
-        pattern, equals, value = setting.partition("=")
-        pattern = pattern.strip()
-        if not equals:
-            raise InputError(f"--set {setting}: expected NAME=VALUE, for example leg1/linear_rod.diameter=0.022")
-        names = [pattern]
-        if any(sign in pattern for sign in "*?["):
-            names = fnmatch.filter(robot.parameters, pattern)
-            if not names:
-                raise UnknownNameError("parameter", pattern, list(robot.parameters))
-        for name in names:
-            changes[name] = _parameter_value(robot, name, value, setting)
-    return changes
-
-
-def _parameter_value(robot: Robot, name: str, value: str, setting: str) -> Any:
-    """Return a number, or an array typed as JSON; lengths and angles may carry a unit."""
-    if value.strip().startswith("["):
-        try:
-            return json.loads(value)
-        except json.JSONDecodeError as error:
-            raise InputError(f"--set {setting}: not a list of numbers ({error})") from None
-    unit = robot.parameters[name].unit if name in robot.parameters else ""
-    kind = next((known for known, units in UNITS.items() if unit in units), "number")
-    return parse_quantity(value, kind, "--set", setting, len(setting) - len(value))

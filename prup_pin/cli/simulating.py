@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from .. import simulation
+from .. import loading, simulation
 from ..errors import InputError, PrupPinError, SimulationStoppedError
 from ..laws import Effect
 from ..recordings import Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
 from ..robot import Robot
-from ..simulation import Prediction, read_model
+from ..simulation import Prediction, as_recorded, read_model
 from ..views.text import terminal
 from ..views.text.effect_options import parse_effect
 from ..views.text.simulation_text import print_simulation
 from . import progress
 from .files import check_folder, list_written
-from .options import PredictionFile, Reading, RecordingFile, RobotOption, Stop, Workers, robot_beside
+from .options import (
+    PredictionFile,
+    Reading,
+    RecordingFile,
+    RobotOption,
+    SetParameters,
+    Stop,
+    Workers,
+    changes_of,
+    robot_beside,
+)
 
 __all__ = ["predict", "simulate"]
 
@@ -51,6 +61,7 @@ def simulate(
     ] = None,
     workers: Workers = 1,
     stop: Stop = False,
+    set_parameters: SetParameters = None,
     *,
     reading: Reading,
 ) -> None:
@@ -65,9 +76,12 @@ def simulate(
     corrected = read_model(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
     if robot is None and corrected is not None:
-        robot, reading = corrected.robot, replace(reading, variant=reading.variant or corrected.variant)
-    name = robot or robot_beside(named, source)
-    loaded = reading.load(name)
+        name = corrected.robot
+        loaded = _as_the_model_was_read(corrected.read, reading.understood()).load(name)
+        loaded = loaded.with_parameters(changes_of(loaded, set_parameters or ()))
+    else:
+        name = robot or robot_beside(named, source)
+        loaded, _ = reading.changed(name, set_parameters)
     effects = [
         *(corrected.effects if corrected else ()),
         *(parse_effect(text, loaded.mechanism) for text in effect or ()),
@@ -95,6 +109,12 @@ def simulate(
     list_written((out, out.with_suffix(".json")))
 
 
+def _as_the_model_was_read(model: loading.Reading, typed: loading.Reading) -> loading.Reading:
+    """Return how a model's robot is read: what was typed wins."""
+    options = {item.name: getattr(typed, item.name) for item in fields(typed)}
+    return replace(model, **{name: value for name, value in options.items() if value})
+
+
 def predict(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
     recording: RecordingFile,
@@ -107,7 +127,7 @@ def predict(
     corrected = read_model(model)
     read = read_recording(recording)
     notes = []
-    loaded = corrected.load()
+    loaded = as_recorded(corrected.load(), read).robot
     if read.robot is not None and Path(read.robot).name not in (Path(corrected.robot).name, loaded.name):
         notes.append(f"The recording is of '{read.robot}', the model of '{corrected.robot}'.")
     _predict(loaded, read, corrected.effects, out, workers, stop, notes)

@@ -16,6 +16,7 @@ from ..robot import Robot
 from .calibrate import CalibratedParameter, calibrated_parameters
 from .criteria import clean_bound
 from .diagnose import asked
+from .limits import limits_heard
 from .whiteness import compared
 
 __all__ = ["Calibration", "calibrated"]
@@ -54,7 +55,7 @@ def calibrated(
 
     Raises InputError where nothing has a tolerance or nothing can be compared, and as `diagnose` does.
     """
-    with threadpool_limits(1, user_api="blas"):
+    with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
         given = asked(robot, recording, tell)
         if not len(given.toleranced):
             raise InputError(
@@ -76,5 +77,5 @@ def calibrated(
             twins=problem.tolerances.start.twins,
             effects=tuple(problem.tolerances.at(first.x)),
             samples=len(first.samples),
-            remarks=tuple(dict.fromkeys(given.remarks)),
+            remarks=tuple(dict.fromkeys((*given.remarks, *beyond))),
         )

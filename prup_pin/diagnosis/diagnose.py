@@ -15,7 +15,7 @@ from ..laws import Effect, Inputs
 from ..laws.deviations import without_effect
 from ..recordings import Recording, Together, suspicions
 from ..robot import Robot
-from ..simulation import Simulator, inputs_of
+from ..simulation import Simulator, as_recorded, inputs_of
 from ..spatial import Array
 from .by_recording import by_recording
 from .calibrate import (
@@ -57,6 +57,7 @@ from .criteria import (
 from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
 from .fit import Fit, Problem, Term
+from .limits import limits_heard
 from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
@@ -97,8 +98,9 @@ def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: 
     machine) or is given twice, UnknownNameError where it lacks the actuators' positions.
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
-    with threadpool_limits(1, user_api="blas"):
-        return _diagnosed(robot, recording, _only_forward(tell))
+    with threadpool_limits(1, user_api="blas"), limits_heard() as told:
+        found = _diagnosed(robot, recording, _only_forward(tell))
+    return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +131,11 @@ class Asked:
 
 def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell) -> Asked:
     """Return what recordings ask of a robot. Raises as `diagnose` does."""
+    adapted = as_recorded(robot, recordings)
+    robot = adapted.robot
     together = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity)
     unused: list[str] = []
-    remarks = list(together.recording.remarks) if together.several else []
+    remarks = [*adapted.remarks, *(together.recording.remarks if together.several else ())]
     for source in together.sources:
         names, told = unused_columns(source.recording, robot.mechanism)
         unused += names
@@ -170,6 +174,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
 
 def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:
     given = asked(robot, recording, tell)
+    robot = given.problem.simulator.robot
     inputs, library = given.inputs, given.library
     labels = _fold_labels(given)
     tell("calibration within tolerances", 0.02)

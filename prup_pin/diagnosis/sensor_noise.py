@@ -29,12 +29,14 @@ _CLIPPED = 1 - 2 * CLIP * float(norm.pdf(CLIP)) / (2 * float(norm.cdf(CLIP)) - 1
 def estimate_noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> Noise:
     """Return the declared noise, and that which repeats show where the recording declares none.
 
-    here (N,): which samples of the stack are the recording's.
+    here (N,): which samples of the stack are the recording's. What was not measured needs no declaration.
     """
     declared = recording.noise
     position, rotation = declared.position, declared.rotation
-    estimated = position is None or rotation is None
-    if estimated:
+    given = {"m": position, "rad": rotation}
+    measured = {unit for _, unit, where in stack.groups() if stack.exists[here][:, where].any()}
+    estimated = any(given[unit] is None for unit in measured) if measured else None in given.values()
+    if position is None or rotation is None:
         seen = scatter_of_repeats(stack, linear, inputs, here)
         position = position if position is not None else seen[0] or USUAL_POSITION_NOISE
         rotation = rotation if rotation is not None else seen[1] or USUAL_ROTATION_NOISE

@@ -129,6 +129,7 @@ class RobotDescription:
     lengths: tuple[LengthDescription, ...] = ()
     variants: Mapping[str, VariantDescription] = field(default_factory=dict)
     coupled: tuple[CouplingDescription, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)  # joints that stand still, and where [m, rad]
     notes: tuple[str, ...] = ()
     package_folders: tuple[Path, ...] = ()  # where package:// may point besides the robot's own folder
     described: bool = False  # True where the file says more than a tree

@@ -137,7 +137,8 @@ class Mechanism:
         self.tasks: tuple[TaskDescription, ...] = description.tasks
         self.joints = joints_of(self.model)
         self._joints = {joint.name: joint for joint in self.joints}
-        self.actuated: tuple[str, ...] = description.actuated if description.actuated is not None else (*self._joints,)
+        driven = description.actuated if description.actuated is not None else (*self._joints,)
+        self.actuated: tuple[str, ...] = tuple(name for name in driven if name not in description.held)
         self.modules = tuple(self._module(module) for module in description.modules)
         self._modules = {module.name: module for module in self.modules}
         self.parameters: dict[str, Parameter] = _all_parameters(description, self.modules)
@@ -337,6 +338,8 @@ class Mechanism:
         """Refuse joints that follow another one where they carry load: the coupling would carry it too."""
         problems = []
         for coupling in self.description.coupled:
+            if coupling.joint in self.description.held:
+                continue
             below = self.support[self.joint_id(coupling.joint)]
             if self.tool is not None and below[self.tool.joint]:
                 where = f"between the base and the tool '{self.tool.name}'"
@@ -358,7 +361,8 @@ class Mechanism:
         lower, upper = self.limits
         q = np.clip(q, lower, upper)
         for name, value in self.description.home.items():
-            self.set_joint(q, name, value)
+            if name not in self.description.held:
+                self.set_joint(q, name, value)
         return q
 
     @cached_property
@@ -414,6 +418,21 @@ class Mechanism:
     def with_locked_joints(self, names) -> Mechanism:
         """Return the mechanism with brakes on the named joints; see `Robot.with_locked_joints`."""
         return Mechanism(self.description, self.locked | frozenset(names), self.model)
+
+    def with_tool(self, frame: str) -> Mechanism:
+        """Return the mechanism with another tool frame; see `Robot.with_tool`."""
+        self.frame(frame)
+        return Mechanism(replace(self.description, tool=frame, tool_part=None), self.locked, self.model)
+
+    def with_held_joints(self, positions: Mapping[str, float]) -> Mechanism:
+        """Return the mechanism with joints that are no joints any more; see `Robot.with_held_joints`."""
+        for name in positions:
+            joint = self.joint(name)
+            if joint.nv > 1 and positions[name]:
+                raise InputError(f"joint '{name}' has {joint.nv} degrees of freedom: it can be held at 0 only")
+        held = {**self.description.held, **{name: _number(name, value) for name, value in positions.items()}}
+        modules = tuple(module for module in self.description.modules if module.joint not in positions)
+        return Mechanism(replace(self.description, held=held, modules=modules), self.locked - set(positions))
 
     def with_variant(self, name: str) -> Mechanism:
         """Return a variant of the robot file."""
@@ -494,15 +513,27 @@ def _build_model(description: RobotDescription) -> pin.Model:
     if description.source == "MJCF":
         from .mjcf import build_tree
 
-        return build_tree(description)
+        return _held(build_tree(description), description.held)
     content = description.content
     moved = [length for length in description.lengths if length.parameter.value != length.reference]
     if moved:
         content = _with_lengths(content, moved)
     try:
-        return pin.buildModelFromXML(content.decode("utf-8", "replace"))
+        model = pin.buildModelFromXML(content.decode("utf-8", "replace"))
     except ValueError as error:
         raise _file_error(description, f"Pinocchio does not accept the tree: {error}") from error
+    return _held(model, description.held)
+
+
+def _held(model: pin.Model, positions: Mapping[str, float]) -> pin.Model:
+    """Return the model with joints made part of their bodies where they are held."""
+    if not positions:
+        return model
+    q = pin.neutral(model)
+    for joint in joints_of(model):
+        if joint.nv == 1 and joint.name in positions:
+            joint.place(q, positions[joint.name])
+    return pin.buildReducedModel(model, [model.getJointId(name) for name in positions], q)
 
 
 def _with_lengths(content: bytes, lengths) -> bytes:

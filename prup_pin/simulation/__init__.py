@@ -1,16 +1,19 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
+from .as_recorded import AsRecorded, as_recorded
 from .model_file import CorrectedModel, effect_named, read_model, write_model
 from .prediction import Agreement, Prediction, compare, inputs_of, simulate
 from .simulator import Memory, Run, Simulator
 
 __all__ = [
     "Agreement",
+    "AsRecorded",
     "CorrectedModel",
     "Memory",
     "Prediction",
     "Run",
     "Simulator",
+    "as_recorded",
     "compare",
     "effect_named",
     "inputs_of",

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
 from ..laws.target import of_markers
-from ..loading import load
+from ..loading import Reading
 from ..mechanism import Mechanism
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
 from ..recordings.writer import json_lines, write_whole
@@ -31,22 +33,32 @@ __all__ = [
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
-_KEYS = ("format", "version", "robot", "variant", "finite_deflection", "effects", "notes")
+_KEYS = ("format", "version", "robot", "variant", "reading", "finite_deflection", "effects", "notes")
+_READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
 _EFFECT_KEYS = ("physics", "location", "aspect", "parameters")
 
 
 @dataclass(frozen=True)
 class CorrectedModel:
-    """A robot, by a name or a path that `load` takes and a variant of its file, and the effects added to it."""
+    """A robot, by a name or a path that `load` takes and a variant of its file, and the effects added to it.
+
+    reading: how its file is read beyond what it says, but for the variant.
+    """
 
     robot: str
     effects: tuple[Effect, ...] = ()
     variant: str | None = None
     notes: str = ""
+    reading: Reading = field(default_factory=Reading)
 
     def load(self) -> Robot:
         """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
-        return load(self.robot, variant=self.variant)
+        return self.read.load(self.robot)
+
+    @property
+    def read(self) -> Reading:
+        """How its file is read, the variant included."""
+        return replace(self.reading, variant=self.variant or self.reading.variant)
 
 
 def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | None = None) -> Law:
@@ -124,12 +136,30 @@ def write_model(model: CorrectedModel, path: str | Path) -> None:
         "version": VERSION,
         "robot": Path(beside).as_posix() if is_file else beside,
     }
-    if model.variant is not None:
-        value["variant"] = model.variant
+    if model.read.variant is not None:
+        value["variant"] = model.read.variant
+    if reading := _reading_as_json(model.reading):
+        value["reading"] = reading
     value |= {"finite_deflection": True, "effects": effects}
     if model.notes:
         value["notes"] = model.notes
     write_whole({path: json_lines(value)})
+
+
+def _reading_as_json(reading: Reading) -> dict[str, Any]:
+    """Return what a reading says, by key; what it leaves to the robot file is left out."""
+    found: dict[str, Any] = {}
+    for name in _READING_KEYS:
+        value = getattr(reading, name)
+        if value is None or (not np.isscalar(value) and not len(value)):
+            continue
+        if isinstance(value, Mapping):
+            found[name] = {key: np.asarray(item, float).tolist() for key, item in value.items()}
+        elif name == "package_folders":
+            found[name] = [str(Path(folder).expanduser().resolve()) for folder in value]
+        else:
+            found[name] = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+    return found
 
 
 def read_model(path: str | Path) -> CorrectedModel:
@@ -193,7 +223,8 @@ class _Reader:
         name = self.text(values, "robot", "robot", needed=True)
         variant = self.text(values, "variant", "variant") or None
         notes = self.text(values, "notes", "notes")
-        name, mechanism = self.robot(name, variant)
+        reading = self.reading(values.get("reading", {}))
+        name, mechanism = self.robot(name, replace(reading, variant=variant))
         listed = values.get("effects")
         effects: list[Effect] = []
         if not isinstance(listed, list):
@@ -204,9 +235,34 @@ class _Reader:
                 effect = self.effect(entry, f"effects[{index}]", mechanism)
                 if effect is not None:
                     effects.append(effect)
-        return CorrectedModel(name, tuple(effects), variant, notes)
+        return CorrectedModel(name, tuple(effects), variant, notes, reading)
 
-    def robot(self, name: str, variant: str | None) -> tuple[str, Mechanism | None]:
+    def reading(self, value: object) -> Reading:
+        """Return how the robot's file is read."""
+        entry = self.entries(value, "reading", _READING_KEYS)
+        found: dict[str, Any] = {}
+        for name, item in entry.items():
+            key, expected = f"reading.{name}", ""
+            if name == "tool":
+                found[name] = self.text(entry, name, key, needed=True)
+            elif name in ("actuated", "package_folders"):
+                fits = isinstance(item, list) and all(isinstance(each, str) for each in item)
+                expected = "" if fits else "a list of texts"
+            elif name == "joint_stiffness" and is_number(item):
+                pass
+            else:
+                listed = name == "parameters"  # some are arrays, checked where they are set
+                fits = isinstance(item, dict) and all(
+                    is_number(each) or (listed and isinstance(each, list)) for each in item.values()
+                )
+                expected = "" if fits else "an object of numbers by name"
+            if expected:
+                self.wrong(key, f"is {json_kind(item)}; expected {expected}")
+            elif name != "tool":
+                found[name] = item
+        return Reading(**found) if not len(self.problems) else Reading()
+
+    def robot(self, name: str, reading: Reading) -> tuple[str, Mechanism | None]:
         """Return the robot as `load` takes it from here, and its mechanism, or None after reporting."""
         if not name:
             return name, None
@@ -214,7 +270,7 @@ class _Reader:
         if (Path(name).suffix or len(Path(name).parts) > 1) and beside.is_file():
             name = str(beside)
         try:
-            return name, load(name, variant=variant).mechanism
+            return name, reading.load(name).mechanism
         except UnknownNameError as error:
             self.wrong("variant" if error.kind.startswith("variant") else "robot", str(error))
         except (PrupPinError, OSError) as error:

@@ -14,6 +14,7 @@ from ..mechanism import Mechanism
 from ..recordings import Recording
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
+from .as_recorded import as_recorded
 from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
 
 __all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
@@ -126,11 +127,13 @@ def simulate(
     """
     if workers < 1:
         raise InputError(f"workers = {workers!r}: expected 1 or more")
+    adapted = as_recorded(robot, recording)
+    robot = adapted.robot
     mechanism = robot.mechanism
     mechanism.need_tool()
     effects = tuple(effect.checked(mechanism) for effect in effects)
     inputs = inputs_of(recording, robot)
-    remarks = _missing_inputs(effects, inputs, mechanism)
+    remarks = [*adapted.remarks, *_missing_inputs(effects, inputs, mechanism)]
     actuated, frames = mechanism.actuated, mechanism.frame_names
     joints = tuple(name for name in recording.efforts if name in actuated)
     for name in markers:

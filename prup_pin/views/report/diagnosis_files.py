@@ -16,12 +16,13 @@ from ...diagnosis import Diagnosis
 from ...errors import InputError, MissingExtraError
 from ...laws import Effect
 from ...laws.in_recording import lasting
+from ...loading import Reading
 from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...recordings.columns import NOISE_KEYS
 from ...recordings.writer import json_lines, write_whole
 from ...robot import Robot
-from ...simulation import CorrectedModel, write_model
+from ...simulation import CorrectedModel, as_recorded, write_model
 from ..text.diagnosis_words import verdict_text
 from .as_json import dump
 from .diagnosis_json import diagnosis_as_json
@@ -66,16 +67,18 @@ def write_diagnosis(
     folder: Path,
     *,
     robot_name: str,
-    variant: str | None = None,
+    reading: Reading | None = None,
     report: bool = True,
 ) -> list[Path]:
     """Write the files of a diagnosis and return their paths, the verdict's first.
 
-    recording: the one that was diagnosed, or all of them. robot_name, variant: what `load` takes for this robot; the
-    corrected model names it. Each file is replaced as a whole or not at all; a report or a plan of an earlier diagnosis
-    does not stay. Raises InputError where the folder cannot be written, MissingExtraError where what
-    makes the report is not installed.
+    recording: the one that was diagnosed, or all of them. robot_name, reading: what this robot is loaded from, and how
+    it was read; the corrected model names both. Each file is replaced as a whole or not at all; a report or a plan of
+    an earlier diagnosis does not stay. Raises InputError where the folder cannot be written, MissingExtraError where
+    what makes the report is not installed.
     """
+    adapted = as_recorded(robot, recording)
+    robot, understood = adapted.robot, adapted.read(reading or Reading())
     text = None
     if report:
         from .diagnosis_report import diagnosis_html
@@ -90,7 +93,7 @@ def write_diagnosis(
     names = ", ".join(Path(item.path).name for item in recordings)
     notes = f"diagnosis of {names}: {verdict_text(diagnosis)}"
     effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
-    write_model(CorrectedModel(robot_name, effects, variant, notes), model)
+    write_model(CorrectedModel(robot_name, effects, understood.variant, notes, understood), model)
     plan = _plan(diagnosis, recordings[0], json.loads(model.read_text(encoding="utf-8"))["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)
     document["next_experiment"] = {"why": diagnosis.next_experiment.get("why", ""), "plan": plan}

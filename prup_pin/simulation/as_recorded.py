@@ -1,0 +1,113 @@
+"""The robot as a recording sees it: where loads act if nobody says so, and what stands still while others move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..loading import Reading
+from ..mechanism import Joint, Mechanism
+from ..recordings import Recording
+from ..robot import Robot
+
+__all__ = ["AsRecorded", "as_recorded"]
+
+#: Joints that a sentence lists by name.
+_MOST_LISTED = 8
+
+
+@dataclass(frozen=True)
+class AsRecorded:
+    """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it."""
+
+    robot: Robot
+    tool: str | None = None
+    held: Mapping[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def read(self, reading: Reading) -> Reading:
+        """Return how the robot's file is read so that this robot comes out, from how it was read before."""
+        return replace(reading, tool=self.tool or reading.tool, held={**reading.held, **self.held})
+
+
+def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> AsRecorded:
+    """Return a robot as recordings of it ask for, itself where they ask for nothing.
+
+    A tree without a tool has the first marker's frame for one. A joint of a tree whose position was not recorded is
+    held where the robot file has it: off the way from the base to what was measured it makes no difference but for the
+    weight of what it carries. A base that floats stands still.
+    """
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    remarks: list[str] = []
+    markers = list(dict.fromkeys(name for recording in given for name in recording.marker_names))
+    frames = [name for name in markers if name in robot.mechanism.frame_names]
+    tool = None
+    if robot.mechanism.tool is None and frames and not any(_needs_tool(recording) for recording in given):
+        tool = frames[0]
+        robot = robot.with_tool(tool)
+        remarks.append(f"no tool frame was given: taken at '{tool}', the first marker (--tool FRAME says another one)")
+    held = _held(robot.mechanism, given, frames)
+    remarks += _told(robot.mechanism, held)
+    return AsRecorded(robot.with_held_joints(held), tool, held, tuple(remarks))
+
+
+def _needs_tool(recording: Recording) -> bool:
+    return recording.has_wrench or recording.position is not None or recording.rotation is not None
+
+
+def _held(mechanism: Mechanism, recordings: Sequence[Recording], markers: Sequence[str]) -> dict[str, float]:
+    """Return the joints of a tree that stand still while its recorded joints move, and where."""
+    recorded = {name for recording in recordings for name in recording.positions}
+    known = [joint for joint in mechanism.joints if joint.name in recorded]
+    if mechanism.loops or not known or not all(set(recording.positions) & recorded for recording in recordings):
+        return {}
+    everywhere = {name for name in recorded if all(name in recording.positions for recording in recordings)}
+    moving = set(_on_the_way(mechanism, recordings, markers))
+    home = mechanism.home_configuration()
+    found = {}
+    for joint in mechanism.joints:
+        if joint.nv > 1:
+            if joint.name not in moving or _is_base(joint, mechanism):
+                found[joint.name] = 0.0
+            continue
+        unknown = joint.name in mechanism.actuated and joint.name not in everywhere
+        if unknown and (joint.name not in moving or joint.name in mechanism.description.home):
+            found[joint.name] = float(joint.position(home))
+    return found
+
+
+def _on_the_way(mechanism: Mechanism, recordings: Sequence[Recording], markers: Sequence[str]) -> Iterator[str]:
+    """Yield the joints whose positions what was measured depends on."""
+    ends = [mechanism.frame(name).joint for name in markers]
+    if mechanism.tool is not None and (not markers or any(_needs_tool(recording) for recording in recordings)):
+        ends.append(mechanism.tool.joint)
+    efforts = {name for recording in recordings for name in recording.efforts}
+    ends += [joint.id for joint in mechanism.joints if joint.name in efforts]
+    for joint in mechanism.joints:
+        if any(mechanism.support[joint.id, end] for end in ends):
+            yield joint.name
+
+
+def _is_base(joint: Joint, mechanism: Mechanism) -> bool:
+    return int(mechanism.model.parents[joint.id]) == 0
+
+
+def _told(mechanism: Mechanism, held: Mapping[str, float]) -> Iterator[str]:
+    floating = [name for name in held if mechanism.joint(name).nv > 1 and _is_base(mechanism.joint(name), mechanism)]
+    if floating:
+        yield (
+            f"the base of the robot file floats (joint '{floating[0]}'): it is taken to stand still, in the axes in "
+            "which poses were measured. Where these are others, declare the tolerances frame_position, frame_rotation"
+        )
+    still = [name for name in held if name not in floating]
+    if still:
+        listed = ", ".join(still[:_MOST_LISTED]) + (", …" if len(still) > _MOST_LISTED else "")
+        away = [f"{name} = {held[name]:.4g}" for name in still if not np.isclose(held[name], 0.0)]
+        where = f" ({', '.join(away[:_MOST_LISTED])}; the others at 0)" if away else ", at 0"
+        joints, them = ("joints", "them") if len(still) > 1 else ("joint", "it")
+        yield (
+            f"{len(still)} {joints} without a column q: {listed}. Held where the robot file has {them}{where}; "
+            "--home J=VALUE says where else"
+        )

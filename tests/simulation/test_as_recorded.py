@@ -1,0 +1,154 @@
+"""Robots as recordings see them: trees without a tool, joints that nobody recorded, a base that floats."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.errors import UnknownNameError
+from prup_pin.loading import Reading
+from prup_pin.recordings import Noise, Recording, write_recording
+from prup_pin.simulation import CorrectedModel, as_recorded, read_model, simulate, write_model
+
+from ..reference.posed_tree import PosedTree, placed, turned
+
+TORSO = Path(__file__).parents[1] / "robots/torso/torso.urdf"
+JOINTS = ("turn", "bend", *(f"{side}_{name}" for side in ("left", "right") for name in ("swing", "lift", "elbow")))
+MARKERS = ("left_fore", "right_fore", "chest")
+
+
+def bench(
+    tree: PosedTree, count: int = 4, joints=JOINTS, markers=MARKERS, noise: float = 0.0, seed: int = 3
+) -> Recording:
+    q = tree.postures(joints, count, seed)
+    seen = tree.seen(q, markers, noise, seed)
+    known = Noise(position=noise) if noise else Noise()
+    return Recording(np.arange(float(count)), positions=q, markers=seen, noise=known)
+
+
+def test_markers_on_several_branches_are_where_an_independent_tree_has_them():
+    recording = bench(PosedTree(TORSO))
+    found = simulate(prup_pin.load(TORSO), recording)
+    for name in MARKERS:
+        assert np.abs(found.markers[name] - recording.markers[name]).max() < 1e-12
+
+
+def test_a_tree_without_a_tool_has_the_first_marker_for_one():
+    adapted = as_recorded(prup_pin.load(TORSO), bench(PosedTree(TORSO)))
+    assert adapted.tool == adapted.robot.mechanism.tool.name == "left_fore"
+    assert any("no tool frame" in text and "left_fore" in text for text in adapted.remarks)
+
+
+def test_joints_off_the_way_are_held_and_named():
+    adapted = as_recorded(prup_pin.load(TORSO), bench(PosedTree(TORSO)))
+    assert set(adapted.robot.mechanism.actuated) == set(JOINTS)
+    assert {"hip", "left_wrist", "right_wrist", "left_thumb"} <= set(adapted.held)
+    told = next(text for text in adapted.remarks if "without a column q" in text)
+    assert "hip" in told
+    assert "--home" in told
+
+
+def test_a_joint_on_the_way_that_nobody_recorded_is_asked_for():
+    recording = bench(PosedTree(TORSO))
+    without = replace(recording, positions={name: q for name, q in recording.positions.items() if name != "bend"})
+    with pytest.raises(UnknownNameError, match=re.escape("q.bend")):
+        simulate(prup_pin.load(TORSO), without)
+
+
+def test_a_joint_on_the_way_may_be_held_where_the_user_says():
+    tree = PosedTree(TORSO)
+    q = tree.postures(JOINTS, 3, 0) | {"bend": np.full(3, 0.3)}
+    seen = tree.seen(q, MARKERS, 0.0, 0)
+    recording = Recording(np.arange(3.0), positions={k: v for k, v in q.items() if k != "bend"}, markers=seen)
+    found = simulate(prup_pin.load(TORSO, home={"bend": 0.3}), recording)
+    assert np.abs(found.markers["right_fore"] - seen["right_fore"]).max() < 1e-12
+
+
+def test_held_joints_weigh_where_they_are_held():
+    whole = prup_pin.load(TORSO)
+    held = whole.with_held_joints({"hip": 0.4, "left_finger": 0.0})
+    assert "hip" not in held.mechanism.actuated
+    assert sum(body.mass for body in held.model.inertias) == pytest.approx(sum(b.mass for b in whole.model.inertias))
+    base = [float(robot.model.inertias[0].mass) for robot in (whole, held)]
+    assert base[1] - base[0] == pytest.approx(5.0)  # the leg has become a part of the base
+
+
+def test_a_base_that_floats_stands_still_and_is_told(tmp_path):
+    text = TORSO.read_text(encoding="utf-8")
+    root = '<link name="world"/><joint name="root" type="floating"><parent link="world"/><child link="base"/></joint>'
+    path = tmp_path / "floating.urdf"
+    path.write_text(text.replace('<robot name="torso">', f'<robot name="torso">{root}'), encoding="utf-8")
+    recording = bench(PosedTree(TORSO))
+    found = simulate(prup_pin.load(path), recording)
+    assert any("floats" in text and "frame_position" in text for text in found.remarks)
+    assert np.abs(found.markers["chest"] - recording.markers["chest"]).max() < 1e-12
+
+
+def test_how_a_file_was_read_stands_in_the_model_and_comes_back(tmp_path):
+    reading = Reading(
+        tool="left_hand",
+        joint_stiffness={"turn": 1e4, "bend": 2e4},
+        home={"hip": 0.1},
+        parameters={"bend.stiffness": 3e4},
+        held={"hip": 0.1, "left_finger": 0.2},
+    )
+    write_model(CorrectedModel(str(TORSO), reading=reading), tmp_path / "model.json")
+    model = read_model(tmp_path / "model.json")
+    assert model.reading == reading
+    robot = model.load()
+    assert robot.parameters["bend.stiffness"].value == 3e4
+    assert robot.mechanism.tool.name == "left_hand"
+    assert "hip" not in robot.mechanism.actuated
+
+
+@pytest.mark.parametrize(
+    ("reading", "wrong"),
+    [
+        ('{"tol": "left"}', "reading.tol"),
+        ('{"home": [1]}', "reading.home"),
+        ('{"actuated": "turn"}', "reading.actuated"),
+    ],
+)
+def test_what_is_wrong_with_a_reading_is_named(tmp_path, reading, wrong):
+    write_model(CorrectedModel(str(TORSO)), tmp_path / "model.json")
+    text = (tmp_path / "model.json").read_text(encoding="utf-8")
+    (tmp_path / "model.json").write_text(text.replace('"version": 1,', f'"version": 1, "reading": {reading},'))
+    with pytest.raises(prup_pin.errors.RecordingFileError, match=re.escape(wrong)):
+        read_model(tmp_path / "model.json")
+
+
+def test_the_device_of_reference_stands_where_its_tracker_says():
+    # the reference itself: a rigid motion of the tracker moves all markers alike
+    tracker = placed(turned([0.3, -0.2, 1.0]), [2.0, -1.0, 0.5])
+    near, far = (bench(PosedTree(TORSO, tracker=at)) for at in (np.eye(4), tracker))
+    moved = near.markers["chest"] @ tracker[:3, :3].T + tracker[:3, 3]
+    assert np.abs(moved - far.markers["chest"]).max() < 1e-12
+
+
+def test_all_of_it_from_the_command_line(tmp_path):
+    from typer.testing import CliRunner
+
+    from prup_pin.cli import app
+
+    tree = PosedTree(TORSO, about={"bend": 1 / 5e3})
+    recording = replace(bench(tree, 40, noise=1e-4), robot=str(TORSO))
+    write_recording(recording, tmp_path / "bench.csv")
+    options = ["--joint-stiffness", "bend=1e6", "--set", "bend.stiffness=5e3", "--tool", "chest", "--no-report"]
+    out = tmp_path / "out"
+    answer = CliRunner().invoke(app, ["diagnose", str(tmp_path / "bench.csv"), "--out", str(out), *options])
+    assert answer.exit_code == 0, answer.output
+    model = read_model(out / "corrected_model.json")
+    assert model.reading.parameters == {"bend.stiffness": 5e3}
+    assert model.reading.tool == "chest"
+    predicted = ["predict", str(out / "corrected_model.json"), str(tmp_path / "bench.csv"), "--out", str(out / "p.csv")]
+    answer = CliRunner().invoke(app, predicted)
+    assert answer.exit_code == 0, answer.output
+    simulated = simulate(model.load(), recording, model.effects)
+    for name in MARKERS:
+        apart = simulated.markers[name] - recording.markers[name]
+        assert np.sqrt(np.mean(apart**2)) < 1.1e-4
