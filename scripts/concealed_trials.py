@@ -1,16 +1,18 @@
 """How often is the diagnosis right? Blind trials on devices drawn at random.
 
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
-        [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today]
+        [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
+    python scripts/concealed_trials.py --export DIR --efforts 40
     python scripts/concealed_trials.py --score DIR
 
 A separate simulator (tests/reference/concealed, another formulation that shares no code with the package) draws a
 device, its effects, places, sizes, loads and noise from a seed. The answer is sealed in a file; the diagnosis sees the
 recording alone; the answer is opened only to score. Finished trials are kept in OUT/trials.jsonl, so a stopped run goes
 on. `--scattered` draws so many devices of each robot whose parameters are all a little off (OUT/scattered.jsonl);
-`--today` lets plain least squares and stepwise regression answer beside. `--docs` writes the summaries into
-docs/concealed_trials.md and docs/scattered_trials.md.
+`--today` lets plain least squares and stepwise regression answer beside. `--efforts` draws so many robots in motion in
+all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl). `--docs` writes the summaries into
+docs/concealed_trials.md, docs/scattered_trials.md and docs/effort_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -24,6 +26,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import itertools
 import json
 import sys
 import tempfile
@@ -33,6 +36,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
 
+import _efforts
+import _motion
 import numpy as np
 from _benchmark import export, read_answers, table
 from _project import ROOT
@@ -46,6 +51,7 @@ from prup_pin.recordings import read_recording
 from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed.draw import NOISE, PHYSICS, RARE, draw, write
+from tests.reference.concealed.efforts import KINDS as MOVING
 from tests.reference.concealed.scattered import KINDS
 
 #: What is drawn: name -> (share of the trials, effects, range of strength in multiples of the noise).
@@ -355,6 +361,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--scattered", type=int, default=0, help="devices of each robot whose parameters scatter")
     parser.add_argument("--robot", action="append", choices=list(KINDS), help="of these robots; default: all")
+    parser.add_argument("--efforts", type=int, default=0, help="robots in motion, seen by their efforts")
     parser.add_argument("--today", action="store_true", help="what people do today, beside, on scattered devices")
     parser.add_argument("--first-seed", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
@@ -366,6 +373,10 @@ def main() -> None:
     robots = options.robot or list(KINDS)
     first = options.first_seed
     scattered = [(robot, first + index) for robot in robots for index in range(options.scattered)]
+    moving = [(robot, first + index // len(MOVING)) for index, robot in enumerate(_turns(MOVING, options.efforts))]
+    if options.export and moving:
+        _efforts.export(options.export, moving)
+        return
     if options.export:
         devices = [(f"{robot}-{seed}", how(seed, robot)) for robot, seed in scattered]
         export(options.export, devices, {robot: robot_file(robot) for robot in robots})
@@ -393,9 +404,23 @@ def main() -> None:
         text = counted(partial(scattered_summary, share=wilson), done, jobs)
         print("\n" + text)
         pages["scattered_trials.md"] = SCATTERED_HEAD.format(command=command) + text
+    if moving:
+        jobs = {(robot, seed): (_efforts.trial, seed, robot) for robot, seed in moving}
+        done = run(jobs, options.out / "efforts.jsonl", options.workers, _motion.told)
+        command = (
+            f"python scripts/concealed_trials.py --count 0 --efforts {options.efforts} --first-seed {first} --docs"
+        )
+        text = counted(partial(_motion.summary, share=wilson, before=_efforts.BEFORE, after=_efforts.AFTER), done, jobs)
+        print("\n" + text)
+        pages["effort_trials.md"] = _efforts.HEAD.format(command=command) + text
     if options.docs:
         for name, text in pages.items():
             (ROOT / "docs" / name).write_text(text, encoding="utf-8")
+
+
+def _turns(kinds, count: int) -> list[str]:
+    """Return `count` names of kinds, each in its turn."""
+    return [name for _, name in zip(range(count), itertools.cycle(kinds), strict=False)]
 
 
 def scored(answers: list[dict]) -> str:
