@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from . import build
 from .errors import (
     InputError,
     JointLimitWarning,
@@ -63,6 +64,7 @@ __all__ = [
     "SingularPoseError",
     "UnknownNameError",
     "UnreachablePoseError",
+    "build",
     "diagnose",
     "load",
     "simulate",

@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .errors import InputError, PrupPinError, UnreachablePoseError, imported
+from .errors import InputError, PrupPinError, RobotFileError, UnreachablePoseError, imported
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
+from .mechanism.readers import read_content
+from .mechanism.writer import urdf_of
 from .parameters import Parameter
+from .recordings.writer import write_whole
 from .sensitivity import Sensitivity, sensitivity_of
 from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, solve_statics
@@ -250,6 +254,26 @@ class Robot:
         that is not held at 0.
         """
         return self._with(self.mechanism.with_held_joints(positions)) if positions else self
+
+    def save(self, path: str | Path) -> Path:
+        """Write the robot as a URDF that `load` reads as the same robot, and return the file's path.
+
+        It is the file that the robot came from, comments included, with what has been changed since: values, lengths,
+        springs, the variant. Loops stand in <prup_pin> and once more as ROS's <constraint> (docs/robot_file.md). Meshes
+        are not copied. Raises InputError where joints are locked or held (no robot file says so), where the robot did not
+        come from a URDF, and where the file cannot be written or would not be read as this robot.
+        """
+        path = Path(path).expanduser()
+        still = sorted({*self.mechanism.locked, *self.mechanism.description.held})
+        if still:
+            raise InputError(f"locked or held joints ({', '.join(still)}) have no place in a robot file")
+        content = urdf_of(self.mechanism.description)
+        try:
+            Mechanism(read_content(content, path, self.mechanism.description.package_folders))
+        except RobotFileError as error:
+            raise InputError(f"'{self.name}' cannot be saved as '{path}': {error}") from error
+        write_whole({path: (content.decode("utf-8"),)})
+        return path
 
     def with_variant(self, name: str) -> Robot:
         """Return a variant that the robot file describes. Raises UnknownNameError."""

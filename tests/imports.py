@@ -29,6 +29,7 @@ LAYERS = [
     "sensitivity",
     "robots",
     "robot",
+    "build",
     "loading",
     "simulation",
     "channels",

@@ -6,7 +6,7 @@ gives a new mechanism.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -18,9 +18,10 @@ from lxml import etree
 from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError
 from ..modules import CompliantModule, WrenchModule
 from ..parameters import Parameter
-from ..spatial import Array, axis_as_z, placement
+from ..spatial import Array, axis_as_z, placement, rotation_exp
 from .description import (
     KIND_BY_NAME,
+    LengthDescription,
     ModuleDescription,
     ModuleValuesError,
     RobotDescription,
@@ -30,7 +31,12 @@ from .description import (
 )
 from .joints import Joint, joints_of
 
-__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module"]
+__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "with_lengths"]
+
+
+#: Motions [m or rad] along and about what a loop leaves free, by which two descriptions of it are compared, and how far
+#: they may differ: frames drawn to seven digits are enough.
+_TRIED, _SAME = (0.2, -0.45), 1e-6
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,30 @@ class LoopClosure:
     def size(self) -> int:
         """Number of scalar constraints."""
         return len(self.translation_axes) + len(self.rotation_rows)
+
+    def gap(self, second_in_first: Array) -> Array:
+        """Return what has to vanish, (size,), where one body's frame stands at (4, 4) seen from the other's."""
+        apart = np.linalg.solve(self.first.placement, second_in_first @ self.second.placement)
+        return np.concatenate((apart[list(self.translation_axes), 3], self.rotation_rows @ apart[:3, :3].ravel()))
+
+    def same_as(self, other: LoopClosure) -> bool:
+        """Return True where another closure of the same bodies lets them move in the same ways."""
+        if (self.first.joint, self.second.joint, self.size) != (other.first.joint, other.second.joint, other.size):
+            return False
+        # Of two turns the first frame's axis comes first, in cyclic order.
+        turns = ("rz", "rx") if {"rx", "rz"} == self.free & {"rx", "ry", "rz"} else ("rx", "ry", "rz")
+        for amount in (0.0, *_TRIED):
+            moved = np.eye(4)
+            for axis in ("x", "y", "z", *turns):
+                if axis in self.free:
+                    amount *= -0.7
+                    step = amount * np.eye(3)["xyz".index(axis[-1])]
+                    turned, shift = (rotation_exp(step), np.zeros(3)) if axis[0] == "r" else (np.eye(3), step)
+                    moved = moved @ placement(turned, shift)
+            bodies = self.first.placement @ moved @ np.linalg.inv(self.second.placement)
+            if np.abs(other.gap(bodies)).max(initial=0.0) > _SAME:
+                return False
+        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +175,7 @@ class Mechanism:
         for name in locked:
             self.joint_id(name)
         self._check_couplings()
+        self._check_restated()
 
     def __reduce__(self):
         # Pinocchio's model is built anew: the description says all of it.
@@ -352,6 +383,21 @@ class Mechanism:
         if problems:
             raise RobotFileError(self.description.path, problems)
 
+    def _check_restated(self) -> None:
+        """Refuse loops that are described twice and otherwise."""
+        loops = {loop.name: loop for loop in self.loops}
+        problems = [
+            Problem(
+                f"loop '{again.name}' is described twice, and otherwise: its <constraint> joins other places or leaves "
+                "other motions free. Correct one of the two, or remove it",
+                again.line,
+            )
+            for again in self.description.restated
+            if not loops[again.name].same_as(self._loop(again))
+        ]
+        if problems:
+            raise RobotFileError(self.description.path, problems)
+
     def home_configuration(self) -> Array:
         """Return the configuration of the file's home position: neutral, within limits, with its joint values.
 
@@ -514,10 +560,7 @@ def _build_model(description: RobotDescription) -> pin.Model:
         from .mjcf import build_tree
 
         return _held(build_tree(description), description.held)
-    content = description.content
-    moved = [length for length in description.lengths if length.parameter.value != length.reference]
-    if moved:
-        content = _with_lengths(content, moved)
+    content = with_lengths(description.content, description.lengths)
     try:
         model = pin.buildModelFromXML(content.decode("utf-8", "replace"))
     except ValueError as error:
@@ -536,11 +579,14 @@ def _held(model: pin.Model, positions: Mapping[str, float]) -> pin.Model:
     return pin.buildReducedModel(model, [model.getJointId(name) for name in positions], q)
 
 
-def _with_lengths(content: bytes, lengths) -> bytes:
-    """Return the URDF with the joints' origins moved by the changed lengths."""
+def with_lengths(content: bytes, lengths: Iterable[LengthDescription]) -> bytes:
+    """Return the URDF with the joints' origins moved by those lengths that differ from the file's."""
+    moved = [length for length in lengths if length.parameter.value != length.reference]
+    if not moved:
+        return content
     root = etree.fromstring(content, etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True))
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    for length in lengths:
+    for length in moved:
         delta = length.parameter.value - length.reference
         for name, direction in length.moves:
             origin = joints[name].find("origin")
@@ -548,4 +594,4 @@ def _with_lengths(content: bytes, lengths) -> bytes:
                 origin = etree.SubElement(joints[name], "origin")
             xyz = np.array([float(word) for word in (origin.get("xyz") or "0 0 0").split()])
             origin.set("xyz", " ".join(repr(float(x)) for x in xyz + delta * np.array(direction)))
-    return etree.tostring(root)
+    return etree.tostring(root.getroottree())

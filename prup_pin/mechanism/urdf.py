@@ -1,4 +1,4 @@
-"""URDF files: the tree's structure, the <prup_pin> extension and <loop_joint>, checked all at once.
+"""URDF files: the tree's structure, the <prup_pin> extension, <loop_joint> and <constraint>, checked all at once.
 
 Pinocchio reads the tree itself; this reader finds what Pinocchio would reject with a bare 'not valid' or accept in
 silence (two roots, second parents, zero axes), and reads what Pinocchio ignores. docs/robot_file.md describes the
@@ -15,7 +15,8 @@ import numpy as np
 from lxml import etree
 
 from ..errors import nearest_names
-from ..spatial import Array, axis_as_z, placement, rotation_rpy
+from ..spatial import axis_as_z, placement
+from .constraint_element import CONSTRAINT, read_constraint
 from .description import (
     CouplingDescription,
     FrameDescription,
@@ -27,7 +28,7 @@ from .description import (
 from .extension import EXTENSION, ExtensionDocument
 from .joint_types import JOINT_TYPES, replace_joint
 from .mesh_paths import mesh_problem
-from .sidecar import Sidecar, find_sidecar
+from .sidecar import Sidecar
 from .xml_file import MAX_JOINTS, MAX_NUMBER
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
@@ -53,13 +54,14 @@ class UrdfDocument(ExtensionDocument):
     def __init__(self, root: etree._Element, path: Path, package_folders: Sequence[Path] = ()):
         super().__init__(root, path)
         self.package_folders = [Path(folder).resolve() for folder in package_folders]
+        self.sidecar: Sidecar | None = None
 
     # -- the tree ----------------------------------------------------------------------------------------------
 
     def read(self, content: bytes) -> RobotDescription:
         self._check_size()
         notes: list[str] = []
-        sidecar = find_sidecar(self.path)
+        sidecar = self.sidecar
         if sidecar and sidecar.joint_types and not sidecar.problems:
             self._replace_joints(sidecar)
             content = etree.tostring(self.root, encoding="utf-8")
@@ -71,6 +73,9 @@ class UrdfDocument(ExtensionDocument):
             self.problem(extra, f"a second <{EXTENSION}>; expected one")
         fields = self.extension(extensions[0]) if extensions else {}
         loops = (*fields.pop("loops", ()), *self._loop_joints())
+        constraints = [loop for element in self.root.findall(CONSTRAINT) if (loop := read_constraint(self, element))]
+        described = {loop.name for loop in loops}
+        loops += tuple(loop for loop in constraints if loop.name not in described)
         notes += fields.pop("notes", ())
         coupled = self._mimics(joints)
         if coupled:
@@ -86,6 +91,7 @@ class UrdfDocument(ExtensionDocument):
             source="URDF",
             content=content,
             loops=loops,
+            restated=tuple(loop for loop in constraints if loop.name in described),
             coupled=coupled,
             notes=tuple(notes),
             described=bool(extensions) or bool(loops),
@@ -180,16 +186,10 @@ class UrdfDocument(ExtensionDocument):
             if value and value[0] < 0:
                 self.problem(mass, f"mass of link '{name}' is {value[0]:g} kg; expected >= 0")
         if origin is not None:
-            self._origin(origin, f"inertial of link '{name}'")
+            self.origin(origin, f"inertial of link '{name}'")
         for inertia in link.findall("inertial/inertia"):
             for key in inertia.attrib:
                 self.numbers(inertia, key, 1, f"inertia of link '{name}'", largest=MAX_NUMBER)
-
-    def _origin(self, element: etree._Element, what: str) -> Array | None:
-        """Return the placement of an element with xyz and rpy, or None after reporting."""
-        xyz = self.numbers(element, "xyz", 3, what, (0, 0, 0), MAX_NUMBER)
-        rpy = self.numbers(element, "rpy", 3, what, (0, 0, 0), MAX_NUMBER)
-        return placement(rotation_rpy(*rpy), np.array(xyz)) if xyz and rpy else None
 
     def _joints(self, links: dict[str, etree._Element]) -> tuple[list[str], list[str]]:
         movable: list[str] = []
@@ -242,7 +242,7 @@ class UrdfDocument(ExtensionDocument):
     def _joint_numbers(self, joint: etree._Element, what: str, kind: str | None) -> None:
         origin, axis = joint.find("origin"), joint.find("axis")
         if origin is not None:
-            self._origin(origin, f"{what}, origin")
+            self.origin(origin, f"{what}, origin")
         if axis is not None and kind in _MOVABLE:
             self.direction(axis, "xyz", f"{what}, axis")
         limit = joint.find("limit")
@@ -338,7 +338,7 @@ class UrdfDocument(ExtensionDocument):
                     self.problem(element, f'{what}: <{end} link="…" xyz="…" rpy="…"/> is missing')
                     continue
                 link_name = self.attribute(link, "link", f"{what}, <{end}>")
-                origin = self._origin(link, f"{what}, <{end}>")
+                origin = self.origin(link, f"{what}, <{end}>")
                 if link_name and origin is not None:
                     frames.append(FrameDescription(link_name, origin @ turn))
             if name and direction and len(frames) == 2:

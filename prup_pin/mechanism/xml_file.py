@@ -8,9 +8,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from lxml import etree
 
 from ..errors import Problem, RobotFileError, nearest_names
+from ..spatial import Array, placement, rotation_rpy
 from .description import MAX_PROBLEMS, RobotDescription
 
 #: Robot descriptions are text of at most a few MB; anything larger is a mistake or an attack.
@@ -188,6 +190,12 @@ class Document(ABC):
             self.problem(element, f"{what}: its axis is zero; expected a direction")
             return None
         return axis
+
+    def origin(self, element: etree._Element, what: str) -> Array | None:
+        """Return the placement of an element with xyz and rpy, or None after reporting."""
+        xyz = self.numbers(element, "xyz", 3, what, (0, 0, 0), MAX_NUMBER)
+        rpy = self.numbers(element, "rpy", 3, what, (0, 0, 0), MAX_NUMBER)
+        return placement(rotation_rpy(*rpy), np.array(xyz)) if xyz and rpy else None
 
     def only(self, element: etree._Element, attributes: Sequence[str], what: str) -> None:
         """Report every attribute that is not in the list."""
