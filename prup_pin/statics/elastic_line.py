@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..mechanism import Module
 from ..modules.flexibility import centre_line
 from ..spatial import Array
 from .castigliano import Statics
@@ -25,7 +26,12 @@ class ElasticLine:
 
 
 def elastic_line(statics: Statics, name: str, wrench: Array, root: Array, count: int) -> ElasticLine:
-    """Return the elastic line of beam `name` under `wrench` (6,), given the deflection (6,) of its root frame."""
+    """Return the elastic line of beam `name` under `wrench` (6,), given the deflection (6,) of its root frame.
+
+    All that sits on a joint's body counts as beyond that joint's beam. Where both ends are frames of one link, its root
+    is among that, too (or, loaded through a joint farther out, its root is not where it should be): the beam's own
+    deformation, which the root's deflection then holds (or lacks), is taken off (or added).
+    """
     layout = statics.layout
     module = layout.mechanism.module(name)
     if not module.kind.spans_frames:
@@ -43,7 +49,22 @@ def elastic_line(statics: Statics, name: str, wrench: Array, root: Array, count:
     local = centre_line(law, at.length, load, fractions)[index]
     frame = statics.frames[group.slots][index]
     axes, length = frame[:3, :3], at.length[index]
+    root = root - _own_part(statics, module, slot, wrench, frame, length)
     points = frame[:3, 3] + np.outer(fractions - 1, length * axes[:, 2])
     arms = np.outer(fractions * length, axes[:, 2])
     displacement = root[:3] + np.cross(root[3:], arms) + local[:, :3] @ axes.T
     return ElasticLine(points, displacement, root[3:] + local[:, 3:] @ axes.T)
+
+
+def _own_part(statics: Statics, module: Module, slot: int, wrench: Array, frame: Array, length: float) -> Array:
+    """Return what the deflection (6,) of the root frame holds too much of the beam's own deformation."""
+    root = module.root
+    if root is None or root.joint != module.frame.joint:
+        return np.zeros(6)
+    carried = bool(statics.layout.mechanism.support[module.joint, root.joint])
+    if carried != module.inboard_is_root:
+        return np.zeros(6)
+    deformation = statics.lambdas[0][slot] @ (statics.jacobians[0][slot] @ wrench)
+    moved, turned = frame[:3, :3] @ deformation[:3], frame[:3, :3] @ deformation[3:]
+    at_root = np.concatenate((moved + np.cross(turned, -length * frame[:3, 2]), turned))
+    return at_root if carried else -at_root

@@ -5,6 +5,8 @@ import pytest
 
 import prup_pin
 
+from .cranks import FORCE, along, crank_file
+
 WRENCH = np.array([300.0, -120.0, 80.0, 20.0, -15.0, 60.0])
 
 
@@ -68,3 +70,31 @@ def test_only_beams_have_one(result):
         result.elastic_line("leg1/R_phi", WRENCH)
     with pytest.raises(prup_pin.UnknownNameError, match="Did you mean 'leg1/linear_rod'"):
         result.elastic_line("leg1/linear_rods", WRENCH)
+
+
+# -- both ends on one link ---------------------------------------------------------------------------------------------
+
+SHARES = np.linspace(0, 1, 9)
+
+
+@pytest.mark.parametrize(
+    ("root", "tip", "joint"),
+    [
+        ("crank", "crank_end", "drive"),  # the root is the moving link's own frame
+        ("crank_end", "crank", "drive"),  # the root is at the far end
+        ("crank", "crank_end", "wrist"),  # loaded through the joint farther out
+        ("crank_end", "crank", "wrist"),
+    ],
+)
+def test_a_crank_bends_once_whatever_side_its_root_is_on(tmp_path, root, tip, joint):
+    """A cantilever on a turning spring, in closed form: its clamp turns with the spring and does not move."""
+    path = tmp_path / "crank.urdf"
+    path.write_text(crank_file(root, tip, joint))
+    robot = prup_pin.load(path)
+    line = robot.compliance(robot.home).elastic_line("rod", {"fy": FORCE}, count=9)
+    shares = SHARES if root == "crank" else 1 - SHARES
+    moved, turned = along(shares)
+    np.testing.assert_allclose(line.points[:, 0], 0.4 * shares, atol=1e-12)
+    np.testing.assert_allclose(line.displacement[:, 1], moved, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(line.rotation[:, 2], turned, rtol=1e-9)
+    np.testing.assert_allclose(line.displacement[:, [0, 2]], 0, atol=1e-15)

@@ -12,9 +12,13 @@ from prup_pin.spatial import skew
 from prup_pin.views.meshcat.commands import motion_commands, scene_commands
 from prup_pin.views.meshcat.view import View, view
 from prup_pin.views.scene.colours import MAP, map_colour, rgb_of
+from prup_pin.views.scene.elastic import Deflections
 from prup_pin.views.scene.motions import load_ramp, path_motion, vibration, workspace_cloud
 from prup_pin.views.scene.painter import pose_scene
-from prup_pin.views.scene.shapes import Box, Ellipsoid, Mesh, Tube, ball_mesh, belt_mesh, thread_mesh
+from prup_pin.views.scene.shapes import Box, Ellipsoid, Mesh, Tube, ball_mesh, belt_mesh, box_mesh, thread_mesh
+from prup_pin.views.scene.skeleton import skeleton
+
+from ..statics import cranks
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 WRENCH = np.array([300, 0, 40, 0, 20, 30.0])
@@ -86,6 +90,32 @@ def test_bent_beam_has_the_computed_slope_at_its_end(robot, compliance, scene, n
         p = p[np.concatenate(([True], np.linalg.norm(np.diff(p, axis=0), axis=1) > 1e-9))]
         slope = (3 * p[-1] - 4 * p[-2] + p[-3]) / (2 * h)
         np.testing.assert_allclose(slope, axis + SCALE * np.cross(line.rotation[-1], axis), atol=2e-4)
+
+
+@pytest.mark.parametrize("visual", ["", "cylinder", "box"])
+@pytest.mark.parametrize(("root", "tip"), [("crank", "crank_end"), ("crank_end", "crank")])
+def test_a_crank_is_drawn_bent_once(tmp_path, root, tip, visual):
+    """From its joint, which stays, to its end, which goes where the tool's side of it goes; with its own geometry too."""
+    shapes = {
+        "cylinder": f'<cylinder radius="0.006" length="{cranks.LENGTH}"/>',
+        "box": f'<box size="0.01 0.01 {cranks.LENGTH}"/>',
+    }
+    at = f'<origin xyz="{cranks.LENGTH / 2} 0 0" rpy="0 {np.pi / 2} 0"/>'
+    own = f"<visual>{at}<geometry>{shapes[visual]}</geometry></visual>" if visual else ""
+    path = tmp_path / "crank.urdf"
+    path.write_text(cranks.crank_file(root, tip, visual=own))
+    robot = prup_pin.load(path)
+    load, scale = np.array([0, cranks.FORCE, 0, 0, 0, 0]), 3.0
+    scene = pose_scene(robot, None, load, scale)
+    part = scene.part("robot/deformed/beams/rod")
+    shape = part.shape.points if isinstance(part.shape, Tube) else part.shape.vertices
+    points = shape @ part.placement[:3, :3].T + part.placement[:3, 3]
+    still = robot.home.base_from_tool[0, 3] - 0.1
+    ends = [points[np.abs(points[:, 0] - x) < 0.012].mean(axis=0)[1] for x in (0.0, still)]
+    moved, _ = cranks.along([0, 1])
+    np.testing.assert_allclose(ends, scale * moved, atol=1e-5 if visual == "box" else 1e-9)
+    curve = Deflections(robot.compliance(robot.home), load).curve(skeleton(robot.home).segments[0], scale)
+    np.testing.assert_allclose(np.sort(curve[:, 1]), scale * cranks.along(np.linspace(0, 1, 25))[0], atol=1e-9)
 
 
 def test_links_move_rigidly_with_their_frames(robot, compliance, scene):
@@ -421,7 +451,9 @@ def test_surfaces_are_closed_and_face_outwards():
     assert volume(ball_mesh(3)) == pytest.approx(4 / 3 * np.pi, rel=0.02)
     assert volume(belt_mesh(1.0, 0.2, 0.2, 0.1, 0.01)) == pytest.approx(0.1 * 0.01 * (2 + 0.41 * np.pi), rel=0.02)
     assert np.abs(np.linalg.norm(thread_mesh(1.0, 5.0).vertices[:, :2], axis=1) - 0.91).max() <= 0.09 + 1e-12
-    for mesh in (bent, ball_mesh(1)):
+    box = box_mesh(Box((0.1, 0.2, 0.3)), 2, 9)
+    assert volume(box) == pytest.approx(0.006)
+    for mesh in (bent, ball_mesh(1), box):
         a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
         flat = np.cross(b - a, c - a)
         assert (np.einsum("ni,ni->n", flat, mesh.normals[mesh.faces[:, 0]]) > 0).mean() > 0.97

@@ -98,6 +98,8 @@ class Deflections:
         moved = np.tile(first, (SECTIONS, 1))
         if segment.kind == "beam":
             moved = scale * self._lines[segment.name].displacement
+            if segment.bodies[0] == segment.bodies[1]:  # nothing slides within a link
+                last = moved[-1]
         return segment.start + s * (segment.end - segment.start) + moved + s * (last - moved[-1])
 
     def bent(self, module: Module, pose: ClosedPose, scale: float) -> BentLine:

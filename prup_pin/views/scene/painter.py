@@ -20,7 +20,7 @@ from .camera import best_camera
 from .colours import grey_of, map_colour
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below
 from .scene import INK, ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
-from .shapes import Ball, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube
+from .shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube, box_mesh
 from .skeleton import Segment, skeleton
 from .symbols import symbols
 from .visuals import Visual, visuals
@@ -45,7 +45,7 @@ class Painter:
         self.base_links = sum(frame.joint == 0 for frame in self.links.values())
         self.beams = [module for module in mechanism.modules if module.kind.spans_frames]
         # a link that is a beam's body bends with it
-        self.beam_of_link = {module.body: module for module in self.beams if module.body in self.visuals}
+        self.beam_of_link = self._bending_links()
         drawn = {module.name for module in self.beam_of_link.values()}
         self.bare_beams = [module for module in self.beams if module.name not in drawn]
         bones = skeleton(pose)
@@ -59,6 +59,16 @@ class Painter:
         points = np.concatenate([*still, bones.points])
         self.flat = points @ self.page.T
         self.bottom = float((points @ self.up).min())
+
+    def _bending_links(self) -> dict[str, Module]:
+        """Return the beam by which a link bends: the one whose body it is, or whose two ends it carries."""
+        found: dict[str, Module] = {}
+        for module in self.beams:
+            root, body = module.root, module.frame.joint
+            alone = sum(other.frame.joint == body for other in self.beams) == 1
+            if root is not None and root.joint == body and body and alone:
+                found |= {link: module for link, frame in self.links.items() if frame.joint == body}
+        return found | {module.body: module for module in self.beams if module.body in self.visuals}
 
     @cached_property
     def ring_radii(self) -> dict[str, float]:
@@ -154,6 +164,8 @@ class Painter:
         line = BentLine(frame, length, still, still) if moved is None else moved.bent(beam, pose, scale)
         own = np.linalg.inv(frame) @ at
         shape = visual.shape
+        if isinstance(shape, Box) and moved is not None:
+            shape = box_mesh(shape, int(np.argmax(np.abs(own[2, :3]))), SECTIONS)
         if isinstance(shape, Cylinder) and abs(own[2, 2]) > 1 - 1e-6:
             low, high = own[2, 3] - shape.length / 2, own[2, 3] + shape.length / 2
             if moved is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...spatial import Array
 
-__all__ = ["Ball", "Box", "Cone", "Cylinder", "Ellipsoid", "Lines", "Mesh", "Ring", "Shape", "Tube"]
+__all__ = ["Ball", "Box", "Cone", "Cylinder", "Ellipsoid", "Lines", "Mesh", "Ring", "Shape", "Tube", "box_mesh"]
 
 
 def frozen(values, shape: tuple[int, ...], kind=float) -> np.ndarray:
@@ -184,6 +184,36 @@ def ball_mesh(level: int = 1) -> Mesh:
         vertices, inverse = np.unique(np.round(soup, 9), axis=0, return_inverse=True)
         faces = inverse.reshape(-1, 3)
     return Mesh(vertices, faces, vertices)
+
+
+def box_mesh(box: Box, along: int, count: int) -> Mesh:
+    """Return a box whose edges along one of its axes (0, 1, 2) have `count` points, so that it can bend."""
+    u, v = (along + 1) % 3, (along + 2) % 3
+    half = np.array(box.size) / 2
+    stations = np.linspace(-half[along], half[along], count)
+    around = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[[u, v]]
+    vertices: list[Array] = []
+    faces: list[np.ndarray] = []
+    normals: list[Array] = []
+    for side in range(4):
+        start, ends = len(vertices) * 2 * count, around[[side, (side + 1) % 4]]
+        points = np.zeros((2 * count, 3))
+        points[:, along] = np.repeat(stations, 2)
+        points[:, [u, v]] = np.tile(ends, (count, 1))
+        i = start + 2 * np.arange(count - 1)
+        faces += [np.column_stack((i, i + 1, i + 3)), np.column_stack((i, i + 3, i + 2))]
+        vertices.append(points)
+        normal = np.zeros(3)
+        normal[[u, v]] = ((0, -1), (1, 0), (0, 1), (-1, 0))[side]
+        normals.append(np.tile(normal, (2 * count, 1)))
+    for end, order in ((0, (0, 2, 1, 0, 3, 2)), (-1, (0, 1, 2, 0, 2, 3))):
+        start = sum(map(len, vertices))
+        points = np.zeros((4, 3))
+        points[:, along], points[:, [u, v]] = stations[end], around
+        faces.append(start + np.array(order).reshape(2, 3))
+        vertices.append(points)
+        normals.append(np.tile(np.eye(3)[along] * (1 if end else -1), (4, 1)))
+    return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals))
 
 
 @lru_cache(maxsize=64)
