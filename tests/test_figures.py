@@ -5,14 +5,18 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 import prup_pin
 from prup_pin.views.drawing.figures import pose_figure, shares_figure
+from prup_pin.views.scene.camera import camera_of
+from prup_pin.views.scene.colours import LOAD, rgb_of, share_colours
 from prup_pin.views.scene.elastic import Deflections
+from prup_pin.views.scene.painter import Painter, pose_scene
 from prup_pin.views.scene.skeleton import skeleton
 
 WRENCH = np.array([300, 0, 0, 0, 0, 100.0])
-GHOST = np.array([0xE8, 0x59, 0x0C])
+SOFTEST = "leg3/linear_rod"
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +40,12 @@ def drawing_of(image):
     return image[int(0.16 * height) : int(0.95 * height), int(0.12 * width) : int(0.69 * width)]
 
 
-def ghost_pixels(image):
-    return (np.abs(drawing_of(image) - GHOST).max(axis=-1) < 30).sum()
+def softest_pixels(image, compliance):
+    """How many pixels have the colour of the part with the largest share."""
+    shares = compliance.shares(WRENCH)
+    assert max(shares, key=shares.get) == SOFTEST
+    colour = np.round(rgb_of(share_colours(shares)[0][SOFTEST]) * 255)
+    return (np.abs(drawing_of(image) - colour).max(axis=-1) < 12).sum()
 
 
 def texts(figure):
@@ -56,9 +64,36 @@ def test_deflected_mechanism_is_drawn(robot, compliance):
     more = pixels(pose_figure(robot, compliance.pose, compliance, WRENCH, scale=20))
     assert without.shape == deflected.shape
     assert len(np.unique(without.reshape(-1, 3), axis=0)) > 50
-    assert ghost_pixels(without) == 0
-    assert ghost_pixels(deflected) > 500
+    assert softest_pixels(without, compliance) == 0
+    assert softest_pixels(deflected, compliance) > 500
     assert (drawing_of(deflected) != drawing_of(more)).any(axis=-1).sum() > 1000
+
+
+def test_a_page_has_one_scale_and_one_meaning_of_colours(robot, compliance):
+    """The drawing beside the scene: as many times larger, the same colour for the same part."""
+    scene = pose_scene(robot, compliance.pose, WRENCH, compliance=compliance)
+    figure = pose_figure(robot, compliance.pose, compliance, WRENCH)
+    said = " ".join(text.get_text() for text in texts(figure))
+    assert f"deflection drawn × {scene.scale:g}" in said
+    line = next(text for text in scene.legend.lines if "drawn" in text)
+    assert f"drawn {scene.scale:g} times larger" in line
+    colours = {line.get_color() for line in figure.axes[0].lines}
+    bars = [to_hex(bar.get_facecolor()) for bar in shares_figure(compliance, WRENCH).axes[0].patches]
+    for name in (SOFTEST, "leg2/moving_star_branch"):
+        colour = scene.part(f"robot/deformed/beams/{name}").colour
+        assert colour in colours
+        assert colour in bars
+    assert scene.part("wrench/force/shaft").colour == LOAD
+    assert scene.legend.scale_ends[1] in [tick.get_text() for axes in figure.axes for tick in axes.get_xticklabels()]
+
+
+def test_every_picture_of_a_robot_is_taken_from_the_same_side(robot, compliance):
+    """Whatever the pose and the load; and small changes of the robot do not turn it round."""
+    viewers = [camera_of(robot, robot.home).viewer, Painter(robot, compliance.pose).viewer]
+    viewers.append(pose_scene(robot, robot.pose(z=0.25, theta=-0.4, phi=0.3), {"fy": 200}).viewer)
+    changed = robot.with_parameters({"leg1/base.radius": 0.1813, "leg2/R_lambda.offset": 0.1002})
+    viewers.append(camera_of(changed, changed.home).viewer)
+    np.testing.assert_allclose(viewers, np.tile(viewers[0], (4, 1)), atol=1e-12)
 
 
 def test_title_states_pose_load_and_scale(robot, compliance):

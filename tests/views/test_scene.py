@@ -95,7 +95,7 @@ def test_bent_beam_has_the_computed_slope_at_its_end(robot, compliance, scene, n
 @pytest.mark.parametrize("visual", ["", "cylinder", "box"])
 @pytest.mark.parametrize(("root", "tip"), [("crank", "crank_end"), ("crank_end", "crank")])
 def test_a_crank_is_drawn_bent_once(tmp_path, root, tip, visual):
-    """From its joint, which stays, to its end, which goes where the tool's side of it goes; with its own geometry too."""
+    """From its joint, which stays, to its end, which goes where what it carries goes; with its own geometry too."""
     shapes = {
         "cylinder": f'<cylinder radius="0.006" length="{cranks.LENGTH}"/>',
         "box": f'<box size="0.01 0.01 {cranks.LENGTH}"/>',

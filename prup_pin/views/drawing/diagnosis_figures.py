@@ -14,16 +14,17 @@ from ...kinematics import ClosedPose
 from ...modules import DriveModule
 from ...robot import Robot
 from ...spatial import Array
-from ..scene.camera import best_camera
+from ..scene.camera import camera_of
+from ..scene.colours import FOUND
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text, scaled
 from .drawing import AXES, INK, Drawing, Labels
-from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool, leg_colours
+from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
 from .plotting import Figure, FigureCanvasAgg, plain_words
 
 __all__ = ["Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
 
-_FOUND, _BEFORE, _AFTER = "#C2255C", "#9AA3AD", "#0B6AA8"
+_BEFORE, _AFTER = "#9AA3AD", "#0B6AA8"
 _BAND = "#DCE3EA"
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
@@ -91,7 +92,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     poses = [] if run is None else run.geometry.poses
     pose = poses[len(poses) // 2] if poses else robot.home
     parts = skeleton(pose)
-    camera = best_camera(robot.mechanism.gravity, parts, np.zeros(3))
+    camera = camera_of(robot, pose)
     figure = Figure(figsize=(11, 6.6), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.02, 0.02, 0.62, 0.86))
@@ -107,21 +108,20 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     figure.canvas.draw()
     labels = Labels(figure, axes)
     drawing = Drawing(figure, axes, camera, labels)
-    colours = leg_colours(list(parts.legs))
-    draw_mechanism(drawing, parts, colours)
+    draw_mechanism(drawing, parts)
     texts = draw_tool(drawing, parts)
     found = marks(robot, pose, diagnosis.findings)
     _draw_marks(drawing, found)
     middle = camera.flat(parts.points).mean(axis=0)
     for text, at in _mark_texts(drawing, found):
-        labels.put(text, at, _FOUND, at - middle, 17, "bold")
+        labels.put(text, at, FOUND, at - middle, 17, "bold")
     for text, at, colour, towards in texts:
         labels.put(text, at, colour, towards)
     for leg, point in parts.legs.items():
         at = camera.flat(point)
-        labels.put(leg, at, colours[leg], at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
+        labels.put(leg, at, INK, at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
     draw_compass(figure, camera, robot.mechanism.gravity)
-    draw_legend(figure, parts, False, False, None)
+    draw_legend(figure, parts, False, None)
     _draw_list(figure, diagnosis, found, (0.655, 0.87 if response is None else 0.965))
     if beside is not None and isinstance(response, Recovered):
         small = figure.add_axes((0.725, 0.49, 0.255, 0.34))
@@ -137,7 +137,7 @@ def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> None:
         strong = mark.number > 0
         if len(flat) == 2:
             thick, alpha = (15.0, 0.35) if strong else (10.0, 0.16)
-            drawing.axes.plot(*flat.T, color=_FOUND, lw=thick, alpha=alpha, solid_capstyle="round", zorder=3)
+            drawing.axes.plot(*flat.T, color=FOUND, lw=thick, alpha=alpha, solid_capstyle="round", zorder=3)
         size, width = (24, 2.6) if strong else (17, 1.2)
         at = flat.mean(axis=0) if len(flat) == 2 else flat[0]
         line = "-" if strong else (0, (2, 1.5))
@@ -145,8 +145,8 @@ def _draw_marks(drawing: Drawing, found: Sequence[Mark]) -> None:
             drawing.axes.scatter(
                 *at[:, None],
                 s=size**2,
-                facecolors=_FOUND + "22" if strong else "none",
-                edgecolors=_FOUND,
+                facecolors=FOUND + "22" if strong else "none",
+                edgecolors=FOUND,
                 linewidths=width,
                 linestyles=[line],
                 zorder=200,
@@ -173,7 +173,7 @@ def _draw_list(figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], plac
     if any(not mark.number for mark in found):
         lines.append("dashed: these data cannot tell them apart")
     text = "\n".join(lines[:9]) if lines else "nothing is missing"
-    figure.text(*place, text, fontsize=11, color=_FOUND, va="top", linespacing=1.6)
+    figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
 
 
 # -- response ----------------------------------------------------------------------------------------------------------
@@ -221,13 +221,13 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
         law = y_factor * response.law
         name = physics.replace("_", " ")
         if response.path:
-            axes.scatter(x, law, s=9, color=_FOUND, linewidths=0, zorder=5, label=f"the law: {name}")
+            axes.scatter(x, law, s=9, color=FOUND, linewidths=0, zorder=5, label=f"the law: {name}")
             for block in np.unique(response.blocks):
                 here = response.blocks == block
-                axes.plot(x[here], law[here], color=_FOUND, lw=0.6, alpha=0.35, zorder=4)
+                axes.plot(x[here], law[here], color=FOUND, lw=0.6, alpha=0.35, zorder=4)
         else:
             order = np.argsort(x, kind="stable")
-            axes.plot(x[order], law[order], color=_FOUND, lw=2.2, zorder=5, label=f"the law: {name}")
+            axes.plot(x[order], law[order], color=FOUND, lw=2.2, zorder=5, label=f"the law: {name}")
     top = 1.25 * float(max((y_factor * reach).max(), np.quantile(np.abs(y), 0.5)))
     low, high = min(float(np.quantile(y, 0.02)), 0.0), max(float(np.quantile(y, 0.98)), 0.0)
     pad = 0.12 * max(high - low, 1e-12)
@@ -256,7 +256,7 @@ def _agreement_figure(finding: Finding, response: Agreement) -> Figure:
         noise = 2 * factor * response.noise.of_unit(si)
         line = np.array([-reach, reach])
         axes.fill_between(line, line - noise, line + noise, color=_BAND, lw=0, zorder=1, label="noise, ± 2 σ")
-        axes.plot(line, line, color=_FOUND, lw=1.6, zorder=2, label="the law")
+        axes.plot(line, line, color=FOUND, lw=1.6, zorder=2, label="the law")
         for column, colour in enumerate(AXES):
             label = _AXIS_NAMES[si][column]
             axes.plot(

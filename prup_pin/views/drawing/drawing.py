@@ -8,13 +8,10 @@ import numpy as np
 
 from ...spatial import Array
 from ..scene.camera import Camera
+from ..scene.colours import AXES, FAINT, INK
 from .plotting import Bbox, Figure
 
 __all__ = ["AXES", "FAINT", "INK", "Drawing", "Labels"]
-
-#: Colours of lines and words, of words beside them, and of x, y, z.
-INK, FAINT = "#4A5058", "#6B7280"
-AXES = ("#D62728", "#2CA02C", "#1F5FD0")
 
 
 class Labels:

@@ -7,13 +7,14 @@ import numpy as np
 from ...spatial import Array
 from ...statics import Compliance
 from ..scene.camera import Camera
+from ..scene.colours import ELLIPSOIDS, rgb_of
 from ..text.quantities import number
 from .drawing import FAINT, Drawing, Labels
 from .plotting import Figure, PolyCollection, Polygon
 
 __all__ = ["draw_ellipsoid", "draw_small_ellipsoid"]
 
-SOFT = "#7FB7A4"
+SOFT = ELLIPSOIDS["translation"]
 
 
 def _principal(compliance: Compliance) -> tuple[Array, Array]:
@@ -36,7 +37,7 @@ def draw_small_ellipsoid(drawing: Drawing, compliance: Compliance, at: Array, si
     if values[0] <= 0:
         return
     outline = drawing.camera.flat(at) + _silhouette(drawing.camera, values * 0.15 * size / values[0], vectors)
-    drawing.axes.add_patch(Polygon(outline, facecolor=SOFT, alpha=0.35, edgecolor="#3B7A67", lw=1.0, zorder=9.0))
+    drawing.axes.add_patch(Polygon(outline, facecolor=SOFT, alpha=0.35, edgecolor=SOFT, lw=1.0, zorder=9.0))
 
 
 def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance) -> None:
@@ -95,7 +96,7 @@ def _surface(camera: Camera, size: Array, vectors: Array) -> tuple[list[Array], 
     light = camera.viewer + 0.8 * camera.plane[1] - 0.6 * camera.plane[0]
     light /= np.linalg.norm(light)
     faces, depths, shades = [], [], []
-    base = np.array([0x7F, 0xB7, 0xA4]) / 255
+    base = 0.55 * rgb_of(SOFT) + 0.45
     for i in range(points.shape[0] - 1):
         for j in range(points.shape[1] - 1):
             corners = points[[i, i, i + 1, i + 1], [j, j + 1, j + 1, j]]

@@ -6,45 +6,40 @@ labels are placed where nothing else is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...errors import InputError
 from ...kinematics import ClosedPose
+from ...mechanism import Mechanism
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
-from ..scene.camera import FORCE_LENGTH, Camera, best_camera, hull
-from ..scene.elastic import Deflections, nice_below
+from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
+from ..scene.colours import BEAM, GHOST, LOAD, MAP, map_rgb, share_colours
+from ..scene.elastic import Deflections, fitting_scale
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
 from .drawing import AXES, FAINT, INK, Drawing, Labels
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
-from .plotting import Figure, FigureCanvasAgg, Line2D, Patch, Polygon, plain_words
+from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words
 
 __all__ = [
     "draw_compass",
     "draw_legend",
     "draw_mechanism",
     "draw_tool",
-    "leg_colours",
     "pose_figure",
     "shares_figure",
 ]
 
-_LEGS = ("#0072B2", "#009E73", "#CC79A7", "#8C6BB1", "#A6761D", "#56B4E9")
-_PLATE, _GHOST, _LOAD = "#AEB6BF", "#E8590C", "#B5179E"
+_PLATE, _PALE = "#aeb6bf", "#c3c9d0"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
-
-
-def leg_colours(legs: Sequence[str]) -> dict[str, str]:
-    """Return a colour per leg."""
-    return {leg: _LEGS[index % len(_LEGS)] for index, leg in enumerate(legs)}
 
 
 @plain_words
@@ -57,9 +52,9 @@ def pose_figure(
 ) -> Figure:
     """Return a picture of the mechanism, its deflection under a wrench, and the compliance at its tool.
 
-    The deflected mechanism is drawn `scale` times larger than life (None: a round number that shows it), as the title
-    says. The ellipsoid is the displacement of the tool under unit forces in all directions. Save it with
-    `figure.savefig("pose.png")`.
+    Under a wrench the mechanism is drawn pale, and over it deflected, `scale` times larger than life (None: a round
+    number that shows it, as in the 3-D scene), with beams and joints coloured by their shares. The ellipsoid is the
+    displacement of the tool under unit forces in all directions. Save it with `figure.savefig("pose.png")`.
     """
     if compliance is not None and compliance.pose is not pose:
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
@@ -68,7 +63,7 @@ def pose_figure(
     load = None if wrench is None else as_wrench(wrench)
     parts = skeleton(pose)
     size = parts.size
-    camera = best_camera(robot.mechanism.gravity, parts, np.zeros(3) if load is None else load[:3])
+    camera = camera_of(robot, pose)
     figure = Figure(figsize=(11, 7.2), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.02, 0.02, 0.67, 0.83))
@@ -76,7 +71,7 @@ def pose_figure(
     axes.axis("off")
     moved = Deflections(compliance, load) if load is not None and compliance is not None else None
     if moved is not None and scale is None:
-        scale = _fitting_scale(moved, parts)
+        scale = fitting_scale(moved, size)
     times = scale or 0.0
     ghost = moved if times else None
     # fix the limits first: labels are placed on the page
@@ -94,12 +89,13 @@ def pose_figure(
     figure.canvas.draw()
     labels = Labels(figure, axes)
     drawing = Drawing(figure, axes, camera, labels)
-    colours = leg_colours(list(parts.legs))
-    draw_mechanism(drawing, parts, colours)
+    shares = _shares(compliance, load)
+    colours, top = share_colours(shares)
+    draw_mechanism(drawing, parts, pale=ghost is not None)
     if compliance is not None:
         draw_small_ellipsoid(drawing, compliance, tool, size)
     if ghost is not None:
-        _draw_ghost(drawing, parts, ghost, times)
+        _draw_deflected(drawing, parts, ghost, times, {**_of_joints(robot.mechanism, shares, colours), **colours})
     texts = draw_tool(drawing, parts)
     if load is not None and load.any():
         texts += _draw_wrench(drawing, tool, load, size)
@@ -108,29 +104,41 @@ def pose_figure(
     middle = camera.flat(parts.points).mean(axis=0)
     for leg, point in parts.legs.items():
         at = camera.flat(point)
-        labels.put(leg, at, colours[leg], at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
+        labels.put(leg, at, INK, at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
     draw_compass(figure, camera, robot.mechanism.gravity)
     if compliance is not None:
         draw_ellipsoid(figure, camera, compliance)
-    draw_legend(figure, parts, load is not None and bool(load.any()), ghost is not None, scale)
+    draw_legend(figure, parts, load is not None and bool(load.any()), scale if ghost is not None else None)
+    if ghost is not None and top:
+        _draw_scale(figure, top)
     _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None)
     return figure
 
 
-def _fitting_scale(moved: Deflections, parts: Skeleton) -> float | None:
-    """Return the round factor that makes the largest deflection about an eighth of the mechanism."""
-    shifts = [
-        np.linalg.norm(moved.shift(body, end, 1.0))
-        for segment in parts.segments
-        for body, end in zip(segment.bodies, (segment.start, segment.end), strict=True)
-    ]
-    largest = max([*map(float, shifts), float(np.linalg.norm(moved.tool[:3]))])
-    return nice_below(0.14 * parts.size / largest) if largest > 0 else None
+def _shares(compliance: Compliance | None, load: Array | None) -> dict[str, float]:
+    """Return the shares of all modules; none where nothing deflects."""
+    if compliance is None or load is None:
+        return {}
+    try:
+        return compliance.shares(load)
+    except InputError:
+        return {}
 
 
-def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -> None:
-    """Draw bodies, joints and loop closures."""
+def _of_joints(mechanism: Mechanism, shares: Mapping[str, float], colours: Mapping[str, str]) -> dict[str, str]:
+    """Return the colour of each joint on which something other than a beam yields: that of the softest part there."""
+    found: dict[str, tuple[float, str]] = {}
+    for module in mechanism.modules:
+        if not module.kind.spans_frames and module.name in shares:
+            name = str(mechanism.model.names[module.joint])
+            found[name] = max(found.get(name, (-np.inf, "")), (shares[module.name], colours[module.name]))
+    return {name: colour for name, (_, colour) in found.items()}
+
+
+def draw_mechanism(drawing: Drawing, parts: Skeleton, pale: bool = False) -> None:
+    """Draw bodies, joints and loop closures; pale, where the deflected ones are to be drawn over them."""
     axes, camera = drawing.axes, drawing.camera
+    beam, link = (_PALE, _PALE) if pale else (BEAM, INK)
     for plate in parts.plates:
         outline = hull(camera.flat(plate.corners))
         if len(outline) >= 3:
@@ -145,11 +153,11 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -
     for segment in sorted(parts.segments, key=lambda s: camera.depth(np.array([s.start, s.end]))):
         line = np.array([segment.start, segment.end])
         if segment.kind == "beam":
-            drawing.rod(line, colours.get(segment.leg or "", INK))
+            drawing.rod(line, beam)
         elif segment.kind == "slide":
-            drawing.line(line, INK, 1.6, linestyle=(0, (4, 2)))
+            drawing.line(line, GHOST if pale else INK, 1.6, linestyle=(0, (4, 2)))
         else:
-            drawing.line(line, INK, 4.0)
+            drawing.line(line, link, 4.0)
     marks: dict[tuple, tuple] = {}
     rank = {"passive": 0, "sprung": 1, "locked": 2, "actuated": 3}
     for joint in parts.joints:
@@ -161,7 +169,7 @@ def draw_mechanism(drawing: Drawing, parts: Skeleton, colours: dict[str, str]) -
             marks[key] = (joint.at, style, shape)
     for at, style, shape in marks.values():
         face = {"actuated": "#F2B705", "locked": "black", "sprung": "#9BD1E5"}.get(style, "white")
-        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, face, INK)
+        drawing.mark(at, shape, 10.5 if style == "actuated" else 7.5, face, GHOST if pale else INK)
     for first, second, _, _ in parts.closures:
         if np.linalg.norm(first - second) > 1e-6:
             drawing.line(np.array([first, second]), INK, 1.2, linestyle=":")
@@ -182,19 +190,28 @@ def _draw_ground(drawing: Drawing, at: Array, size: float) -> None:
         drawing.labels.avoid(edge + np.array([0, away * height * half]))
 
 
-def _draw_ghost(drawing: Drawing, parts: Skeleton, ghost: Deflections, scale: float) -> None:
+def _draw_deflected(
+    drawing: Drawing, parts: Skeleton, ghost: Deflections, scale: float, colours: Mapping[str, str]
+) -> None:
+    """Draw the deflected mechanism over the pale one, beams and joints in the colours of their shares."""
+
     def there(body: int, point: Array) -> Array:
         return point + ghost.shift(body, point, scale)
 
     for segment in parts.segments:
-        width = 2.4 if segment.kind == "beam" else 1.8
-        drawing.line(ghost.curve(segment, scale), _GHOST, width, lift=5.0, halo=False, alpha=0.9)
+        beam = segment.kind == "beam"
+        colour = colours.get(segment.name, MAP[0]) if beam else INK
+        drawing.line(ghost.curve(segment, scale), colour, 4.5 if beam else 2.2, lift=5.0)
     for plate in parts.plates:
         if plate.body:
             outline = hull(drawing.camera.flat(np.array([there(plate.body, corner) for corner in plate.corners])))
             if len(outline) >= 3:
-                drawing.axes.add_patch(Polygon(outline, facecolor="none", edgecolor=_GHOST, lw=1.4, zorder=16))
-    drawing.mark(there(parts.tool_body, parts.tool[:3, 3]), "o", 6, _GHOST, "white", lift=26)
+                drawing.axes.add_patch(Polygon(outline, facecolor=_PLATE, alpha=0.5, edgecolor=INK, lw=1.4, zorder=16))
+    for joint in parts.joints:
+        if joint.name in colours:
+            at = there(joint.body, joint.at)
+            drawing.mark(at, "s" if joint.type == "prismatic" else "o", 8, colours[joint.name], INK, lift=24)
+    drawing.mark(there(parts.tool_body, parts.tool[:3, 3]), "o", 6, INK, "white", lift=26)
 
 
 def draw_tool(drawing: Drawing, parts: Skeleton) -> list[tuple]:
@@ -222,9 +239,9 @@ def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[
         label = f"{number(amount, 4)} {unit}"
         if unit == "N":
             tip = at + FORCE_LENGTH * size * axis
-            drawing.arrow(at, tip, _LOAD, 3.0, 17)
+            drawing.arrow(at, tip, LOAD, 3.0, 17)
             flat = camera.flat(np.array([at, tip]))
-            texts.append((label, flat[1], _LOAD, flat[1] - flat[0]))
+            texts.append((label, flat[1], LOAD, flat[1] - flat[0]))
             continue
         across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
         across /= np.linalg.norm(across)
@@ -232,10 +249,10 @@ def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[
         start = np.arctan2(other @ camera.viewer, across @ camera.viewer) + np.radians(215)
         angles = start + np.linspace(0, np.radians(290), 60)
         arc = at + 0.08 * size * (np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * other)
-        drawing.line(arc[:-2], _LOAD, 2.6, lift=48, halo=False)
-        drawing.arrow(arc[-3], arc[-1], _LOAD, 2.6, 15)
+        drawing.line(arc[:-2], LOAD, 2.6, lift=48, halo=False)
+        drawing.arrow(arc[-3], arc[-1], LOAD, 2.6, 15)
         flat = camera.flat(arc)
-        texts.append((label, flat[30], _LOAD, flat[30] - camera.flat(at)))
+        texts.append((label, flat[30], LOAD, flat[30] - camera.flat(at)))
     return texts
 
 
@@ -272,8 +289,8 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
     labels.put("base", np.zeros(2), FAINT, np.array([-1, -1]), 8.5)
 
 
-def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, scale: float | None) -> None:
-    """Explain every sign that occurs."""
+def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | None) -> None:
+    """Explain every sign that occurs; `scale`: how many times larger the deflection is drawn, where it is."""
     kinds = {segment.kind for segment in parts.segments}
     roles = {word.strip() for joint in parts.joints for word in joint.role.split(",")}
     handles: list = []
@@ -285,9 +302,15 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, 
         add(label, marker=marker, ls="", mfc=face, mec=INK, ms=size)
 
     if "beam" in kinds:
-        add("elastic beam" + (" (in its leg's colour)" if parts.legs else ""), color=INK, lw=7)
+        if scale is None:
+            add("elastic beam", color=BEAM, lw=7)
+        else:
+            add("elastic beam without load", color=_PALE, lw=7)
+            add(f"deflected, drawn {number(scale)} times larger", color=MAP[len(MAP) // 2], lw=4.5)
+    elif scale is not None:
+        add(f"deflected, drawn {number(scale)} times larger", color=INK, lw=2.2)
     if "link" in kinds:
-        add("rigid link", color=INK, lw=4)
+        add("rigid link", color=INK if scale is None else _PALE, lw=4)
     if "slide" in kinds:
         add("slide", color=INK, lw=1.6, ls=(0, (4, 2)))
     if any(plate.body for plate in parts.plates) or any(not plate.body for plate in parts.plates):
@@ -304,9 +327,7 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, deflected: bool, 
     if parts.closures:
         mark("loop closure", "D", "none", 8)
     if loaded:
-        add("load on the tool", color=_LOAD, lw=3)
-    if deflected:
-        add(f"deflected, drawn {number(scale or 0)} times larger", color=_GHOST, lw=2.4)
+        add("load on the tool", color=LOAD, lw=3)
     figure.legend(
         handles=handles,
         loc="upper left",
@@ -329,7 +350,19 @@ def _write_title(figure: Figure, robot: Robot, pose: ClosedPose, compliance, loa
         line = f"under {wrench_text(load)} the tool moves by {length_text(moved)}"
         if scale:
             line += f"; deflection drawn × {number(scale)}"
-        figure.text(0.025, 0.878, line, fontsize=11, color=_GHOST, va="center")
+        figure.text(0.025, 0.878, line, fontsize=11, color=INK, va="center")
+
+
+def _draw_scale(figure: Figure, top: float) -> None:
+    """Draw the map of shares with its ends."""
+    axes = figure.add_axes((0.725, 0.035, 0.16, 0.02))
+    axes.imshow(np.linspace(0, 1, 256)[None], cmap=ListedColormap(map_rgb(np.linspace(0, 1, 256))), aspect="auto")
+    axes.set_yticks([])
+    axes.set_xticks([0, 255], ["0", f"{number(100 * top, 3)} %"], fontsize=9)
+    axes.tick_params(length=0, pad=2)
+    axes.set_title("share of a part in the deflection", fontsize=9.5, loc="left", pad=4)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
 
 
 def _percent(share: float) -> str:
@@ -339,7 +372,7 @@ def _percent(share: float) -> str:
 
 @plain_words
 def shares_figure(compliance: Compliance, wrench=None) -> Figure:
-    """Return horizontal bars of each module's share in the work of a wrench, in % and µm, coloured by leg.
+    """Return horizontal bars of each module's share in the work of a wrench, in % and µm, in the colours of the scene.
 
     Without a wrench: a unit force along the softest direction. Raises InputError where the wrench deflects nothing.
     """
@@ -355,8 +388,7 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
     if rest:
         label = rest[0] if len(rest) == 1 else f"{len(rest)} others"
         rows.append((label, sum(shares[name] for name in rest), sum(answer.contributions[name] for name in rest)))
-    legs = {module.name: module.leg for module in answer.mechanism.modules}
-    colours = leg_colours(list(compliance.legs))
+    colours, _ = share_colours(answer.shares)
     height = 2.0 + 0.33 * len(rows)
     figure = Figure(figsize=(9.5, height), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
@@ -365,8 +397,7 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
     axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - 1.65 / height))
     largest = max(share for _, share, _ in rows)
     for row, (name, share, amount) in enumerate(rows):
-        leg = legs.get(name) or ""
-        axes.barh(row, 100 * share, height=0.68, color=colours.get(leg, INK if name in legs else "#C3C9D0"), zorder=2)
+        axes.barh(row, 100 * share, height=0.68, color=colours.get(name, _PALE), zorder=2)
         text = f"{_percent(share)} %   {number(amount * 1e6, 3)} {unit}"
         axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=9.5, color="#222222")
     axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9.5)
@@ -378,12 +409,10 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
     axes.set_axisbelow(True)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    if colours:
-        handles = [
-            Patch(color=colour, label=f"{leg}  {_percent(answer.share_of(compliance.legs[leg]) or 0.0)} %")
-            for leg, colour in colours.items()
-        ]
-        axes.legend(handles=handles, loc="lower right", frameon=False, fontsize=10)
+    if compliance.legs:
+        lines = [f"{leg}  {_percent(answer.share_of(part) or 0.0)} %" for leg, part in compliance.legs.items()]
+        text = "\n".join(["all of a leg", *lines[:12]])
+        axes.text(0.98, 0.03, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=10, linespacing=1.5)
     what = "tool turns" if answer.load.turns else "tool moves"
     per = "" if answer.load.given else " (softest direction)"
     figure.text(

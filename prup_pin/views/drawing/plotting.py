@@ -9,6 +9,7 @@ try:
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import PolyCollection
+    from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch, Polygon
@@ -16,7 +17,17 @@ try:
 except ImportError as error:
     raise MissingExtraError("matplotlib") from error
 
-__all__ = ["Bbox", "Figure", "FigureCanvasAgg", "Line2D", "Patch", "PolyCollection", "Polygon", "plain_words"]
+__all__ = [
+    "Bbox",
+    "Figure",
+    "FigureCanvasAgg",
+    "Line2D",
+    "ListedColormap",
+    "Patch",
+    "PolyCollection",
+    "Polygon",
+    "plain_words",
+]
 
 #: Decorates what makes a figure: dollar signs in names are signs, not mathematics.
 plain_words = rc_context({"text.parse_math": False})

@@ -1,16 +1,21 @@
-"""Parallel projection by hand: gravity points down on the page, and the view shows as much as it can."""
+"""Parallel projection by hand: gravity points down on the page, and all pictures of a robot show the same side."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ...errors import PrupPinError
+from ...kinematics import ClosedPose
+from ...robot import Robot
 from ...spatial import Array
-from .skeleton import Skeleton
+from .skeleton import Skeleton, skeleton
 
-__all__ = ["FORCE_LENGTH", "Camera", "best_camera", "hull"]
+__all__ = ["FORCE_LENGTH", "Camera", "best_camera", "camera_of", "hull"]
 
 #: Length of the force's arrow as a share of the mechanism's size.
 FORCE_LENGTH = 0.21
+#: A view that comes so near to the best is as good; of these the first is taken, so that small changes keep the side.
+_AS_GOOD = 0.97
 
 
 class Camera:
@@ -39,13 +44,27 @@ class Camera:
         return float(np.mean(np.asarray(points) @ self.viewer))
 
 
-def best_camera(gravity: Array, parts: Skeleton, force: Array) -> Camera:
-    """Return the view, from slightly above, in which lines are long, apart from each other, and spread wide."""
+def camera_of(robot: Robot, pose: ClosedPose) -> Camera:
+    """Return the view from which all pictures of a robot are taken, whatever the pose: the one that suits its home.
+
+    A robot whose loops do not close at home is seen as suits `pose`.
+    """
+    try:
+        home = robot.home
+    except PrupPinError:
+        home = pose
+    return best_camera(robot.mechanism.gravity, skeleton(home))
+
+
+def best_camera(gravity: Array, parts: Skeleton) -> Camera:
+    """Return the view, from slightly above, in which lines are long, apart from each other, and spread wide.
+
+    The axes of the base count as lines at the tool: a force along any of them is to be seen from the side.
+    """
     share = np.linspace(0.1, 0.9, 5)[:, None]
     lines = [(segment.start, segment.end) for segment in parts.segments] or [(parts.tool[:3, 3], np.zeros(3))]
-    if force.any():
-        at = parts.tool[:3, 3]
-        lines.append((at, at + FORCE_LENGTH * parts.size * force / np.linalg.norm(force)))
+    at = parts.tool[:3, 3]
+    lines += [(at, at + FORCE_LENGTH * parts.size * axis) for axis in np.eye(3)]
     ends = np.array(lines)
     samples = np.array([start + share * (end - start) for start, end in lines])
     count = len(lines)
@@ -53,7 +72,7 @@ def best_camera(gravity: Array, parts: Skeleton, force: Array) -> Camera:
     centred = parts.points - parts.points.mean(axis=0)
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     apart = np.linalg.norm(samples[pairs[:, 0], :, None] - samples[pairs[:, 1], None], axis=-1) + 1e-9 * parts.size
-    best, found = -np.inf, None
+    views: list[tuple[float, Camera]] = []
     for elevation, liking in ((18, 1.0), (28, 0.97), (40, 0.85), (55, 0.65)):
         for azimuth in range(-170, 190, 5):
             camera = Camera(gravity, azimuth, elevation)
@@ -66,10 +85,9 @@ def best_camera(gravity: Array, parts: Skeleton, force: Array) -> Camera:
                 gaps = np.linalg.norm(flat[pairs[:, 0], :, None] - flat[pairs[:, 1], None], axis=-1)
                 clear = np.minimum(gaps / apart, 0.4).mean(axis=(1, 2))
                 score *= 0.1 + float(clear.mean() + clear.min())
-            if score > best * (1 + 1e-9):
-                best, found = score, camera
-    assert found is not None
-    return found
+            views.append((score, camera))
+    best = max(score for score, _ in views)
+    return next(camera for score, camera in views if score >= _AS_GOOD * best)
 
 
 def hull(points: Array) -> Array:

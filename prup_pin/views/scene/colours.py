@@ -1,12 +1,43 @@
-"""Colours of the scenes: one perceptually uniform map for values, and a few fixed colours for signs."""
+"""Colours of all pictures, in a browser and on paper: one perceptually uniform map for shares and other values, and a
+few fixed colours for signs. A colour means the same wherever it is seen; legs are told apart by their names."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...spatial import Array
 
-__all__ = ["MAP", "grey_of", "hex_of", "map_colour", "rgb_of"]
+__all__ = [
+    "AXES",
+    "BEAM",
+    "ELLIPSOIDS",
+    "FAINT",
+    "FOUND",
+    "GHOST",
+    "INK",
+    "LOAD",
+    "MAP",
+    "MOVED",
+    "SYMBOL",
+    "grey_of",
+    "hex_of",
+    "map_colour",
+    "map_rgb",
+    "rgb_of",
+    "share_colours",
+]
+
+#: Words and rigid parts, and words beside them.
+INK, FAINT = "#374151", "#6b7280"
+#: The robot without load, the load, what it displaces; a place that a diagnosis found.
+GHOST, LOAD, MOVED, FOUND = "#7d8794", "#0f7b3e", "#111827", "#c2255c"
+#: Compliant parts where no share is shown: bodies, and symbols of drives, bearings and springs.
+BEAM, SYMBOL = "#6f8aa5", "#b08d57"
+#: x, y, z.
+AXES = ("#d62728", "#2a9d3f", "#1f5fd0")
+ELLIPSOIDS: Mapping[str, str] = {"translation": "#2a9d8f", "rotation": "#7a5195"}
 
 #: 'Magma' of matplotlib (public domain) from light to dark, without its ends: lightness falls evenly, and people with
 #: any kind of colour blindness see the order. What yields little is pale, what yields much is dark.
@@ -51,6 +82,16 @@ def map_rgb(fractions) -> Array:
 def map_colour(fraction: float) -> str:
     """Return the colour of a value between 0 and 1."""
     return hex_of(map_rgb(fraction))
+
+
+def share_colours(shares: Mapping[str, float]) -> tuple[dict[str, str], float]:
+    """Return a colour for each share, and the share at the dark end of the map: the largest one, rounded up."""
+    largest = max([*shares.values(), 0.0])
+    if largest <= 0:
+        return dict.fromkeys(shares, map_colour(0.0)), 0.0
+    step = 10.0 ** np.floor(np.log10(largest)) / 2
+    top = float(np.ceil(largest / step - 1e-9) * step)
+    return {name: map_colour(share / top) for name, share in shares.items()}, top
 
 
 def grey_of(colour: str) -> str:

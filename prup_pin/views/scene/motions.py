@@ -55,7 +55,7 @@ def load_ramp(
     if not load.any():
         raise InputError("a load ramp needs a wrench that is not zero")
     compliance = _compliance(robot, pose)
-    painter = Painter(robot, pose, load[:3])
+    painter = Painter(robot, pose)
     moved = Deflections(compliance, load)
     scale = fitting_scale(moved, painter.size) if scale is None else scale
     phase = np.linspace(0, 1, frames)
@@ -123,7 +123,7 @@ def path_motion(
     if not poses:
         raise InputError("a path needs at least one pose")
     load = None if wrench is None else as_wrench(wrench)
-    painter = Painter(robot, poses[len(poses) // 2], None if load is None else load[:3])
+    painter = Painter(robot, poses[len(poses) // 2])
     deflects = load is not None and bool(load.any())
     compliances = [_compliance(robot, pose) if deflects or robot.mechanism.modules else None for pose in poses]
     moves: list[Deflections | None] = [None] * len(poses)

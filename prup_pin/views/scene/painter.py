@@ -16,10 +16,10 @@ from ...statics import Compliance
 from ..text.answer import ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
-from .camera import best_camera
-from .colours import grey_of, map_colour
+from .camera import camera_of
+from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below
-from .scene import INK, ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
+from .scene import ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
 from .shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube, box_mesh
 from .skeleton import Segment, skeleton
 from .symbols import symbols
@@ -27,15 +27,11 @@ from .visuals import Visual, visuals
 
 __all__ = ["Painter", "pose_scene", "pose_words"]
 
-GHOST, LOAD, MOVED, SYMBOL = "#7d8794", "#0f7b3e", "#111827", "#b08d57"
-AXES = ("#d62728", "#2a9d3f", "#1f5fd0")
-ELLIPSOIDS: Mapping[str, str] = {"translation": "#2a9d8f", "rotation": "#7a5195"}
-
 
 class Painter:
     """Draws poses of one robot: reads its geometry once, keeps eye and sizes the same for all poses."""
 
-    def __init__(self, robot: Robot, pose: ClosedPose, force: Array | None = None):
+    def __init__(self, robot: Robot, pose: ClosedPose):
         mechanism = robot.mechanism
         self.robot = robot
         self.visuals, notes = visuals(mechanism)
@@ -51,7 +47,7 @@ class Painter:
         bones = skeleton(pose)
         self.size = bones.size
         self.middle = (bones.points.min(axis=0) + bones.points.max(axis=0)) / 2
-        camera = best_camera(mechanism.gravity, bones, np.zeros(3) if force is None else force)
+        camera = camera_of(robot, pose)
         self.up, self.viewer = camera.up, camera.viewer
         right = np.cross(self.up, self.viewer)
         self.page = np.array([right, np.cross(self.viewer, right)]) / np.linalg.norm(right)
@@ -255,8 +251,8 @@ class Painter:
                 shares = compliance.shares(wrench)
             except InputError:
                 shares = {}
-        top = _round_up(max([*shares.values(), 0.0])) if shares else 0.0
-        colours = {name: map_colour(share / top if top else 0.0) for name, share in shares.items()} if shares else None
+        coloured, top = share_colours(shares)
+        colours = coloured or None
         drawn = (scale or 0.0) * factor if loaded else 0.0
         if loaded:
             whole = self.bodies(pose, moved, drawn, "robot/deformed", colours)
@@ -521,15 +517,7 @@ def pose_scene(
         )
     if compliance is not None and compliance.pose is not pose:
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
-    painter = Painter(robot, pose, None if load is None else load[:3])
-    return painter.scene(pose, compliance, load, scale, ellipsoids=ellipsoids)
-
-
-def _round_up(value: float) -> float:
-    if value <= 0:
-        return 0.0
-    step = 10.0 ** np.floor(np.log10(value)) / 2
-    return float(np.ceil(value / step - 1e-9) * step)
+    return Painter(robot, pose).scene(pose, compliance, load, scale, ellipsoids=ellipsoids)
 
 
 def pose_words(robot: Robot, pose: ClosedPose, digits: int = 4) -> str:

@@ -13,12 +13,10 @@ from functools import cached_property
 import numpy as np
 
 from ...spatial import Array
-from .colours import MAP
+from .colours import INK, MAP
 from .shapes import Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
 
 __all__ = ["ComplianceEllipsoid", "Label", "Legend", "Part", "Row", "Scene", "outline"]
-
-INK = "#374151"
 
 
 @dataclass(frozen=True, eq=False)
