@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +23,8 @@ from .parameters import Parameter
 from .recordings.writer import write_whole
 from .sensitivity import Sensitivity, sensitivity_of
 from .spatial import as_wrench
-from .statics import Compliance, StaticsLayout, solve_statics
+from .statics import Compliance, StaticsLayout, dimensionless, solve_statics
+from .sweep import SweepResult, sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -102,8 +104,7 @@ class Robot:
     @cached_property
     def _scaling(self) -> np.ndarray:
         """Factors that make C dimensionless, (6, 6)."""
-        scale = np.array([1.0, 1.0, 1.0] + 3 * [self._kinematics.length])
-        return np.outer(scale, scale)
+        return dimensionless(self._kinematics.length)
 
     def pose(self, **coordinates: float) -> ClosedPose:
         """Return the closed pose at task coordinates of the robot file [m, rad].
@@ -179,6 +180,47 @@ class Robot:
         `gravity` acts. Raises like `equilibrium` and `compliance`.
         """
         return sensitivity_of(self.equilibrium(pose, wrench, gravity), self.characteristic_length)
+
+    def sweep(
+        self,
+        poses: Any = None,
+        *,
+        quantities: Sequence[str] = ("C", "K"),
+        force: float | None = None,
+        moment: float | None = None,
+        wrench: ArrayLike | Mapping[str, float] | None = None,
+        draws: int | None = None,
+        seed: int = 0,
+        executor: Executor | None = None,
+        progress: Callable[[int, int], None] | None = None,
+        **axes: ArrayLike,
+    ) -> SweepResult:
+        """Return `quantities` (names: `prup_pin.sweep.QUANTITIES`) at many poses, each with a status.
+
+        Where: task coordinates as numbers, which are fixed, and rising arrays, which span a grid in the order given
+        (z=0.3, theta=np.linspace(-.5, .5, 41), phi=…) [m, rad]; or `poses`, an array (N, t) in the order of
+        `task_coordinates`, or a list or generator of rows or mappings; or `draws` poses between two ends each,
+        theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints.
+
+        `force` [N] and `moment` [N m] are half the sides of the box of wrenches, `wrench` (6,) a load for shares. An
+        `executor` of concurrent.futures solves parts anywhere; the bits are the same. `progress(done, poses)` is
+        called now and then. Raises InputError for what cannot be meant; a pose that fails gets a status, never an
+        error.
+        """
+        return sweep(
+            self.mechanism,
+            poses,
+            quantities=quantities,
+            force=force,
+            moment=moment,
+            wrench=wrench,
+            draws=draws,
+            seed=seed,
+            executor=executor,
+            progress=progress,
+            kinematics=self._kinematics,
+            axes=axes,
+        )
 
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""

@@ -24,7 +24,7 @@ STIFF, LEFT_OUT, BOTH = "#0072B2", "#009E73", INK  # colours of the roads
 GROUND = "#E1E5E8"
 PITCH, HEIGHT = 0.62, 0.42  # of rows and of boxes [in]
 BOTTOM = 0.42
-SIZE = (10.6, 10.72)
+SIZE = (10.6, 11.34)
 ROUND = "round,pad=0,rounding_size=0.08"
 LEFT, RIGHT = (0.75, 5.05), (5.75, 10.05)
 
@@ -64,18 +64,19 @@ BOXES = {
     "kinematics": Box(4, LEFT, STIFF, "closed poses"),
     "statics": Box(5, LEFT, STIFF, "wrench Jacobians, C and K, weight"),
     "loaded": Box(6, LEFT, STIFF, "equilibrium in the deformed position"),
-    "sensitivity": Box(7, LEFT, STIFF, "what each parameter does to pose and C"),
-    "robot": Box(8, _halves(LEFT)[0], STIFF, "what a user holds"),
-    "robots": Box(8, _halves(LEFT)[1], STIFF, "finds their files"),
-    "loading": Box(9, _halves(LEFT)[0], STIFF, "from a name or a file"),
-    "build": Box(9, _halves(LEFT)[1], STIFF, "from dimensions"),
+    "sensitivity": Box(7, _halves(LEFT)[0], STIFF, "slopes"),
+    "sweep": Box(7, _halves(LEFT)[1], STIFF, "many poses"),
+    "robot": Box(8, LEFT, STIFF, "what a user holds"),
+    "robots": Box(9, (2.35, 3.6), STIFF, "files"),
+    "loading": Box(10, (0.75, 3.6), STIFF, "from a name or a file"),
+    "build": Box(10, (3.75, 5.05), STIFF, "new"),
     "laws": Box(7, _halves(RIGHT)[0], LEFT_OUT, "physics left out"),
     "recordings": Box(7, _halves(RIGHT)[1], LEFT_OUT, "bench tests"),
-    "simulation": Box(10, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
-    "channels": Box(11, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
-    "diagnosis": Box(12, RIGHT, LEFT_OUT, "locate, compete, judge"),
-    "views": Box(13, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, notebook, scene, drawing, meshcat, report"),
-    "cli": Box(14, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
+    "simulation": Box(11, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
+    "channels": Box(12, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
+    "diagnosis": Box(13, RIGHT, LEFT_OUT, "locate, compete, judge"),
+    "views": Box(14, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, notebook, scene, drawing, meshcat, report"),
+    "cli": Box(15, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
 }
 #: Rooms that are made to be added to.
 OPEN = {"modules": "a module", "mechanism": "a format", "laws": "a law, a deed", "channels": "a channel"}
@@ -125,7 +126,7 @@ def picture(rooms: dict[str, set[str]]) -> Figure:
         at = BOTTOM + 2.1 * PITCH - 0.24 * line
         axes.text(RIGHT[0] + 0.45, at, text, fontsize=10, color=INK, va="center")
     lines = ("robot file → mechanism → closed pose", "→ wrench Jacobians → C, K, parts")
-    _draw_road(axes, LEFT[0], 10.0, "How stiff?", lines, STIFF)
+    _draw_road(axes, LEFT[0], 11.0, "How stiff?", lines, STIFF)
     lines = ("recording → simulation → residual of channels", "→ places → laws compete → verdict")
     _draw_road(axes, RIGHT[0], 4.0, "What was left out?", lines, LEFT_OUT)
     return figure
@@ -170,6 +171,8 @@ def _draw_arrow(axes, room: str, other: str) -> None:
     if upper.sides[0] < lower.sides[1] and lower.sides[0] < upper.sides[1]:
         narrower = min(upper, lower, key=lambda box: box.sides[1] - box.sides[0])
         start, end = (narrower.middle, upper.low), (narrower.middle, lower.high)
+    elif upper.middle < lower.middle:
+        start, end = (upper.sides[1], (upper.low + upper.high) / 2), (lower.middle, lower.high)
     else:
         start = (upper.sides[0], (upper.low + upper.high) / 2)
         end = (lower.sides[1], (lower.low + lower.high) / 2)

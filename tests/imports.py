@@ -27,6 +27,7 @@ LAYERS = [
     "loaded",
     "laws",
     "sensitivity",
+    "sweep",
     "robots",
     "robot",
     "build",

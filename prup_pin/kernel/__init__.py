@@ -2,7 +2,17 @@
 
 from .closure import Closure, LoopForces, LoopGaps
 from .compiled import Configuration, LoopedTree, Passing
-from .rank import NEGLIGIBLE, NEGLIGIBLE_ENERGY, Rank, pseudo_inverse, rank_of, semidefinite_inverse, semidefinite_null
+from .rank import (
+    NEGLIGIBLE,
+    NEGLIGIBLE_ENERGY,
+    Rank,
+    equal_ranks,
+    pseudo_inverse,
+    rank_of,
+    semidefinite_inverse,
+    semidefinite_null,
+)
+from .tree import Tree
 
 __all__ = [
     "NEGLIGIBLE",
@@ -14,6 +24,8 @@ __all__ = [
     "LoopedTree",
     "Passing",
     "Rank",
+    "Tree",
+    "equal_ranks",
     "pseudo_inverse",
     "rank_of",
     "semidefinite_inverse",

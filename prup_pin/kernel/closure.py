@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..mechanism import Mechanism
 from ..spatial import Array, rotation_exp, skew
@@ -137,7 +138,7 @@ class Closure:
         relative = to_first @ second
         gap, twist_map = self.of_relative(relative)
         lead = point.shape[:-1]
-        action = np.zeros((*lead, 6, 6))
+        action = np.zeros((*lead, 6, 6), placements.dtype)
         action[..., :3, :3] = action[..., 3:, 3:] = to_first
         action[..., :3, 3:] = to_first @ skew(-origin)
         wrenches = (twist_map @ action).reshape(*lead[:-1], 6 * self.count, 6)
@@ -175,6 +176,10 @@ class Closure:
     def assembled(self, turn: Array) -> bool:
         """Return False where an angle vanishes at the wrong root: frames turned by half a turn."""
         return not np.count_nonzero(turn * self._aligned < self._least_aligned)
+
+    def assembled_each(self, turn: Array) -> NDArray[np.bool_]:
+        """Return `assembled` of many configurations, (...) of turn (..., L, 3, 3)."""
+        return np.asarray(~(turn * self._aligned < self._least_aligned).any(axis=(-1, -2, -3)))
 
     def forces(self, at: LoopGaps, forces: Array) -> LoopForces:
         """Return what the loops carry under closure forces (..., c) [N, N m], and how it changes as bodies move."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..spatial import Array
 
@@ -16,6 +17,7 @@ __all__ = [
     "NEGLIGIBLE",
     "NEGLIGIBLE_ENERGY",
     "Rank",
+    "equal_ranks",
     "pseudo_inverse",
     "rank_of",
     "semidefinite_inverse",
@@ -57,6 +59,18 @@ def rank_of(matrix: Array, rows: Array | float = 1.0, columns: Array | float = 1
     return Rank(rank, rows[:, None] * u[:, rank:], columns[:, None] * vt[rank:].T, columns[:, None] * inverse * rows)
 
 
+def equal_ranks(matrix: Array, rows: Array, columns: Array, rank: int) -> tuple[Rank, NDArray[np.bool_]]:
+    """Return `rank_of` of many matrices (..., m, n) as if each had this rank, and which of them have it, (...)."""
+    scaled = rows[:, None] * matrix * columns
+    u, values, vt = np.linalg.svd(scaled)
+    largest = values.max(axis=-1, keepdims=True, initial=0.0)
+    same = (values > NEGLIGIBLE * largest).sum(axis=-1) == rank
+    kept = np.where(values[..., :rank] > 0, values[..., :rank], np.inf)
+    inverse = (vt[..., :rank, :].mT / kept[..., None, :]) @ u[..., :rank].mT
+    left, right = rows[:, None] * u[..., rank:], columns[:, None] * vt[..., rank:, :].mT
+    return Rank(rank, left, right, columns[:, None] * inverse * rows), same
+
+
 def pseudo_inverse(matrix: Array) -> Array:
     """Return the least inverses (..., n, m) of dimensionless matrices (..., m, n)."""
     u, values, vt = np.linalg.svd(matrix, full_matrices=False)
@@ -65,22 +79,23 @@ def pseudo_inverse(matrix: Array) -> Array:
 
 
 def semidefinite_inverse(matrix: Array) -> Array:
-    """Return the least inverse of one symmetric positive semidefinite matrix of energies, whatever its rows' units."""
+    """Return the least inverses of symmetric positive semidefinite matrices (..., n, n) of energies, whatever their
+    rows' units."""
     values, vectors, scale = _energies(matrix)
-    kept = values > NEGLIGIBLE_ENERGY * values.max(initial=0.0)
-    basis = scale[:, None] * vectors[:, kept]
-    return (basis / values[kept]) @ basis.T
+    kept = values > NEGLIGIBLE_ENERGY * values.max(axis=-1, keepdims=True, initial=0.0)
+    basis = scale[..., :, None] * vectors
+    return (basis * np.where(kept, 1 / np.where(kept, values, 1.0), 0.0)[..., None, :]) @ basis.mT
 
 
 def semidefinite_null(matrix: Array) -> Array:
     """Return a basis (n, n - rank) of what has no energy, by the decision of `semidefinite_inverse`."""
     values, vectors, scale = _energies(matrix)
-    return scale[:, None] * vectors[:, values <= NEGLIGIBLE_ENERGY * values.max(initial=0.0)]
+    return scale[..., :, None] * vectors[:, values <= NEGLIGIBLE_ENERGY * values.max(initial=0.0)]
 
 
 def _energies(matrix: Array) -> tuple[Array, Array, Array]:
-    """Return eigenvalues and vectors of an energy whose rows are scaled alike, and their scale."""
-    diagonal = np.diagonal(matrix)
+    """Return eigenvalues and vectors of energies whose rows are scaled alike, and their scale."""
+    diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+    values, vectors = np.linalg.eigh(matrix * scale[..., :, None] * scale[..., None, :])
     return values, vectors, scale

@@ -2,6 +2,20 @@
 
 from .closed_pose import ClosedPose, PassiveBalance
 from .loop_kinematics import TOLERANCE, LoopKinematics
+from .many_poses import AWAY, CLOSED, DOUBTFUL, LIMITS, ManyPoses, Reached
 from .mobility import Mobility, mobility
 
-__all__ = ["TOLERANCE", "ClosedPose", "LoopKinematics", "Mobility", "PassiveBalance", "mobility"]
+__all__ = [
+    "AWAY",
+    "CLOSED",
+    "DOUBTFUL",
+    "LIMITS",
+    "TOLERANCE",
+    "ClosedPose",
+    "LoopKinematics",
+    "ManyPoses",
+    "Mobility",
+    "PassiveBalance",
+    "Reached",
+    "mobility",
+]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +63,26 @@ class ClosedPose:
         ):
             array.setflags(write=False)
         return self
+
+    def single(self, index: int) -> ClosedPose:
+        """Return one of many poses that are held as one with a leading axis."""
+        return self._each(lambda array: array[index].copy()).freeze()
+
+    def as_many(self) -> ClosedPose:
+        """Return this pose with a leading axis of length one."""
+        return self._each(lambda array: array[None])
+
+    def _each(self, change: Callable[[Array], Array]) -> ClosedPose:
+        return replace(
+            self,
+            q=change(self.q),
+            placements=change(self.placements),
+            jacobian=change(self.jacobian),
+            closure_jacobian=change(self.closure_jacobian),
+            closure_wrenches=change(self.closure_wrenches),
+            balance=PassiveBalance(*map(change, self.balance)),
+            closure_residual=change(self.closure_residual),
+        )
 
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={value:.6g}" for name, value in self.coordinates.items())

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from eigenpy import PartialPivLU
+from numpy.typing import NDArray
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
 from ..kernel import NEGLIGIBLE, Configuration, LoopedTree, rank_of
@@ -28,20 +29,20 @@ from .task import TaskFrame
 TOLERANCE = 1e-12
 #: Newton goes on to rounding: until the residual is below this, or the last step was so small that the next one is.
 ROUNDING = 1e-14
-_LAST_STEP = 1e-9
+LAST_STEP = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
-_NEAR = 0.7
+NEAR = 0.7
 #: ... or where a polynomial told it as well as this.
-_SURE = 0.1
-_ITERATIONS = 40
+SURE = 0.1
+ITERATIONS = 40
 #: Steps are shortened to this [m, rad].
-_SHORT = 0.6
+SHORT = 0.6
 #: After a step shorter than this [m, rad], and much shorter than the one before, the matrix is kept.
 _SAME = 3e-4
 #: A longer step [m, rad] comes from a matrix that is as good as singular.
-_LONGEST = 1e3
+LONGEST = 1e3
 
 
 class _Closed(NamedTuple):
@@ -78,7 +79,7 @@ class LoopKinematics:
     def of(self, mechanism: Mechanism) -> LoopKinematics:
         """Return the kinematics of a mechanism that differs in its modules or brakes alone; what is known is kept."""
         other = LoopKinematics(mechanism, self._tree)
-        for name in ("home", "_home", "length", "_newton_scales", "_start"):
+        for name in ("home", "_home", "length", "newton_scales", "start"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         return other
@@ -90,7 +91,7 @@ class LoopKinematics:
         """
         self._freeze(self.home, self._home, {})
         here = self.task.values(self._home.placements)
-        self._start(here)
+        self.start(here)
         return {} if self._outside(self.home) else dict(zip(self.task.names, here.tolist(), strict=True))
 
     # -- evaluation ----------------------------------------------------------------------------------------------
@@ -105,14 +106,14 @@ class LoopKinematics:
     def _newton(self, q: Array, goal: Goal) -> _Closed:
         """Return the solution and its kinematics. Raises _NotConvergedError."""
         tree, solve, longest, before, way = self._tree, None, inf, inf, 0.0
-        for _ in range(_ITERATIONS):
+        for _ in range(ITERATIONS):
             at = tree.passing(q)
             wanted, wanted_rows = goal(q, at.placements)
             error = np.concatenate((at.gap, wanted))
             size = hypot(*error.tolist())
-            if size < ROUNDING or (size < TOLERANCE and longest < _LAST_STEP):
+            if size < ROUNDING or (size < TOLERANCE and longest < LAST_STEP):
                 return _Closed(q, tree.completed(at), way)
-            if longest < _LAST_STEP and self._as_drawn(at.gap, wanted):
+            if longest < LAST_STEP and self._as_drawn(at.gap, wanted):
                 return _Closed(q, tree.completed(at), way)
             if not size < inf:
                 break
@@ -122,9 +123,9 @@ class LoopKinematics:
             else:
                 step = solve(error)
             before, longest = longest, hypot(*step.tolist())
-            if longest > _SHORT:
+            if longest > SHORT:
                 longest = np.abs(step).max(initial=0.0)
-                step *= min(1.0, _SHORT / longest)
+                step *= min(1.0, SHORT / longest)
             way += longest
             q = tree.moved(q, -step)
         raise _NotConvergedError(
@@ -137,7 +138,7 @@ class LoopKinematics:
         Seven digits tell a hinge's axis to 1e-7: parallel ones then say the same thing a little differently, and no
         motion of the joints closes that.
         """
-        rows, _ = self._newton_scales
+        rows, _ = self.newton_scales
         return bool(np.abs(gap * rows).max(initial=0.0) < NEGLIGIBLE and np.abs(wanted).max(initial=0.0) < TOLERANCE)
 
     def _solved(self, matrix: Array, right: Array) -> tuple[Array, Callable[[Array], Array]]:
@@ -145,14 +146,14 @@ class LoopKinematics:
         if matrix.shape[0] == matrix.shape[1]:
             solve = PartialPivLU(matrix).solve
             solution = solve(right)
-            if hypot(*solution.ravel().tolist()) < _LONGEST:
+            if hypot(*solution.ravel().tolist()) < LONGEST:
                 return solution, solve
         inverse = self._least_inverse(matrix)
         return inverse @ right, inverse.__matmul__
 
     def _least_inverse(self, matrix: Array) -> Array:
         """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
-        rows, columns = self._newton_scales
+        rows, columns = self.newton_scales
         wanted = np.abs(matrix[len(rows) :] * columns).max(axis=1, initial=0.0)
         rows = np.concatenate((rows, 1 / np.where(wanted > 0, wanted, 1.0)))
         return rank_of(matrix, rows, columns).inverse
@@ -239,26 +240,30 @@ class LoopKinematics:
         return np.where(self.closure.is_translation, 1 / length, 1.0), np.where(slides[dofs], length, 1.0)
 
     def tool_motion(self, placements: Array, jacobian: Array, velocities: Array) -> Array:
-        """Return the tool's dimensionless twist (6, n) about its own point under velocities (nv, n); none without."""
+        """Return the tool's dimensionless twist (..., 6, n) about its own point under velocities (..., nv, n).
+
+        Without a tool none.
+        """
         tool = self.mechanism.tool
         if tool is None:
-            return np.zeros((0, velocities.shape[1]))
+            return np.zeros((*velocities.shape[:-2], 0, velocities.shape[-1]))
         twist = (jacobian * self.mechanism.support[self.mechanism.dof_joint, tool.joint]) @ velocities
-        twist[:3] -= skew((placements[tool.joint] @ tool.placement)[:3, 3]) @ twist[3:]
-        twist[:3] /= self.length
+        twist[..., :3, :] -= skew((placements[..., tool.joint, :, :] @ tool.placement)[..., :3, 3]) @ twist[..., 3:, :]
+        twist[..., :3, :] /= self.length
         return twist
 
     @cached_property
-    def _newton_scales(self) -> tuple[Array, Array]:
+    def newton_scales(self) -> tuple[Array, Array]:
+        """Row and column factors that make the closure Jacobian of all velocities dimensionless."""
         # Home is not known while its loops are still open.
         drawn = self._tree.at(self.mechanism.home_configuration()).placements
         return self._scales(self._size(drawn), np.arange(self.model.nv))
 
     @cached_property
-    def _free_spread(self) -> float:
+    def free_spread(self) -> float:
         """The most that scaling the free columns of the closure Jacobian can add to its condition number."""
         spread = 1.0
-        for scale in self._free_scales:
+        for scale in self.free_scales:
             spread *= scale.max(initial=1.0) / scale.min(initial=1.0)
         return float(spread)
 
@@ -268,7 +273,8 @@ class LoopKinematics:
         return np.zeros((self.closure.size, 0)), np.zeros((len(self.mechanism.free_dofs), 0))
 
     @cached_property
-    def _free_scales(self) -> tuple[Array, Array]:
+    def free_scales(self) -> tuple[Array, Array]:
+        """Row and column factors that make the free joints' part of the closure Jacobian dimensionless."""
         return self.scales(self.mechanism.free_dofs)
 
     # -- poses -----------------------------------------------------------------------------------------------------
@@ -277,10 +283,10 @@ class LoopKinematics:
         """Return the pose with the wanted task coordinates."""
         target = self.task.target(wanted)
         requested = dict(zip(self.task.names, target.tolist(), strict=True))
-        start = self._start(target)
+        start = self.start(target)
         if start is not None:
             try:
-                q, evaluation = self._near(start, self.task.goal(target), within=_SURE)
+                q, evaluation = self._near(start, self.task.goal(target), within=SURE)
                 if self._outside(q) is None:
                     return self._freeze(q, evaluation, requested)
             except _NotConvergedError:
@@ -288,13 +294,14 @@ class LoopKinematics:
         return self.reach(target, requested, self.task.goal)
 
     @cached_property
-    def _start(self) -> PolynomialStart:
+    def start(self) -> PolynomialStart:
+        """Where Newton's method begins at task coordinates near home."""
         task = self.task
 
         def solve(start: Array, target: Array) -> tuple[Array, Array]:
             goal = task.goal(target)
             try:
-                q, at = self._near(start, goal, within=_SURE)
+                q, at = self._near(start, goal, within=SURE)
             except _NotConvergedError:
                 raise NoPlaceError(f"no closed configuration at {target} near {start}") from None
             matrix = np.concatenate((at.closure, goal(q, at.placements)[1](at.jacobian)))
@@ -383,7 +390,7 @@ class LoopKinematics:
             return self._finish(q, self.evaluate(q), requested)
         raise self._unreachable(requested, target, here, q, reached, failure)
 
-    def _near(self, q: Array, goal: Goal, within: float = _NEAR) -> tuple[Array, Configuration]:
+    def _near(self, q: Array, goal: Goal, within: float = NEAR) -> tuple[Array, Configuration]:
         """Return Newton's solution where it is assembled and no joint moves far. Raises _NotConvergedError."""
         found, evaluation, way = self._newton(q, goal)
         far = way > within and np.abs(pin.difference(self.model, q, found)).max() > within
@@ -450,6 +457,10 @@ class LoopKinematics:
 
     # -- checks ----------------------------------------------------------------------------------------------------
 
+    def outside_limits(self, q: Array) -> NDArray[np.bool_]:
+        """Return which of the configurations (..., nq) leave the limits of a joint, (...)."""
+        return np.asarray(((q < self._least) | (q > self._most)).any(axis=-1))
+
     def _outside(self, q: Array) -> tuple[str, float, float, float] | None:
         """Return (joint, value, lower, upper) of the joint farthest outside its limits, or None."""
         if not np.count_nonzero((q < self._least) | (q > self._most)):
@@ -512,9 +523,9 @@ class LoopKinematics:
         if columns.shape[0] == columns.shape[1]:
             inverse = PartialPivLU(columns.T).inverse()
             # The product of Frobenius norms bounds the condition number from above, and so do scales far apart.
-            if frobenius(inverse) * frobenius(columns) * self._free_spread < 1 / NEGLIGIBLE:
+            if frobenius(inverse) * frobenius(columns) * self.free_spread < 1 / NEGLIGIBLE:
                 return PassiveBalance(inverse, *self._no_freedom)
-        rows, scales = self._free_scales
+        rows, scales = self.free_scales
         _, idle, self_stress, inverse = rank_of(evaluation.closure[:, free].T, scales, rows)
         if idle.shape[1] and self.mechanism.tool is not None:
             velocities = np.zeros((self.model.nv, idle.shape[1]))

@@ -71,7 +71,7 @@ class _Polynomial(NamedTuple):
 
     factor: Array
     orders: Array
-    chosen: tuple[Array, ...]
+    chosen: tuple[NDArray[np.int_], ...]
     coefficients: Array
 
     def __call__(self, away: Array) -> Array | None:
@@ -79,12 +79,23 @@ class _Polynomial(NamedTuple):
         x = away * self.factor
         if hypot(*x.tolist()) > 1.0:
             return None
-        factors = np.cos(np.arccos(x).reshape(-1, 1).dot(self.orders))
+        return self._terms(x).dot(self.coefficients)
+
+    def of_many(self, away: Array) -> tuple[Array, Mask]:
+        """Return the motions (n, nv) to coordinates (n, t), and which of them lie inside, (n,)."""
+        x = away * self.factor
+        within = np.sqrt((x * x).sum(axis=-1)) <= 1.0
+        terms = self._terms(np.where(within[:, None], x, 0.0))
+        return (terms[:, None] @ self.coefficients)[:, 0], within
+
+    def _terms(self, x: Array) -> Array:
+        """Return all terms (..., terms) at places (..., t) of the ball."""
+        factors = np.cos(np.arccos(x)[..., None] * self.orders).reshape(*x.shape[:-1], -1)
         first, *others = self.chosen
-        terms = factors.take(first)
+        terms = factors.take(first, axis=-1)
         for chosen in others:
-            terms *= factors.take(chosen)
-        return terms.dot(self.coefficients)
+            terms *= factors.take(chosen, axis=-1)
+        return terms
 
 
 class PolynomialStart:
@@ -127,6 +138,17 @@ class PolynomialStart:
             if motion is not None:
                 return self._tree.moved(self._home, motion)
         return None
+
+    def of_many(self, targets: Array) -> tuple[Array, Mask]:
+        """Return motions (n, nv) from home towards targets (n, t), and which of them a polynomial told, (n,)."""
+        motions = np.zeros((len(targets), self._tree.model.nv))
+        told = np.zeros(len(targets), bool)
+        for polynomial in self._polynomials:
+            found, within = polynomial.of_many(targets - self._coordinates)
+            new = within & ~told
+            motions[new] = found[new]
+            told |= within
+        return motions, told
 
 
 def _linear(place: Place, slopes: Array) -> Mask:

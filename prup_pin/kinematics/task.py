@@ -58,11 +58,19 @@ class TaskFrame:
 
     def pose_vector(self, placements: Array) -> tuple[float, ...]:
         """Return (x, y, z, rx, ry, rz) of the tool; of placements (nj, 4, 4), their upper three rows will do."""
-        placed = placements[self._joint].dot(self._placement)
-        (r00, r01, r02, x), (r10, _, r12, y), (r20, r21, r22, z), *_ = placed.tolist()
+        return self._pose_of(placements[self._joint].dot(self._placement).tolist(), atan2, hypot)
+
+    def _pose_of(self, placed, atan2: Callable, hypot: Callable) -> tuple:
+        """Return (x, y, z, rx, ry, rz) of the rows of a placement, numbers or arrays."""
+        (r00, r01, r02, x), (r10, _, r12, y), (r20, r21, r22, z), *_ = placed
         if self.rotation == "xyz":
             return x, y, z, atan2(-r12, r22), atan2(r02, hypot(r00, r01)), atan2(-r01, r00)
         return x, y, z, atan2(r21, r22), atan2(-r20, hypot(r00, r10)), atan2(r10, r00)
+
+    @property
+    def moves(self) -> Array:
+        """1 for each velocity that moves the tool, else 0, (nv,)."""
+        return self._moves
 
     def values(self, placements: Array) -> Array:
         """Return the task coordinates of a configuration."""
@@ -85,12 +93,33 @@ class TaskFrame:
 
         return residual
 
+    def of_many(self, placements: Array) -> tuple[Array, Array]:
+        """Return the task coordinates (..., t) of placements (..., nj, 4, 4), and their rates d(task)/d(base twist)
+        (..., t, 6)."""
+        placed = placements[..., self._joint, :, :] @ self._placement
+        entries = [[placed[..., row, column] for column in range(4)] for row in range(3)]
+        pose = self._pose_of(entries, np.arctan2, np.hypot)
+        rows = [np.stack(np.broadcast_arrays(*row), axis=-1) for row in self._rate_rows(pose, np.sin, np.cos, np.tan)]
+        values = np.stack([pose[component] for component in self.components], axis=-1)
+        return values, np.stack([rows[component] for component in self.components], axis=-2)
+
+    def less(self, values: Array, target: Array) -> Array:
+        """Return values less target (..., t), angles within half a turn."""
+        error = values - target
+        turning = np.array([component >= 3 for component in self.components])
+        return error - np.where(turning, tau, 0.0) * np.rint(error * (1 / tau))
+
     def _rates(self, pose: tuple[float, ...]) -> Array:
         """Return d(task)/d(base twist), (t, 6)."""
+        rows = self._rate_rows(pose, sin, cos, tan)
+        return np.array([rows[component] for component in self.components])
+
+    def _rate_rows(self, pose: tuple, sin: Callable, cos: Callable, tan: Callable) -> list:
+        """Return the rates of all six components, of numbers or arrays."""
         x, y, z, rx, ry, rz = pose
         t, secant = tan(ry), 1 / cos(ry)
         # velocity of the tool point: v_O + omega x p
-        rows = [[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]]
+        rows: list = [[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]]
         if self.rotation == "xyz":
             # omega = e_x rx' + R_x e_y ry' + R_x R_y e_z rz'
             c, s = cos(rx), sin(rx)
@@ -101,7 +130,7 @@ class TaskFrame:
             c, s = cos(rz), sin(rz)
             rows += [0.0, 0.0, 0.0, c * secant, s * secant, 0.0], [0.0, 0.0, 0.0, -s, c, 0.0]
             rows += ([0.0, 0.0, 0.0, c * t, s * t, 1.0],)
-        return np.array([rows[component] for component in self.components])
+        return rows
 
 
 def _is_finite(value: object) -> bool:

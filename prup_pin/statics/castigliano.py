@@ -10,15 +10,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import PrupPinError, UnreachablePoseError
 from ..kernel import NEGLIGIBLE, semidefinite_inverse
 from ..kinematics import ClosedPose
 from ..modules import ModuleGeometry
-from ..spatial import Array
+from ..spatial import Array, product
 from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
-__all__ = ["Statics", "solve_statics"]
+__all__ = ["Statics", "invalid", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
 
@@ -26,6 +27,7 @@ _LOAD_ITERATIONS = 50
 class Statics(NamedTuple):
     """The solved statics of a pose: loads and compliances of all modules, wrench modules and drive modules apart.
 
+    Of many poses, all but the layout has their leading axis; compliances that are the same at all of them need not.
     jacobians: (n, 6, 6) and (m, 1, 6), compatible where the mechanism is overconstrained; lambdas: (n, 6, 6) and
     (m, 1, 1); stress: module loads per unit self-stress, or None; frames: (n, 4, 4), base_from_module; maps
     (rows, 6), see `load_maps`.
@@ -40,20 +42,33 @@ class Statics(NamedTuple):
     lambdas: tuple[Array, Array]
     stress: tuple[Array, Array] | None
 
+    @property
+    def deformations(self) -> tuple[Array, Array]:
+        """Deformations of the modules under unit wrenches on the tool, (n, 6, 6) and (m, 1, 6)."""
+        return self.lambdas[0] @ self.jacobians[0], self.lambdas[1] * self.jacobians[1]
+
+    def compliance(self, deformations: tuple[Array, Array]) -> Array:
+        """Return C (..., 6, 6), the sum over modules of J^T (Lambda J), as one product of all their rows."""
+        lead = self.jacobians[0].shape[:-3]
+        c = np.zeros(())
+        for jacobian, deformation in zip(self.jacobians, deformations, strict=True):
+            c = c + product(jacobian.reshape(*lead, -1, 6).mT, deformation.reshape(*lead, -1, 6))
+        return (c + c.mT) / 2
+
     def displacement(self, strains, frame: str | None) -> Array:
-        """Return the displacement (6,) of the tool, or of a named frame, when modules deform by `strains`.
+        """Return the displacement (..., 6) of the tool, or of a named frame, when modules deform by `strains`.
 
         By virtual work, sum J_m^T e_m with the loads J_m of unit wrenches on that frame.
         """
         return sum(
-            (jacobian.mT @ strain[..., None])[..., 0].sum(axis=0)
+            (jacobian.mT @ strain[..., None])[..., 0].sum(axis=-2)
             for jacobian, strain in zip(self._virtual(frame), strains, strict=True)
         )
 
     def compliance_of(self, frame: str) -> Array:
-        """Return the displacement of a named frame per wrench on the tool, (6, 6)."""
+        """Return the displacement of a named frame per wrench on the tool, (..., 6, 6)."""
         return sum(
-            (virtual.mT @ lam @ jacobian).sum(axis=0)
+            (virtual.mT @ lam @ jacobian).sum(axis=-3)
             for virtual, lam, jacobian in zip(self._virtual(frame), self.lambdas, self.jacobians, strict=True)
         )
 
@@ -70,6 +85,7 @@ class Statics(NamedTuple):
 def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = None) -> Statics:
     """Return the statics of a pose; with `load` (6,) nonlinear modules are taken at that wrench.
 
+    Of many poses at once, of one pose with a leading axis, at rest: `invalid` tells where equations do not hold.
     Raises PrupPinError where no module is compliant, UnreachablePoseError where a module's equation does not hold at
     this pose, ParameterError where it holds at none.
     """
@@ -82,20 +98,21 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
     frames, geometries = layout.placed(pose)
     maps = load_maps(layout, pose, frames)
     jacobians = layout.split(loads_from_frame(layout, pose, maps, mechanism.need_tool()))
-    for index, group in layout.varying:
-        if fault := group.fault(geometries[index]):
-            raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
+    if pose.q.ndim == 1:
+        for index, group in layout.varying:
+            if fault := group.fault(geometries[index]):
+                raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
     stress: tuple[Array, Array] | None = None
     if pose.balance.self_stress.shape[-1]:
         # Forces that cancel between closures leave in the modules what the drawing of frames and rounding leave; it
         # must not pass for a load.
-        least = NEGLIGIBLE * np.abs(pose.balance.self_stress).max()
+        least = NEGLIGIBLE * np.abs(pose.balance.self_stress).max(axis=(-1, -2))[..., None, None, None]
         wrench, drive = layout.split(self_stress_loads(layout, pose, maps))
         stress = np.where(np.abs(wrench) > least, wrench, 0.0), np.where(np.abs(drive) > least, drive, 0.0)
     loads = None
     if load is not None and any(group.kind.nonlinear for group in layout.groups):
         loads = _loads_under(layout, geometries, [jacobian @ load for jacobian in jacobians], stress)
-    lambdas = _lambdas(layout, geometries, loads)
+    lambdas = _lambdas(layout, geometries, loads, pose.q.shape[:-1])
     if stress is not None:
         jacobians = _least_energy(jacobians, stress, lambdas)
     return Statics(layout, pose, frames, maps, geometries, jacobians, lambdas, stress)
@@ -145,15 +162,31 @@ def _gap(layout: StaticsLayout, geometries, loads, stress) -> Array:
     return total
 
 
-def _lambdas(layout: StaticsLayout, geometries, loads) -> tuple[Array, Array]:
-    """Return the stacked module compliances, (n, 6, 6) and (m, 1, 1), at the modules' loads (None: at rest)."""
+def _lambdas(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] = ()) -> tuple[Array, Array]:
+    """Return the stacked module compliances, (n, 6, 6) and (m, 1, 1), at the modules' loads (None: at rest).
+
+    Those that pose or load change have the leading axes `lead` of the poses.
+    """
     wrench, drive = layout.constant_compliances
-    stacks = wrench.copy(), drive.copy()
+    stacks = [wrench, drive]
     for index, group in layout.varying:
         half = int(index >= len(layout.wrench_groups))
         load = None if loads is None else loads[half][group.slots]
-        stacks[half][group.slots] = group.kind.compliance(group.values, geometries[index], load)
-    return stacks
+        compliance = group.kind.compliance(group.values, geometries[index], load)
+        if stacks[half] is (wrench, drive)[half]:
+            stacks[half] = np.broadcast_to(stacks[half], (*lead, *stacks[half].shape)).copy()
+        stacks[half][..., group.slots, :, :] = compliance
+    return stacks[0], stacks[1]
+
+
+def invalid(statics: Statics) -> NDArray[np.bool_]:
+    """Return at which of many poses the equation of a module does not hold, (...)."""
+    bad = np.zeros(statics.pose.q.shape[:-1], bool)
+    for index, group in statics.layout.varying:
+        problems = group.kind.problems(group.values, statics.geometries[index])
+        if problems is not None:
+            bad |= problems.any(axis=-1)
+    return bad
 
 
 def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
@@ -164,10 +197,12 @@ def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
     Self-stress that only rigid modules carry has no energy: it stays undetermined, and C does not depend on it.
     """
     count = stress[0].shape[-1]
-    d, g = np.zeros((count, count)), np.zeros((count, 6))
+    lead = stress[0].shape[:-3]
+    d, g = np.zeros((*lead, count, count)), np.zeros((*lead, count, jacobians[0].shape[-1]))
     for jacobian, unit, lam in zip(jacobians, stress, lambdas, strict=True):
         weighted = unit.mT @ lam
         d += (weighted @ unit).sum(axis=-3)
         g += (weighted @ jacobian).sum(axis=-3)
     x = -semidefinite_inverse(d) @ g
+    x = x[..., None, :, :]
     return jacobians[0] + stress[0] @ x, jacobians[1] + stress[1] @ x

@@ -19,7 +19,13 @@ from .weight import weight_strains
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["Compliance"]
+__all__ = ["Compliance", "dimensionless"]
+
+
+def dimensionless(length: float) -> Array:
+    """Return the factors (6, 6) that make C dimensionless with a characteristic length [m]: 1, L or L^2."""
+    scale = np.array([1.0, 1.0, 1.0] + 3 * [length])
+    return np.outer(scale, scale)
 
 
 class _Named(Mapping):
@@ -61,12 +67,8 @@ class Compliance:
         self.load = load
         self._statics = statics
         self._scaling = scaling
-        # The sum over modules of J^T (Lambda J), as one product of all their rows.
-        wrench, drive = statics.jacobians
-        self._deformations = statics.lambdas[0] @ wrench, statics.lambdas[1] * drive
-        c = wrench.reshape(-1, 6).T.dot(self._deformations[0].reshape(-1, 6))
-        c += drive[:, 0].T.dot(self._deformations[1][:, 0])
-        self.C: Array = (c + c.T) / 2
+        self._deformations = statics.deformations
+        self.C: Array = statics.compliance(self._deformations)
         self.C.setflags(write=False)
 
     def __reduce__(self):

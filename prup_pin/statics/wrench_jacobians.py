@@ -170,7 +170,7 @@ class StaticsLayout:
         if len(self._beams):
             tips = frames.take(self._beams, axis=-3)[..., :3, 2:]
             # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
-            lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]).dot(_ONES)
+            lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]) @ _ONES
         return frames, self._geometries(pose, lengths)
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
@@ -231,7 +231,7 @@ def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     Rows: six for every wrench module, then one for every drive module, then one for every free joint.
     """
     count = len(layout.wrench_names)
-    maps = np.zeros((*frames.shape[:-3], len(layout.row_joints), 6))
+    maps = np.zeros((*frames.shape[:-3], len(layout.row_joints), 6), frames.dtype)
     block = maps[..., : 6 * count, :].reshape(*frames.shape[:-2], 6, 6)
     axes = frames[..., :3, :3].mT
     block[..., :3, :3] = block[..., 3:, 3:] = axes

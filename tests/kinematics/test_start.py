@@ -22,7 +22,7 @@ def around_home(robot, metres, radians, count):
     }
     poses = random_poses(robot, bounds, count, seed=7)
     targets = [robot._kinematics.task.target(pose.coordinates) for pose in poses]
-    return poses, [robot._kinematics._start(target) for target in targets]
+    return poses, [robot._kinematics.start(target) for target in targets]
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_a_start_lies_near_the_pose(name, metres, radians, error):
 
 def test_coordinates_that_enter_linearly_are_told_far_away():
     """The 3-PRUP lifts its platform without bending a joint."""
-    start = prup_pin.load("3prup")._kinematics._start
+    start = prup_pin.load("3prup")._kinematics.start
     home, lifted = start(np.array([0.4, 0.1, 0.2])), start(np.array([0.55, 0.1, 0.2]))
     moved = np.abs(lifted - home)
     np.testing.assert_allclose(moved[moved > 1e-3], 0.15, atol=1e-6)
@@ -52,7 +52,7 @@ def test_coordinates_that_enter_linearly_are_told_far_away():
 
 
 def test_far_from_home_nothing_is_told():
-    start = prup_pin.load("3prup")._kinematics._start
+    start = prup_pin.load("3prup")._kinematics.start
     for far in ((400.0, 0.0, 0.0), (0.4, 1.5, 0.0), (0.4, 0.0, -3.0)):
         assert start(np.array(far)) is None
 

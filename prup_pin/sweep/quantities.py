@@ -1,0 +1,263 @@
+"""What a sweep can be asked for, each quantity once: its name, unit, shape, and how it follows from solved statics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product as every
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, UnknownNameError
+from ..kernel import NEGLIGIBLE_ENERGY
+from ..kinematics import ClosedPose
+from ..mechanism import Mechanism
+from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
+from ..statics import Statics, StaticsLayout, solve_statics
+
+__all__ = ["CORNERS", "QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
+
+#: Corners of the box of wrenches, one of each opposite pair, in units of its half sides, (32, 6).
+CORNERS = np.array([(1.0, *signs) for signs in every((1.0, -1.0), repeat=5)])
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is wanted at every pose.
+
+    `quantities` are names; `force` [N] and `moment` [N m] the half sides of the box of wrenches; `wrench` (6,) a load
+    of its own.
+    """
+
+    quantities: tuple[str, ...]
+    force: float | None = None
+    moment: float | None = None
+    wrench: tuple[float, ...] | None = None
+
+    @property
+    def box(self) -> Array:
+        """Largest size of each component of a wrench, (6,)."""
+        assert self.force is not None
+        assert self.moment is not None
+        return np.array(3 * [self.force] + 3 * [self.moment])
+
+
+class Solved:
+    """The statics of n poses, and what follows from them; each is worked out once, where it is asked for."""
+
+    def __init__(self, poses: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked):
+        self.poses, self.layout, self.scaling, self.asked = poses, layout, scaling, asked
+
+    @cached_property
+    def statics(self) -> Statics:
+        return solve_statics(self.layout, self.poses)
+
+    @cached_property
+    def deformations(self) -> tuple[Array, Array]:
+        return self.statics.deformations
+
+    @cached_property
+    def C(self) -> Array:  # noqa: N802 - the field's symbol
+        """(n, 6, 6)."""
+        return self.statics.compliance(self.deformations)
+
+    @cached_property
+    def K(self) -> Array:  # noqa: N802
+        """(n, 6, 6), NaN where C has no inverse."""
+        scaled = self.C * self.scaling
+        k = np.full_like(scaled, np.nan)
+        try:
+            inverse = np.linalg.inv(scaled)
+        except np.linalg.LinAlgError:
+            inverse = np.full_like(scaled, np.nan)
+            values = np.linalg.eigvalsh(scaled)
+            good = values[:, 0] > NEGLIGIBLE_ENERGY * values[:, -1]
+            inverse[good] = np.linalg.inv(scaled[good])
+        squares = (inverse * inverse).sum(axis=(-1, -2)) * (scaled * scaled).sum(axis=(-1, -2))
+        sure = (squares > 0) & (np.sqrt(squares) < 0.1 / NEGLIGIBLE_ENERGY)
+        if not sure.all():
+            values = np.linalg.eigvalsh(scaled)
+            sure |= values[:, 0] > NEGLIGIBLE_ENERGY * values[:, -1]
+        k[sure] = (inverse * self.scaling)[sure]
+        return (k + k.mT) / 2
+
+    @cached_property
+    def stiff(self) -> NDArray[np.bool_]:
+        """Where K exists, (n,)."""
+        return np.isfinite(self.K[:, 0, 0])
+
+    @cached_property
+    def eigenvalues(self) -> Array:
+        """Of K, ascending, (n, 6)."""
+        values = np.full((len(self.K), 6), np.nan)
+        values[self.stiff] = np.linalg.eigvalsh(self.K[self.stiff])
+        return values
+
+    @cached_property
+    def extremes(self) -> Array:
+        """Largest translation and rotation over the corners of the box, (n, 2)."""
+        moved = self.C @ (CORNERS * self.asked.box).T
+        squares = moved * moved
+        return np.sqrt(np.stack([squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)], axis=1).max(axis=-1))
+
+    @cached_property
+    def shares(self) -> Array:
+        """Each module's share of the work, in the order of the robot file, (n, modules)."""
+        works = []
+        for jacobian, deformation in zip(self.statics.jacobians, self.deformations, strict=True):
+            if self.asked.wrench is None:
+                # The mean over all corners: cross terms cancel.
+                work = ((jacobian * deformation).sum(axis=-2) * self.asked.box**2).sum(axis=-1)
+            else:
+                w = np.array(self.asked.wrench)
+                work = ((jacobian @ w) * (deformation @ w)).sum(axis=-1)
+            works.append(work)
+        work = np.concatenate(works, axis=-1)
+        order = [self.layout.index[module.name] for module in self.layout.mechanism.modules]
+        return (work / work.sum(axis=-1, keepdims=True))[:, order]
+
+
+#: What an axis of a quantity counts.
+Labels = Callable[[Mechanism], Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """`value` (n, *shape) of solved poses, in `unit`; `labels` name the entries along each axis.
+
+    `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: needs K.
+    """
+
+    name: str
+    unit: str
+    summary: str
+    value: Callable[[Solved], Array]
+    labels: tuple[Labels, ...] = ()
+    elastic: bool = True
+    box: bool = False
+    stiff: bool = False
+    symmetric: bool = False
+
+    def shape(self, mechanism: Mechanism) -> tuple[int, ...]:
+        return tuple(len(labels(mechanism)) for labels in self.labels)
+
+    def columns(self, mechanism: Mechanism) -> list[tuple[str, tuple[int, ...]]]:
+        """Return the names of a table's columns and where each stands in an entry; of a symmetric one half."""
+        if not self.labels:
+            return [(self.name, ())]
+        named = [[*enumerate(labels(mechanism))] for labels in self.labels]
+        out = []
+        for entry in every(*named):
+            index = tuple(place for place, _ in entry)
+            if not self.symmetric or index[0] <= index[1]:
+                out.append((".".join((self.name, *(label for _, label in entry))), index))
+        return out
+
+
+def _twist(mechanism: Mechanism) -> Sequence[str]:
+    return TWIST_NAMES
+
+
+def _wrench(mechanism: Mechanism) -> Sequence[str]:
+    return WRENCH_NAMES
+
+
+def _modes(mechanism: Mechanism) -> Sequence[str]:
+    return ("1", "2", "3", "4", "5", "6")
+
+
+def _kinds(mechanism: Mechanism) -> Sequence[str]:
+    return ("translation", "rotation")
+
+
+def _modules(mechanism: Mechanism) -> Sequence[str]:
+    return [module.name for module in mechanism.modules]
+
+
+def _joints(mechanism: Mechanism) -> Sequence[str]:
+    return [joint.name for joint in mechanism.joints if joint.nv == 1]
+
+
+def _configuration(mechanism: Mechanism) -> Sequence[str]:
+    return [str(index) for index in range(mechanism.model.nq)]
+
+
+def _tool(mechanism: Mechanism) -> Sequence[str]:
+    return ("x", "y", "z")
+
+
+def _joint_values(solved: Solved) -> Array:
+    mechanism, q = solved.layout.mechanism, solved.poses.q
+    return np.stack([joint.position(q) for joint in mechanism.joints if joint.nv == 1], axis=-1)
+
+
+def _actuator_values(solved: Solved) -> Array:
+    mechanism, q = solved.layout.mechanism, solved.poses.q
+    return np.stack([mechanism.joint(name).position(q) for name in mechanism.actuated], axis=-1)
+
+
+def _position(solved: Solved) -> Array:
+    tool = solved.layout.mechanism.need_tool()
+    return (solved.poses.placements[:, tool.joint] @ tool.placement)[:, :3, 3]
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity(
+            "C", "m/N, 1/N, rad/(N m)", "compliance", lambda s: s.C, (_twist, _wrench), symmetric=True
+        ),
+        Quantity(
+            "K", "N/m, N, N m/rad", "stiffness", lambda s: s.K, (_wrench, _twist), stiff=True, symmetric=True
+        ),
+        Quantity(
+            "eigenvalues", "mixed: SI", "eigenvalues of K, ascending, as the paper has them", lambda s: s.eigenvalues,
+            (_modes,), stiff=True,
+        ),
+        Quantity(
+            "ksi", "mixed: SI", "kinematic stiffness index of the paper: least by largest eigenvalue of K",
+            lambda s: s.eigenvalues[:, 0] / s.eigenvalues[:, -1], stiff=True,
+        ),
+        Quantity(
+            "extremes", "m, rad", "largest norm of translation and of rotation over the box of wrenches",
+            lambda s: s.extremes, (_kinds,), box=True,
+        ),
+        Quantity(
+            "extreme_components", "m, rad", "largest size of each component over the box of wrenches",
+            lambda s: np.abs(s.C) @ s.asked.box, (_twist,), box=True,
+        ),
+        Quantity(
+            "shares", "1", "each module's share of the work: under `wrench`, else the mean over the box's corners",
+            lambda s: s.shares, (_modules,), box=True,
+        ),
+        Quantity(
+            "q", "m, rad", "configuration of Pinocchio's model", lambda s: s.poses.q, (_configuration,), elastic=False
+        ),
+        Quantity(
+            "joints", "m, rad", "position of every joint with one freedom", _joint_values, (_joints,), elastic=False
+        ),
+        Quantity(
+            "actuators", "m, rad", "positions of the actuated joints", _actuator_values,
+            (lambda mechanism: mechanism.actuated,), elastic=False,
+        ),
+        Quantity("position", "m", "the tool's position", _position, (_tool,), elastic=False),
+    )
+}  # fmt: skip
+
+
+def chosen(names: Sequence[str], force: float | None, moment: float | None, wrench) -> None:
+    """Raise InputError where quantities are unknown, or lack the loads that they need."""
+    if isinstance(names, str):
+        raise InputError(f'quantities="{names}": expected a list, for example quantities=["{names}"]')
+    if not names:
+        raise InputError(f"quantities is empty; ask for some of {', '.join(QUANTITIES)}")
+    for name in names:
+        if name not in QUANTITIES:
+            raise UnknownNameError("quantity", str(name), list(QUANTITIES))
+        needs_box = QUANTITIES[name].box and not (name == "shares" and wrench is not None)
+        if needs_box and (force is None or moment is None):
+            raise InputError(
+                f'"{name}" needs the box of wrenches: force= [N] and moment= [N m], for example force=300, moment=100'
+            )

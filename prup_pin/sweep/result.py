@@ -1,0 +1,196 @@
+"""The result of a sweep: arrays over the axes that were asked for, a status for every pose, and ways out of here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, UnknownNameError, imported
+from ..mechanism import Mechanism
+from ..spatial import Array
+from .engine import Answer, Engine
+from .places import Places
+from .quantities import QUANTITIES
+from .status import REASONS, STATUSES
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+__all__ = ["SweepResult"]
+
+
+class SweepResult(Mapping[str, Array]):
+    """What was asked for at every pose, by name: `s["C"]` is (*shape, 6, 6) over the axes in the order given.
+
+    `axes` are the arrays that span the grid, `fixed` the coordinates that were numbers; scattered poses have one axis,
+    `pose`, and `coordinates` (*shape, t) in the order of `names`. `status` (*shape) says 'ok' or why a number is NaN.
+    """
+
+    def __init__(self, engine: Engine, places: Places, answer: Answer, remarks: tuple[str, ...] = ()):
+        self._engine, self._places = engine, places
+        self._values = {
+            name: _frozen(values.reshape(*places.shape, *values.shape[1:])) for name, values in answer.values.items()
+        }
+        self._codes = _frozen(answer.status.reshape(places.shape))
+        #: What went otherwise than planned without changing any number.
+        self.remarks = remarks
+
+    # -- as a mapping ----------------------------------------------------------------------------------------------
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._values:
+            if name in QUANTITIES:
+                raise UnknownNameError(
+                    "quantity of this sweep", name, list(self._values), f'Ask for it: sweep(…, quantities=["{name}"])'
+                )
+            raise UnknownNameError("quantity of this sweep", name, list(self._values))
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._values
+
+    # -- where -----------------------------------------------------------------------------------------------------
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The robot's mechanism."""
+        return self._engine.mechanism
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of poses along each axis."""
+        return self._places.shape
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return self._places.dims
+
+    @property
+    def axes(self) -> Mapping[str, Array]:
+        """The arrays that span the grid, in the order given; none of scattered poses."""
+        return dict(self._places.axes)
+
+    @property
+    def fixed(self) -> Mapping[str, float]:
+        """Coordinates that are the same at all poses of a grid."""
+        return dict(self._places.fixed)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates, in order."""
+        return self._places.names
+
+    @property
+    def coordinates(self) -> Array:
+        """All coordinates of every pose, (*shape, t)."""
+        return self._places.rows().reshape(*self.shape, len(self.names))
+
+    # -- status ----------------------------------------------------------------------------------------------------
+
+    @property
+    def status(self) -> NDArray[np.str_]:
+        """'ok', or what is wrong, (*shape)."""
+        return np.asarray(np.array(STATUSES)[self._codes])
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Where the status is 'ok', (*shape)."""
+        return self._codes == 0
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many poses have each status that occurs."""
+        numbers = np.bincount(self._codes.ravel(), minlength=len(STATUSES)).tolist()
+        return {word: number for word, number in zip(STATUSES, numbers, strict=True) if number}
+
+    @property
+    def reasons(self) -> Mapping[str, str]:
+        """What each status that occurs means."""
+        return {word: REASONS[word] for word in self.counts}
+
+    def reason(self, *index: int) -> str:
+        """Return why one pose has its status, in a sentence that names it; asks the robot again."""
+        try:
+            word, row = str(self.status[index]), self.coordinates[index]
+        except IndexError:
+            raise InputError(f"there is no pose {index}; the shape is {self.shape}") from None
+        if not isinstance(word, str) or row.ndim != 1:
+            raise InputError(f"expected one number for each of {', '.join(self.dims)}; got {index}")
+        return self._engine.reason(row) or REASONS[word]
+
+    # -- ways out --------------------------------------------------------------------------------------------------
+
+    def units(self) -> Mapping[str, str]:
+        """Return the unit of each quantity."""
+        return {name: QUANTITIES[name].unit for name in self._values}
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return a Dataset with named axes and units (needs xarray)."""
+        units = dict(zip(self.names, self._engine.coordinates.units, strict=True))
+        data: dict[str, Any] = {"status": (self.dims, self.status)}
+        coords: dict[str, Any] = {name: ((name,), axis, {"units": units[name]}) for name, axis in self.axes.items()}
+        coords |= {name: ((), value, {"units": units[name]}) for name, value in self.fixed.items()}
+        if not self.axes and "pose" in self.dims:
+            for column, name in enumerate(self.names):
+                coords[name] = (("pose",), self.coordinates[:, column], {"units": units[name]})
+        for name, values in self._values.items():
+            quantity = QUANTITIES[name]
+            dims = []
+            for place, labels in enumerate(quantity.labels):
+                dims.append(f"{name}_{'row' if place == 0 and len(quantity.labels) > 1 else 'of'}")
+                coords[dims[-1]] = ((dims[-1],), list(labels(self.mechanism)))
+            about = {"units": quantity.unit, "long_name": quantity.summary}
+            data[name] = ((*self.dims, *dims), values, about)
+        return imported("xarray", "tables").Dataset(data, coords, {"robot": self.mechanism.name})
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a table, one row a pose: coordinates, status, a column for every number (needs pandas)."""
+        return imported("pandas", "tables").DataFrame(self.columns())
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write the table of `to_dataframe` to a Parquet file, whole or not at all (needs pyarrow)."""
+        from .table import write_table
+
+        write_table(Path(path), self.columns(), self._engine.about())
+
+    def columns(self) -> dict[str, NDArray]:
+        """Return the columns of the table: coordinates, status, and every number by name, such as 'C.dx.fx'."""
+        return table_columns(self._engine, self._places.rows(), Answer(self._flat(), self._codes.ravel()))
+
+    def _flat(self) -> dict[str, Array]:
+        lead = len(self.shape)
+        return {name: values.reshape(-1, *values.shape[lead:]) for name, values in self._values.items()}
+
+    def __repr__(self) -> str:
+        size = " x ".join(f"{name} {count}" for name, count in zip(self.dims, self.shape, strict=True)) or "one pose"
+        said = ", ".join(f"{number} {word}" for word, number in self.counts.items())
+        return f"<SweepResult of {self.mechanism.name}: {size}; {', '.join(self._values)}; {said}>"
+
+
+def table_columns(engine: Engine, rows: Array, answer: Answer) -> dict[str, NDArray]:
+    """Return the columns of a table of poses `rows` (n, t) and their answer."""
+    columns: dict[str, NDArray] = {
+        name: np.ascontiguousarray(rows[:, at]) for at, name in enumerate(engine.coordinates.names)
+    }
+    columns["status"] = np.array(STATUSES)[answer.status]
+    for name, values in answer.values.items():
+        for column, index in QUANTITIES[name].columns(engine.mechanism):
+            columns[column] = np.ascontiguousarray(values.transpose(*range(1, values.ndim), 0)[index])
+    return columns
+
+
+def _frozen(array: NDArray) -> NDArray:
+    array.setflags(write=False)
+    return array

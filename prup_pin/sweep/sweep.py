@@ -1,0 +1,118 @@
+"""A sweep: many poses, asked the same, in parts that may be solved anywhere and in any order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, PrupPinError
+from ..kinematics import LoopKinematics
+from ..mechanism import Mechanism
+from ..spatial import as_wrench
+from .engine import Engine
+from .places import Coordinates, Places, drawn, grid, scattered
+from .quantities import Asked, chosen
+from .result import SweepResult
+from .running import solved_parts
+
+__all__ = ["sweep"]
+
+#: Share of the memory that is free which a result may take.
+_SHARE = 0.8
+
+
+def sweep(
+    mechanism: Mechanism,
+    poses: Any = None,
+    *,
+    quantities: Sequence[str] = ("C", "K"),
+    force: float | None = None,
+    moment: float | None = None,
+    wrench=None,
+    draws: int | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    kinematics: LoopKinematics | None = None,
+    axes: Mapping[str, Any],
+) -> SweepResult:
+    """Return what is asked for at every pose; see `Robot.sweep`."""
+    asked = _asked(quantities, force, moment, wrench)
+    engine = Engine(mechanism, asked, kinematics)
+    places = _places(engine.coordinates, poses, axes, draws, seed)
+    if any(item.elastic for item in engine.quantities) and not mechanism.modules:
+        raise PrupPinError(
+            f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "
+            "load(..., joint_stiffness=1e4) [N m/rad, N/m], or ask for joints and positions alone"
+        )
+    _check_memory(engine, len(places))
+    whole = engine.empty(len(places))
+    remarks: list[str] = []
+    for start, part in solved_parts(engine, places, executor, remarks, progress):
+        rows = slice(start, start + len(part.status))
+        whole.status[rows] = part.status
+        for name, values in part.values.items():
+            whole.values[name][rows] = values
+    return SweepResult(engine, places, whole, tuple(remarks))
+
+
+def _asked(quantities, force, moment, wrench) -> Asked:
+    chosen(quantities, force, moment, wrench)
+    for name, value, unit in (("force", force, "N"), ("moment", moment, "N m")):
+        if value is None:
+            continue
+        try:
+            good = 0 < float(value) < np.inf
+        except (TypeError, ValueError):
+            good = False
+        if not good:
+            raise InputError(f"{name} = {value!r}: expected half the side of the box of wrenches, above 0 [{unit}]")
+    return Asked(
+        tuple(dict.fromkeys(quantities)),
+        None if force is None else float(force),
+        None if moment is None else float(moment),
+        None if wrench is None else tuple(as_wrench(wrench).tolist()),
+    )
+
+
+def _places(coordinates: Coordinates, poses: Any, axes: Mapping[str, Any], draws: int | None, seed: int) -> Places:
+    if poses is not None:
+        if axes or draws is not None:
+            given = ", ".join([*axes, *(["draws"] if draws is not None else [])])
+            raise InputError(f"poses= says where all poses are; leave out {given}")
+        return scattered(coordinates, poses)
+    if draws is not None:
+        return drawn(coordinates, axes, draws, seed)
+    return grid(coordinates, axes)
+
+
+def _check_memory(engine: Engine, count: int) -> None:
+    """Raise InputError where the numbers asked for would not fit."""
+    each = 8 * sum(prod(item.shape(engine.mechanism)) for item in engine.quantities) + 1
+    free = _free_memory()
+    if free is not None and count * each > _SHARE * free:
+        raise InputError(
+            f"{count} poses of {each} bytes each are {count * each / 1e9:.3g} GB, more than the "
+            f"{free / 1e9:.3g} GB of free memory hold. Give out='FILE.parquet', which takes any number; ask for fewer "
+            "quantities; or take fewer poses"
+        )
+
+
+def _free_memory() -> int | None:
+    """Return the bytes that can still be had, or None where the system does not tell."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return 1024 * int(line.split()[1])
+    except OSError:
+        pass
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):
+        return None
