@@ -1,9 +1,9 @@
 """How often is the diagnosis right? Blind trials on devices drawn at random.
 
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
-        [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0]
+        [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0] [--markers 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
-    python scripts/concealed_trials.py --export DIR --efforts 40
+    python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40
     python scripts/concealed_trials.py --score DIR
 
 A separate simulator (tests/reference/concealed, another formulation that shares no code with the package) draws a
@@ -11,8 +11,9 @@ device, its effects, places, sizes, loads and noise from a seed. The answer is s
 recording alone; the answer is opened only to score. Finished trials are kept in OUT/trials.jsonl, so a stopped run goes
 on. `--scattered` draws so many devices of each robot whose parameters are all a little off (OUT/scattered.jsonl);
 `--today` lets plain least squares and stepwise regression answer beside. `--efforts` draws so many robots in motion in
-all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl). `--docs` writes the summaries into
-docs/concealed_trials.md, docs/scattered_trials.md and docs/effort_trials.md.
+all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl), `--markers` so many arms under their own
+weight that a camera sees (OUT/markers.jsonl). `--docs` writes the summaries into docs/concealed_trials.md,
+docs/scattered_trials.md, docs/effort_trials.md and docs/marker_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -37,6 +38,7 @@ from functools import partial
 from pathlib import Path
 
 import _efforts
+import _markers
 import _motion
 import numpy as np
 from _benchmark import export, read_answers, table
@@ -52,6 +54,7 @@ from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed.draw import NOISE, PHYSICS, RARE, draw, write
 from tests.reference.concealed.efforts import KINDS as MOVING
+from tests.reference.concealed.markers import CAMERAS
 from tests.reference.concealed.scattered import KINDS
 
 #: What is drawn: name -> (share of the trials, effects, range of strength in multiples of the noise).
@@ -362,6 +365,7 @@ def main() -> None:
     parser.add_argument("--scattered", type=int, default=0, help="devices of each robot whose parameters scatter")
     parser.add_argument("--robot", action="append", choices=list(KINDS), help="of these robots; default: all")
     parser.add_argument("--efforts", type=int, default=0, help="robots in motion, seen by their efforts")
+    parser.add_argument("--markers", type=int, default=0, help="arms under their own weight, seen by markers")
     parser.add_argument("--today", action="store_true", help="what people do today, beside, on scattered devices")
     parser.add_argument("--first-seed", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
@@ -373,9 +377,14 @@ def main() -> None:
     robots = options.robot or list(KINDS)
     first = options.first_seed
     scattered = [(robot, first + index) for robot in robots for index in range(options.scattered)]
-    moving = [(robot, first + index // len(MOVING)) for index, robot in enumerate(_turns(MOVING, options.efforts))]
-    if options.export and moving:
-        _efforts.export(options.export, moving)
+    drawn = {
+        "efforts": (_efforts, _turns(MOVING, options.efforts, first)),
+        "markers": (_markers, _turns(CAMERAS, options.markers, first)),
+    }
+    if options.export and any(devices for _, devices in drawn.values()):
+        for name, (kind, devices) in drawn.items():
+            if devices:
+                kind.export(options.export / name, devices)
         return
     if options.export:
         devices = [(f"{robot}-{seed}", how(seed, robot)) for robot, seed in scattered]
@@ -404,23 +413,24 @@ def main() -> None:
         text = counted(partial(scattered_summary, share=wilson), done, jobs)
         print("\n" + text)
         pages["scattered_trials.md"] = SCATTERED_HEAD.format(command=command) + text
-    if moving:
-        jobs = {(robot, seed): (_efforts.trial, seed, robot) for robot, seed in moving}
-        done = run(jobs, options.out / "efforts.jsonl", options.workers, _motion.told)
-        command = (
-            f"python scripts/concealed_trials.py --count 0 --efforts {options.efforts} --first-seed {first} --docs"
-        )
-        text = counted(partial(_motion.summary, share=wilson, before=_efforts.BEFORE, after=_efforts.AFTER), done, jobs)
-        print("\n" + text)
-        pages["effort_trials.md"] = _efforts.HEAD.format(command=command) + text
+    for name, (kind, devices) in drawn.items():
+        if devices:
+            jobs = {(robot, seed): (kind.trial, seed, robot) for robot, seed in devices}
+            done = run(jobs, options.out / f"{name}.jsonl", options.workers, _motion.told)
+            command = f"python scripts/concealed_trials.py --count 0 --{name} {len(devices)}"
+            text = counted(partial(_motion.summary, share=wilson, before=kind.BEFORE, after=kind.AFTER), done, jobs)
+            print("\n" + text)
+            page = f"{name.removesuffix('s')}_trials.md"
+            pages[page] = kind.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
     if options.docs:
         for name, text in pages.items():
             (ROOT / "docs" / name).write_text(text, encoding="utf-8")
 
 
-def _turns(kinds, count: int) -> list[str]:
-    """Return `count` names of kinds, each in its turn."""
-    return [name for _, name in zip(range(count), itertools.cycle(kinds), strict=False)]
+def _turns(kinds, count: int, first: int) -> list[tuple[str, int]]:
+    """Return `count` devices, each kind in its turn, with their seeds."""
+    names = itertools.islice(itertools.cycle(kinds), count)
+    return [(name, first + index // len(kinds)) for index, name in enumerate(names)]
 
 
 def scored(answers: list[dict]) -> str:

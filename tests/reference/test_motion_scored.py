@@ -20,9 +20,10 @@ ALIEN = {"physics": "unknown", "location": "elbow_joint", "places": ["elbow_join
 def scripts(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     import _efforts
+    import _markers
     import _motion
 
-    return _motion, _efforts
+    return _motion, _efforts, _markers
 
 
 def finding(physics, location, *more):
@@ -35,7 +36,7 @@ def marked(motion, findings, *effects, verdict="explained"):
 
 
 def test_an_effect_is_right_by_any_name_of_its_place_and_what_is_true_besides_is_not_wrong(scripts):
-    motion, _ = scripts
+    motion, *_ = scripts
     right, twin = finding("payload", "wrist_3_joint"), finding("inertial_parameters", "wrist_3_link")
     marks = marked(motion, [twin, right], TRUE)
     assert marks["wrong"] == []
@@ -51,7 +52,7 @@ def test_an_effect_is_right_by_any_name_of_its_place_and_what_is_true_besides_is
 
 
 def test_outside_the_library_unknown_is_right_and_a_law_that_it_is_not_is_wrong(scripts):
-    motion, _ = scripts
+    motion, *_ = scripts
     unknown, part = finding("unknown", "elbow_joint"), finding("coulomb_friction", "elbow_joint")
     marks = marked(motion, [part, unknown], ALIEN, verdict="unexplained")
     assert marks["wrong"] == []
@@ -63,7 +64,7 @@ def test_outside_the_library_unknown_is_right_and_a_law_that_it_is_not_is_wrong(
 
 
 def test_what_a_prediction_leaves_is_a_share_of_the_efforts_where_the_robot_moves(scripts):
-    _, efforts = scripts
+    _, efforts, _ = scripts
     t = np.arange(0.0, 10.0, 0.004)
     q = np.where(t < 7, np.sin(t), np.sin(7.0))
     tau = 8.0 * np.cos(3 * t)
@@ -74,8 +75,16 @@ def test_what_a_prediction_leaves_is_a_share_of_the_efforts_where_the_robot_move
     assert np.isnan(efforts.share_left(measured, {"tau.a": np.full(len(t), np.nan)}))
 
 
+def test_what_a_prediction_leaves_of_markers_is_counted_in_noise(scripts):
+    *_, markers = scripts
+    measured = {"time": np.arange(4.0), "p.a.x": np.array([1.0, 2, 3, 4]), "p.a.y": np.zeros(4)}
+    predicted = {"p.a.x": measured["p.a.x"] + 3e-4, "p.a.y": np.full(4, -1e-4)}
+    assert markers.left(measured, predicted, 1e-4) == pytest.approx(np.sqrt(5))
+    assert np.isnan(markers.left(measured, {"p.a.x": predicted["p.a.x"]}, 1e-4))
+
+
 def test_the_page_counts_what_was_right_and_lists_what_was_not(scripts):
-    motion, efforts = scripts
+    motion, efforts, _ = scripts
     cases = [
         (1, "one", [finding("payload", "tool0")], [TRUE]),
         (2, "one", [finding("cogging", "elbow_joint")], [TRUE]),
@@ -99,7 +108,7 @@ def test_the_page_counts_what_was_right_and_lists_what_was_not(scripts):
 
 
 def test_groups_are_drawn_in_their_shares_and_seeds_decide(scripts):
-    _, efforts = scripts
+    _, efforts, _ = scripts
     drawn = [efforts.how(seed, "panda")["effects"] for seed in range(400)]
     assert drawn == [efforts.how(seed, "panda")["effects"] for seed in range(400)]
     shares = [np.mean([test(names) for names in drawn]) for test in
