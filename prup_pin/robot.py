@@ -302,7 +302,7 @@ class Robot:
 
         It is the file that the robot came from, comments included, with what has been changed since: values, lengths,
         springs, the variant. Loops stand in <prup_pin> and once more as ROS's <constraint> (docs/robot_file.md). Meshes
-        are not copied. Raises InputError where joints are locked or held (no robot file says so), where the robot did not
+        are not copied. Raises InputError where joints are locked or held (no robot file says so), where it did not
         come from a URDF, and where the file cannot be written or would not be read as this robot.
         """
         path = Path(path).expanduser()

@@ -1,4 +1,4 @@
-"""The command `prup-pin`: stiffness, view, report, info, robots, kinds, simulate, predict, calibrate,
+"""The command `prup-pin`: stiffness, view, report, info, robots, examples, kinds, simulate, predict, calibrate,
 diagnose, laws.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. One file holds a group of commands, and
@@ -15,6 +15,7 @@ from .application import app, main
 from .calibrating import calibrate
 from .catalogue import info, kinds, laws, robots
 from .diagnosing import diagnose
+from .examples import examples
 from .options import taken_apart
 from .pages import report, view
 from .simulating import predict, simulate
@@ -28,6 +29,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     report,
     info,
     robots,
+    examples,
     kinds,
     simulate,
     predict,

@@ -1,0 +1,11 @@
+"""Robots of common families from their dimensions: `stewart`, `three_rrr`, `delta`, `five_bar`.
+
+Each returns a robot; `robot.save("my.urdf")` writes the file it stands for, to be read, changed and extended.
+All lengths in m, stiffnesses in N/m or N m/rad, masses in kg.
+"""
+
+from .delta import delta
+from .planar import five_bar, three_rrr
+from .stewart import stewart
+
+__all__ = ["delta", "five_bar", "stewart", "three_rrr"]

@@ -1,0 +1,164 @@
+"""A robot file in the making: links, joints and a <prup_pin> element, with comments, one call each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from ..errors import InputError
+from ..mechanism import Mechanism
+from ..mechanism.readers import read_content
+from ..robot import Robot
+from ..spatial import Array
+
+__all__ = ["STEEL_DENSITY", "STEEL_MODULUS", "UrdfFile", "bar_mass", "positive"]
+
+STEEL_MODULUS, STEEL_DENSITY = 206e9, 7850.0  # Pa, kg/m^3
+_POISSON = 0.3
+_ORIGIN = (0.0, 0.0, 0.0)
+#: A turn that nothing stops; URDF asks for limits.
+_LIMIT = 3.1
+
+
+def positive(**values: float) -> None:
+    """Raise InputError where one of the named values is not a finite number above zero."""
+    for name, value in values.items():
+        try:
+            fits = 0 < float(value) < np.inf
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise InputError(f"{name} = {value!r}: expected a number > 0, in SI units")
+
+
+def bar_mass(length: float, diameter: float, density: float) -> float:
+    """Return the mass of a round bar [kg]."""
+    return density * np.pi / 4 * diameter**2 * length
+
+
+def _words(values: Iterable[float]) -> str:
+    # Twelve digits: a picometre, and no 0.30000000000000004.
+    return " ".join(f"{float(value) + 0.0:.12g}" for value in np.round(np.ravel(np.asarray(values, float)), 13))
+
+
+class UrdfFile:
+    """Collects the lines of a robot file. All lengths in m, angles in rad, masses in kg."""
+
+    def __init__(self, name: str, about: str):
+        self.name = name
+        self._about = about
+        self._tree: list[str] = []
+        self._extension: list[str] = []
+
+    def comment(self, text: str, of: str = "tree") -> None:
+        """Add a comment to the tree, or to the extension."""
+        lines = self._tree if of == "tree" else self._extension
+        indent = "  " if of == "tree" else "    "
+        lines += ["", f"{indent}<!-- {text} -->"]
+
+    def link(self, name: str, mass: float = 0.0, centre: Sequence[float] = _ORIGIN, size: float = 0.0) -> str:
+        """Add a link. Its inertia is that of a ball of radius `size` with its mass: sags do not ask for it."""
+        if mass == 0:
+            self._tree.append(f"  <link name={quoteattr(name)}/>")
+            return name
+        moment = f"{0.4 * mass * max(size, 1e-3) ** 2:.6g}"
+        self._tree.append(
+            f'  <link name={quoteattr(name)}><inertial><origin xyz="{_words(centre)}"/><mass value="{mass:.9g}"/>'
+            f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/></inertial></link>'
+        )
+        return name
+
+    def joint(
+        self,
+        name: str,
+        kind: str,
+        parent: str,
+        child: str,
+        xyz: Sequence[float] | Array = _ORIGIN,
+        rpy: Sequence[float] = _ORIGIN,
+        axis: Sequence[float] | Array = (0.0, 0.0, 1.0),
+        limits: tuple[float, float] = (-_LIMIT, _LIMIT),
+    ) -> str:
+        """Add a joint between two links that are there."""
+        turned = f' rpy="{_words(rpy)}"' if np.any(rpy) else ""
+        moving = ""
+        if kind != "fixed":
+            low, high = limits
+            moving = (
+                f'<axis xyz="{_words(axis)}"/><limit lower="{low:.9g}" upper="{high:.9g}" effort="1e6" velocity="10"/>'
+            )
+        self._tree.append(
+            f'  <joint name={quoteattr(name)} type="{kind}"><parent link={quoteattr(parent)}/>'
+            f'<child link={quoteattr(child)}/><origin xyz="{_words(xyz)}"{turned}/>{moving}</joint>'
+        )
+        return name
+
+    def frame(self, name: str, parent: str, xyz: Sequence[float] | Array = _ORIGIN) -> str:
+        """Add a massless link fixed to another one."""
+        self.link(name)
+        self.joint(name, "fixed", parent, name, xyz)
+        return name
+
+    def tool(self, frame: str, part: str, actuated: Sequence[str], tasks: Mapping[str, str]) -> None:
+        """Say which frame is loaded, which joints are driven, which components of the tool's pose are given."""
+        coordinates = "".join(f'<coordinate name="{name}" component="{task}"/>' for name, task in tasks.items())
+        home = " ".join(f'{name}="0"' for name in actuated)
+        self._extension += [
+            f"    <tool frame={quoteattr(frame)} part={quoteattr(part)}/>",
+            f'    <actuated joints="{" ".join(actuated)}"/>',
+            f'    <task_coordinates rotation="xyz">{coordinates}</task_coordinates>',
+            f"    <home {home}/>",
+        ]
+
+    def loop(self, name: str, first: str, second: str, free: str) -> None:
+        """Close a loop between two frames; `free` lists the motions between them."""
+        self._extension.append(
+            f'    <loop name={quoteattr(name)} frame1={quoteattr(first)} frame2={quoteattr(second)} free="{free}"/>'
+        )
+
+    def note(self, text: str) -> None:
+        """Add an assumption, which `prup-pin info` prints."""
+        self._extension.append(f"    <note>{escape(text)}</note>")
+
+    def module(self, name: str, kind: str, joint: str, values: Mapping[str, tuple[float, str]], **places: str) -> None:
+        """Add a compliant module: its values with their units, and where it sits."""
+        at = "".join(f" {key}={quoteattr(value)}" for key, value in places.items())
+        self._extension.append(f'    <module name={quoteattr(name)} type="{kind}" joint={quoteattr(joint)}{at}>')
+        for short, (value, unit) in values.items():
+            self._extension.append(f'      <parameter name="{short}" value="{value:.12g}" unit="{unit}"/>')
+        self._extension.append("    </module>")
+
+    def spring(self, name: str, joint: str, stiffness: float, unit: str) -> None:
+        """Add a spring along a joint's axis."""
+        self.module(name, "joint_spring", joint, {"stiffness": (stiffness, unit)})
+
+    def bar(self, name: str, joint: str, root: str, tip: str, diameter: float, modulus: float) -> None:
+        """Add a round bar that bends, stretches and twists: `root` on the joint's fixed side, `tip` on the moving one."""
+        shear = modulus / (2 * (1 + _POISSON))
+        values = {"diameter": (diameter, "m"), "youngs_modulus": (modulus, "Pa"), "shear_modulus": (shear, "Pa")}
+        self.module(name, "beam", joint, values, root=root, tip=tip)
+
+    def text(self) -> str:
+        """Return the whole file."""
+        lines = [
+            '<?xml version="1.0"?>',
+            "<!--",
+            *(f"  {line}".rstrip() for line in self._about.strip("\n").splitlines()),
+            "-->",
+            f"<robot name={quoteattr(self.name)}>",
+            *self._tree,
+            "",
+            '  <prup_pin version="1">',
+            *self._extension,
+            "  </prup_pin>",
+            "</robot>",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def robot(self) -> Robot:
+        """Return the robot that the file stands for."""
+        description = read_content(self.text().encode(), Path(f"{self.name}.urdf"))
+        return Robot(Mechanism(description)).prepared()
