@@ -84,9 +84,7 @@ Drawn at home, where all joints are at zero: a slide's value is how much its leg
         near = length / 4 if cylinder_centre is None else cylinder_centre
         far = length / 4 if rod_centre is None else rod_centre
         file.link(f"leg{leg}_cylinder", cylinder_mass, tuple(near * along), length / 4)
-        file.joint(
-            f"leg{leg}_u2", "revolute", f"leg{leg}_yoke", f"leg{leg}_cylinder", axis=np.cross(along, across)
-        )
+        file.joint(f"leg{leg}_u2", "revolute", f"leg{leg}_yoke", f"leg{leg}_cylinder", axis=np.cross(along, across))
         file.link(f"leg{leg}_rod", rod_mass, tuple(-far * along), length / 4)
         file.joint(
             f"leg{leg}_slide",

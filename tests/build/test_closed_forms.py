@@ -165,7 +165,9 @@ def test_a_size_that_is_none_is_refused_by_name(family):
 
 
 def test_legs_that_do_not_reach_are_refused_with_what_would():
-    with pytest.raises(InputError, match=r"arm = 0.1 m and rod = 0.1 m do not meet at home.*0.3 m.*between 0 and 0.2 m"):
+    with pytest.raises(
+        InputError, match=r"arm = 0.1 m and rod = 0.1 m do not meet at home.*0.3 m.*between 0 and 0.2 m"
+    ):
         build.three_rrr(**{**RRR, "arm": 0.1, "rod": 0.1})
     with pytest.raises(InputError, match="do not meet at home"):
         build.delta(**{**DELTA, "height": 2.0})
