@@ -14,7 +14,10 @@ import numpy as np
 
 from .errors import ParameterError
 
-__all__ = ["SMALLEST_TOLERANCE", "Parameter", "Quantity", "Tolerance"]
+__all__ = ["SMALLEST_TOLERANCE", "Parameter", "Quantity", "Tolerance", "meant_otherwise"]
+
+#: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres.
+_LARGEST = {"rad": (7.0, "degrees", np.pi / 180), "m": (20.0, "mm", 1e-3)}
 
 #: Nothing is made better than this; squares and their inverses stay finite.
 SMALLEST_TOLERANCE = 1e-12
@@ -121,3 +124,11 @@ class Parameter:
         """Return a copy with another value, checked against the quantity's range; the tolerance stays as declared."""
         checked = self.quantity.check(value, self.owner) if self.quantity else float(value)
         return replace(self, value=checked, source=source)
+
+
+def meant_otherwise(value: float, unit: str) -> str:
+    """Return what is wrong with a coordinate that is far too large for its unit, "m" or "rad"; '' where it is not."""
+    largest, other, factor = _LARGEST.get(unit, (np.inf, "", 1.0))
+    if not abs(value) > largest:
+        return ""
+    return f"{value:g} {unit}: is it in {other}? Expected {unit}, which would be {value * factor:.6g}"

@@ -29,6 +29,7 @@ from .sweep import SweepResult, sweep
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from .compensation import Compensation, Effects, PathLike
     from .views.meshcat.view import PoseLike, View
 
 __all__ = ["Robot"]
@@ -221,6 +222,23 @@ class Robot:
             kinematics=self._kinematics,
             axes=axes,
         )
+
+    def compensate(
+        self,
+        path: PathLike,
+        wrench: ArrayLike | None = None,
+        *,
+        effects: Effects = (),
+        time: ArrayLike | None = None,
+        workers: int = 1,
+    ) -> Compensation:
+        """Return the commands of the actuators that put the loaded tool where a path wants it.
+
+        What each argument means stands at `prup_pin.compensation.compensate`; that room is loaded only now.
+        """
+        from .compensation import compensate
+
+        return compensate(self, path, wrench, effects=effects, time=time, workers=workers)
 
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""

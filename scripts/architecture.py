@@ -73,6 +73,7 @@ BOXES = {
     "laws": Box(7, _halves(RIGHT)[0], LEFT_OUT, "physics left out"),
     "recordings": Box(7, _halves(RIGHT)[1], LEFT_OUT, "bench tests"),
     "simulation": Box(11, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
+    "compensation": Box(13, LEFT, LEFT_OUT, "commands that cancel what is wrong"),
     "channels": Box(12, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
     "diagnosis": Box(13, RIGHT, LEFT_OUT, "locate, compete, judge"),
     "views": Box(14, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, notebook, scene, drawing, meshcat, report"),
@@ -126,7 +127,7 @@ def picture(rooms: dict[str, set[str]]) -> Figure:
         at = BOTTOM + 2.1 * PITCH - 0.24 * line
         axes.text(RIGHT[0] + 0.45, at, text, fontsize=10, color=INK, va="center")
     lines = ("robot file → mechanism → closed pose", "→ wrench Jacobians → C, K, parts")
-    _draw_road(axes, LEFT[0], 11.0, "How stiff?", lines, STIFF)
+    _draw_road(axes, LEFT[0], 10.6, "How stiff?", lines, STIFF)
     lines = ("recording → simulation → residual of channels", "→ places → laws compete → verdict")
     _draw_road(axes, RIGHT[0], 4.0, "What was left out?", lines, LEFT_OUT)
     return figure
@@ -173,6 +174,8 @@ def _draw_arrow(axes, room: str, other: str) -> None:
         start, end = (narrower.middle, upper.low), (narrower.middle, lower.high)
     elif upper.middle < lower.middle:
         start, end = (upper.sides[1], (upper.low + upper.high) / 2), (lower.middle, lower.high)
+        if lower.sides[0] == RIGHT[0]:
+            end = lower.sides[0], (lower.low + lower.high) / 2
     else:
         start = (upper.sides[0], (upper.low + upper.high) / 2)
         end = (lower.sides[1], (lower.low + lower.high) / 2)
@@ -191,7 +194,7 @@ def _draw_doors(axes) -> None:
         outside, at, to = 0.4 if on_left else SIZE[0] - 0.4, (room.low + room.high) / 2, (other.low + other.high) / 2
         axes.plot((edge, outside, outside), (at, at, to), color=FAINT, lw=1.3, ls=(0, (4, 3)))
         _arrow(axes, (outside, to), (side, to))
-    text = "only when it is to be shown"
+    text = "only when it is asked for"
     axes.text(
         0.27,
         (at_of("robot") + at_of("views")) / 2,

@@ -33,14 +33,16 @@ LAYERS = [
     "build",
     "loading",
     "simulation",
+    "compensation",
     "channels",
     "diagnosis",
     "views",
     "cli",
 ]
 #: Doors from an object to how it is shown: `Robot.view`, and what a notebook asks of a robot, a compliance, a
-#: diagnosis. The view is loaded when one of them is called, and not before.
-DOORS = {("robot", "views"), ("statics", "views"), ("diagnosis", "views")}
+#: diagnosis; and from a robot to what is built on it, `Robot.compensate`. These rooms are loaded when one of them is
+#: called, and not before.
+DOORS = {("robot", "views"), ("statics", "views"), ("diagnosis", "views"), ("robot", "compensation")}
 
 
 def room_of(path: Path) -> str:

@@ -4,7 +4,10 @@ import inspect
 import subprocess
 import sys
 
+import pytest
+
 import prup_pin
+from prup_pin.compensation import compensate
 from prup_pin.views.meshcat.view import view
 
 from .imports import DOORS, LAYERS, ROOT, files, imported, public_names, room_imports, room_of
@@ -40,8 +43,9 @@ def test_imports_are_read_from_the_source():
     assert ("laws", "deeds") in imported(ROOT / "channels" / "pose.py")
 
 
-def test_a_robot_is_loaded_without_its_picture():
-    code = "import sys, prup_pin; print([name for name in sys.modules if name.startswith('prup_pin.views')])"
+@pytest.mark.parametrize("room", sorted(other for _, other in DOORS))
+def test_a_robot_is_loaded_without_what_is_behind_its_doors(room):
+    code = f"import sys, prup_pin; print([name for name in sys.modules if name.startswith('prup_pin.{room}')])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -51,6 +55,13 @@ def test_a_robot_has_the_arguments_of_its_view():
         return [str(parameter) for parameter in inspect.signature(function).parameters.values()][1:]
 
     assert arguments(prup_pin.Robot.view) == arguments(view)
+
+
+def test_a_robot_has_the_arguments_of_its_compensation():
+    def arguments(function):
+        return [str(parameter) for parameter in inspect.signature(function).parameters.values()][1:]
+
+    assert arguments(prup_pin.Robot.compensate) == [text for text in arguments(compensate) if "tell" not in text]
 
 
 def test_wings_of_the_views_are_no_circle():

@@ -1,5 +1,5 @@
 """The command `prup-pin`: stiffness, view, report, info, robots, examples, kinds, simulate, predict, calibrate,
-diagnose, laws.
+diagnose, compensate, laws.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. One file holds a group of commands, and
 `options` what several of them ask for. Every error of the package ends as one message on stderr and exit code 2; any
@@ -14,6 +14,7 @@ from .answering import stiffness
 from .application import app, main
 from .calibrating import calibrate
 from .catalogue import info, kinds, laws, robots
+from .compensating import compensate
 from .diagnosing import diagnose
 from .examples import examples
 from .options import taken_apart
@@ -35,6 +36,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     predict,
     calibrate,
     diagnose,
+    compensate,
     laws,
 )
 

@@ -5,14 +5,29 @@ from __future__ import annotations
 import os
 import re
 import webbrowser
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from ..errors import InputError
 
-__all__ = ["check_folder", "file_name", "list_written", "say_written", "write"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "check_csv",
+    "check_folder",
+    "file_name",
+    "folder_for",
+    "list_written",
+    "say_written",
+    "write",
+    "write_figures",
+]
+
+_KINDS = ("png", "svg")
 
 
 def file_name(name: str) -> str:
@@ -28,6 +43,40 @@ def check_folder(path: Path | None, option: str) -> None:
         raise InputError(f"{option}: '{path}' is a folder; give a file in it")
     if not path.parent.is_dir():
         raise InputError(f"{option}: cannot write '{path}': there is no folder '{path.parent}'")
+
+
+def check_csv(out: Path, source: Path | None, what: str) -> None:
+    """Raise InputError, before anything is computed, where the table cannot be written or would replace its source."""
+    check_folder(out, "--out")
+    if out.suffix.lower() == ".json":
+        raise InputError(f"--out: '{out}' would be a table in a .json file; give a .csv file")
+    if source is not None and source.exists() and out.exists() and out.samefile(source):
+        raise InputError(f"--out: '{out}' is the {what} itself; give another file")
+
+
+def folder_for(folder: Path | None, option: str) -> None:
+    """Make a folder, before anything is computed. Raises InputError where files cannot be written there."""
+    if folder is None:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{option}: cannot make the folder '{folder}': {error.strerror}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{option}: cannot write to '{folder}': permission denied")
+
+
+def write_figures(folder: Path, figures: Mapping[str, Figure], option: str) -> list[Path]:
+    """Write pictures by name, each as PNG and as SVG, and return where they are."""
+    from ..views.drawing.plotting import encoded
+
+    made = {folder / f"{name}.{kind}": encoded(figure, kind) for name, figure in figures.items() for kind in _KINDS}
+    try:
+        for path, content in made.items():
+            path.write_bytes(content)
+    except OSError as error:
+        raise InputError(f"{option}: cannot write to '{folder}': {error.strerror}") from error
+    return list(made)
 
 
 def write(path: Path, content: str, option: str) -> None:

@@ -6,7 +6,7 @@ import fnmatch
 import inspect
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -16,6 +16,7 @@ from .. import loading
 from ..errors import InputError, UnknownNameError, nearest_names
 from ..recordings import TYPICAL, Recording, Tolerances, read_tolerances
 from ..robot import Robot
+from ..simulation import CorrectedModel
 from ..views.text.quantities import UNITS, parse_assignments, parse_quantity
 
 __all__ = [
@@ -108,6 +109,13 @@ class Reading:
         if not changes:
             return robot, understood
         return robot.with_parameters(changes), replace(understood, parameters=changes)
+
+    def of_model(self, model: CorrectedModel, settings: Sequence[str] | None) -> Robot:
+        """Return the robot of a corrected model with parameters changed as typed; what was typed of its file wins."""
+        typed = self.understood()
+        options = {item.name: getattr(typed, item.name) for item in fields(typed)}
+        robot = replace(model.read, **{name: value for name, value in options.items() if value}).load(model.robot)
+        return robot.with_parameters(changes_of(robot, settings or ()))
 
     def understood(self) -> loading.Reading:
         """Return what was typed, as `prup_pin.loading` takes it."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from .. import loading, simulation
+from .. import simulation
 from ..errors import InputError, PrupPinError, SimulationStoppedError
 from ..laws import Effect
 from ..recordings import Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
@@ -20,7 +20,7 @@ from ..views.text import terminal
 from ..views.text.effect_options import parse_effect
 from ..views.text.simulation_text import print_simulation
 from . import progress
-from .files import check_folder, list_written
+from .files import check_csv, list_written
 from .options import (
     PredictionFile,
     Reading,
@@ -29,7 +29,6 @@ from .options import (
     SetParameters,
     Stop,
     Workers,
-    changes_of,
     robot_beside,
 )
 
@@ -68,7 +67,7 @@ def simulate(
     """What a bench would measure: the loaded robot in its deformed position, row by row."""
     if (recording is None) == (plan is None):
         raise InputError("give either a recording, RECORDING.csv, or a test plan, --plan PLAN.json")
-    _check_csv(out, recording)
+    check_csv(out, recording, "recording")
     source = plan if recording is None else recording
     assert source is not None
     read = read_recording(recording) if recording is not None else None
@@ -76,9 +75,7 @@ def simulate(
     corrected = read_model(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
     if robot is None and corrected is not None:
-        name = corrected.robot
-        loaded = _as_the_model_was_read(corrected.read, reading.understood()).load(name)
-        loaded = loaded.with_parameters(changes_of(loaded, set_parameters or ()))
+        name, loaded = corrected.robot, reading.of_model(corrected, set_parameters)
     else:
         name = robot or robot_beside(named, source)
         loaded, _ = reading.changed(name, set_parameters)
@@ -109,12 +106,6 @@ def simulate(
     list_written((out, out.with_suffix(".json")))
 
 
-def _as_the_model_was_read(model: loading.Reading, typed: loading.Reading) -> loading.Reading:
-    """Return how a model's robot is read: what was typed wins."""
-    options = {item.name: getattr(typed, item.name) for item in fields(typed)}
-    return replace(model, **{name: value for name, value in options.items() if value})
-
-
 def predict(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
     recording: RecordingFile,
@@ -123,7 +114,7 @@ def predict(
     stop: Stop = False,
 ) -> None:
     """What a corrected model says that a recording should have measured."""
-    _check_csv(out, recording)
+    check_csv(out, recording, "recording")
     corrected = read_model(model)
     read = read_recording(recording)
     notes = []
@@ -183,12 +174,3 @@ def _write_prediction(out: Path, recording: Recording, prediction: Prediction) -
         markers=prediction.markers,
         marker_rotations=prediction.marker_rotations,
     )
-
-
-def _check_csv(out: Path, recording: Path | None) -> None:
-    """Raise InputError, before anything is computed, where the table cannot be written or would replace its source."""
-    check_folder(out, "--out")
-    if out.suffix.lower() == ".json":
-        raise InputError(f"--out: '{out}' would be a table in a .json file; give a .csv file")
-    if recording is not None and recording.exists() and out.exists() and out.samefile(recording):
-        raise InputError(f"--out: '{out}' is the recording itself; give another file")

@@ -239,6 +239,17 @@ class LoopKinematics:
         slides = np.array([not any(twist[3:]) for joint in self.mechanism.joints for twist in joint.subspace.T], bool)
         return np.where(self.closure.is_translation, 1 / length, 1.0), np.where(slides[dofs], length, 1.0)
 
+    def by_actuators(self, pose: ClosedPose) -> Array:
+        """Return the translation of the tool point and turn, base axes, per travel of each actuated joint, (6, a)."""
+        mechanism, free = self.mechanism, self.mechanism.free_dofs
+        driven = np.array(mechanism.actuated_dofs, int)
+        velocities = np.zeros((self.model.nv, len(driven)))
+        velocities[driven, np.arange(len(driven))] = 1.0
+        velocities[free] = -pose.balance.inverse.T @ pose.closure_jacobian[:, driven]
+        moved = self.tool_motion(pose.placements, pose.jacobian, velocities)
+        moved[:3] *= self.length
+        return moved
+
     def tool_motion(self, placements: Array, jacobian: Array, velocities: Array) -> Array:
         """Return the tool's dimensionless twist (..., 6, n) about its own point under velocities (..., nv, n).
 

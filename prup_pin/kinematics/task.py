@@ -79,6 +79,16 @@ class TaskFrame:
         pose = self.pose_vector(placements)
         return np.array([pose[component] for component in self.components])
 
+    def values_of(self, base_from_tool: Array) -> Array:
+        """Return the task coordinates (t,) of a placement of the tool, (4, 4)."""
+        vector = self._pose_of(base_from_tool.tolist(), atan2, hypot)
+        return np.array([vector[component] for component in self.components])
+
+    def by_motion(self, base_from_tool: Array) -> Array:
+        """Return d(task)/d(translation of the tool point and turn, base axes), (t, 6)."""
+        angles = self._pose_of(base_from_tool.tolist(), atan2, hypot)[3:]
+        return self._rates((0.0, 0.0, 0.0, *angles))
+
     def goal(self, target: Array) -> Callable:
         """Return a function of (q, placements) that gives the residual, and its rows as a function of the Jacobian."""
         wanted = [*zip(self.components, target.tolist(), strict=True)]

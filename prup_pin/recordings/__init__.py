@@ -11,11 +11,12 @@ from .plan import (
     write_plan,
 )
 from .problems import KeyProblem, TableProblem
-from .reader import read_recording, read_tolerances
+from .reader import read_path, read_recording, read_tolerances, robot_named_beside
 from .recording import Noise, Recording
 from .suspicions import suspicions
 from .together import Group, Source, Together
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, TYPICAL, KindOfTolerance, Tolerances
+from .tool_path import ToolPath
 from .writer import write_prediction, write_recording
 
 __all__ = [
@@ -36,10 +37,13 @@ __all__ = [
     "TestPlan",
     "Together",
     "Tolerances",
+    "ToolPath",
     "add_noise",
+    "read_path",
     "read_plan",
     "read_recording",
     "read_tolerances",
+    "robot_named_beside",
     "suspicions",
     "write_plan",
     "write_prediction",

@@ -65,13 +65,18 @@ def unit_of(name: str) -> str:
     return {"q": "m or rad", "qd": "m/s or rad/s", "qdd": "m/s^2 or rad/s^2", "tau": "N or N m"}[name.partition(".")[0]]
 
 
+def without_unit(name: str) -> str:
+    """Return a column's name without a unit in brackets at its end."""
+    return _UNIT_AT_END.sub("", name).strip()
+
+
 def meant(name: str) -> str | None:
     """Return the column that a name stands for but for its unit, case or separators, or None.
 
     'w.fx [N]', 'W.Fx' and 'w_fx' stand for w.fx, 'Q.leg1_slide (m)' for q.leg1_slide. Names that belong to the format
     and names that have nothing to do with it give None.
     """
-    plain = _UNIT_AT_END.sub("", name).strip()
+    plain = without_unit(name)
     letters = re.sub(r"[._\s-]", "", plain).lower()
     for known in UNITS:
         separated = "." not in known or re.search(r"[._\s-]", plain)  # 'rx' may be anything

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Problem, nearest_names
+from ..parameters import meant_otherwise
 from ..spatial import WRENCH_NAMES, Array
 from .columns import (
     AXES,
@@ -28,10 +29,12 @@ from .columns import (
     marker_of,
     meant,
     unit_of,
+    without_unit,
 )
 from .problems import KeyProblem, Problems, TableProblem, is_number, json_kind, read_bytes, read_json_object, shown
 from .recording import Noise, Recording
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
+from .tool_path import ToolPath
 
 #: Keys of the JSON beside the table.
 KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "notes")
@@ -55,6 +58,18 @@ class _Table:
     blank: Sequence[int] = ()
 
 
+@dataclass(frozen=True)
+class _Form:
+    """What a table is: a recording, or a path with wanted coordinates of the tool; see `read_path`."""
+
+    coordinates: Mapping[str, str] = field(default_factory=dict)
+    is_path: bool = False
+
+    def knows(self, name: str) -> bool:
+        """Return whether a column's name has a meaning."""
+        return is_known(name) or name in self.coordinates
+
+
 @dataclass
 class _Beside:
     """What the JSON file beside the table says."""
@@ -74,17 +89,46 @@ def read_recording(path: str | Path) -> Recording:
 
     Raises RecordingFileError with all problems of both files, each with its line and column.
     """
+    return _read(Path(path), _Form())[0]
+
+
+def read_path(path: str | Path, coordinates: Mapping[str, str]) -> ToolPath:
+    """Return the path of a CSV file: a recording's table with columns of the tool's wanted coordinates.
+
+    coordinates: their names and units; a table has all of them, or positions of joints instead. Every row says all that
+    its columns are for: no cell is empty.
+
+    Raises RecordingFileError with all problems, each with its line and column.
+    """
+    recording, wanted = _read(Path(path), _Form(coordinates, is_path=True))
+    return ToolPath(recording, wanted)
+
+
+def robot_named_beside(path: str | Path) -> str | None:
+    """Return the robot that the JSON file beside a table names, or None. Raises RecordingFileError without the table.
+
+    What is wrong with that file is said where the table is read.
+    """
     path = Path(path)
+    read_bytes(path, _EXPECTED, (".csv",))
+    return _beside(path, Problems(path)).robot
+
+
+def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
+    """Return the recording of a table, and its columns of wanted coordinates."""
     content = read_bytes(path, _EXPECTED, (".csv",))
     problems = Problems(path)
     content = _text(content, problems)
-    header = _header(content, problems)
-    table = _fast(content, header) or _careful(content, header, problems)
+    header = _header(content, problems, form)
+    table = _fast(content, header, form) or _careful(content, header, problems, form)
     _check(table, header, problems)
     _check_gravity(table, problems)
+    if form.is_path:
+        _check_path(table, header, form, problems)
     beside = _beside(path, problems)
     problems.raise_all()
-    return _recording(path, header, table, beside)
+    wanted = {name: table.numbers.pop(name) for name in form.coordinates if name in table.numbers}
+    return _recording(path, header, table, beside, form), wanted
 
 
 def _text(content: bytes, problems: Problems) -> bytes:
@@ -144,7 +188,7 @@ def _lines_with(content: bytes, pattern: bytes) -> list[tuple[int, int]]:
     return found
 
 
-def _header(content: bytes, problems: Problems) -> list[str]:
+def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     """Return the names of all columns; raise where there is no header to speak of."""
     lines = io.BytesIO(content)
     text, second = (lines.readline().rstrip(b"\n").decode("utf-8") for _ in range(2))
@@ -171,7 +215,7 @@ def _header(content: bytes, problems: Problems) -> list[str]:
         elif header.index(name) < index:
             count = f"column {header.index(name) + 1} and column {index + 1}"
             problems.add(TableProblem(f"stands twice in the header ({count}); rename or remove one", 1, column=name))
-        elif (wanted := meant(name)) and wanted not in header:
+        elif name not in form.coordinates and (wanted := meant(name)) and wanted not in header:
             unit = f" in {unit_of(wanted)}" if unit_of(wanted) else ""
             message = f"is not a name of the format. Did you mean '{wanted}'? Expected exactly that{unit}"
             problems.add(TableProblem(message, 1, column=name))
@@ -181,17 +225,21 @@ def _header(content: bytes, problems: Problems) -> list[str]:
         close = [name for name in header if name.lower() in ("t", "timestamp", "zeit", "tiem", "tmie")]
         hint = f" Is it column '{close[0]}'?" if close else ""
         problems.add(TableProblem(f"is missing.{hint} The header has: {there}", 1, column="time"))
-    if not any(name and name.startswith("q.") and is_known(name) for name in {*header, *wanted_names}):
+    stated = any(name in form.coordinates for name in header)
+    if not stated and not any(name and name.startswith("q.") and is_known(name) for name in {*header, *wanted_names}):
         alike = [name for name in header if re.match(r"q[_ ]?\w", name, re.I) and not is_known(name)]
         hint = f" Is it column '{shown(alike[0])}'?" if alike else ""
         message = f"no column q.<joint>: expected the position of at least one actuated joint.{hint} There are: {there}"
-        problems.add(TableProblem(message, 1, column="q.<joint>"))
+        if form.coordinates:
+            names = ", ".join(form.coordinates)
+            message = f"no column says where the tool shall be: expected {names}, or q.<joint>. There are: {there}"
+        problems.add(TableProblem(message, 1, column=next(iter(form.coordinates), "q.<joint>")))
     return header
 
 
-def _used(header: Sequence[str]) -> dict[int, str]:
+def _used(header: Sequence[str], form: _Form) -> dict[int, str]:
     """Return index -> name of the columns that hold numbers of the format."""
-    return {i: name for i, name in enumerate(header) if name != "run" and is_known(name) and header.index(name) == i}
+    return {i: name for i, name in enumerate(header) if name != "run" and form.knows(name) and header.index(name) == i}
 
 
 def _label(table: dict[str, int], cell: str) -> int:
@@ -199,7 +247,7 @@ def _label(table: dict[str, int], cell: str) -> int:
     return table.setdefault("" if label.lower() == "nan" else label, len(table))
 
 
-def _fast(content: bytes, header: Sequence[str]) -> _Table | None:
+def _fast(content: bytes, header: Sequence[str], form: _Form) -> _Table | None:
     """Return the table where all is in order, at numpy's speed, or None: the careful reader then says why."""
     end = len(content)
     while content[end - 1 : end].isspace():
@@ -208,7 +256,7 @@ def _fast(content: bytes, header: Sequence[str]) -> _Table | None:
     if not body:
         return None
     run = header.index("run") if "run" in header else None
-    used = _used(header)
+    used = _used(header, form)
     labels: dict[str, int] = {}
     table = _loadtxt(body, header, used, run, labels)
     if table is None and b'"' not in body:
@@ -257,9 +305,9 @@ def _loadtxt(
         return None
 
 
-def _careful(content: bytes, header: Sequence[str], problems: Problems) -> _Table:
+def _careful(content: bytes, header: Sequence[str], problems: Problems, form: _Form) -> _Table:
     """Return the rows that can be read, and add what is wrong with every cell."""
-    used = _used(header)
+    used = _used(header, form)
     run = header.index("run") if "run" in header else None
     labels: dict[str, int] = {}
     columns: dict[str, list[Array]] = {name: [] for name in used.values()}
@@ -428,6 +476,28 @@ def _check_gravity(table: _Table, problems: Problems) -> None:
     problems.cells(there[0], "absurd gravity", places)
 
 
+def _check_path(table: _Table, header: Sequence[str], form: _Form, problems: Problems) -> None:
+    """Add what a path leaves open: a coordinate beside others, empty cells, values that are of another unit."""
+    stated = [name for name in form.coordinates if name in table.numbers]
+    for name in form.coordinates:
+        if stated and name not in stated:
+            message = f"is missing beside {', '.join(stated)}: a path gives all of {', '.join(form.coordinates)}"
+            meant = [other for other in header if without_unit(other).lower() == name.lower()]
+            if meant:
+                message += f". Is it column '{shown(meant[0])}'? Expected '{name}' in {form.coordinates[name]}"
+            problems.add(TableProblem(message, 1, column=name))
+    reported = {(problem.line, problem.column) for problem in problems.found if isinstance(problem, TableProblem)}
+    for name, values in table.numbers.items():
+        if name == "time":
+            continue
+        lines = [int(line) for line in table.lines[np.isnan(values)] if (int(line), name) not in reported]
+        zero = "; write 0 where nothing acts" if name.startswith(("w.", "g.")) else ""
+        problems.cells(name, "empty", [(line, f"is empty; every row of a path needs it{zero}") for line in lines])
+        unit = form.coordinates.get(name, "")
+        far = [(int(line), meant_otherwise(value, unit)) for line, value in zip(table.lines, values, strict=True)]
+        problems.cells(name, "another unit", [(line, message) for line, message in far if message])
+
+
 def _beside(path: Path, problems: Problems) -> _Beside:
     """Return what the JSON file beside the table says, with remarks."""
     beside = path.with_suffix(".json")
@@ -534,7 +604,7 @@ def tolerances_value(values: object, problems: Problems, file: str, at: str = ""
     return Tolerances(**found)
 
 
-def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside) -> Recording:
+def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside, form: _Form) -> Recording:
     n = len(table.lines)
     numbers = table.numbers
     groups: dict[str, dict[str, Array]] = {group: {} for group in JOINT_GROUPS.values()}
@@ -557,6 +627,9 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
     for k, name in enumerate(WRENCH_NAMES):
         if name in wrench_columns:
             wrench[:, k] = numbers[f"w.{name}"]
+    remarks = _remarks(header, numbers, table.blank, form)
+    if not form.is_path:  # which has nothing measured
+        remarks += [*_unmeasured(numbers), *beside.remarks, *_undeclared(numbers, beside.noise)]
     return Recording(
         time=numbers["time"],
         wrench=wrench,
@@ -573,19 +646,19 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
         robot=beside.robot,
         notes=beside.notes,
         path=str(path),
-        ignored=tuple(name for name in header if name != "run" and not is_known(name)),
-        remarks=(*_remarks(header, numbers, table.blank), *beside.remarks, *_undeclared(numbers, beside.noise)),
+        ignored=tuple(name for name in header if name != "run" and not form.knows(name)),
+        remarks=tuple(remarks),
         **markers,
         **groups,
     )
 
 
-def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequence[int]) -> list[str]:
-    """Return sentences on what the table ignores or lacks."""
+def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequence[int], form: _Form) -> list[str]:
+    """Return sentences on what the table ignores, and on what it does not say of loads."""
     remarks = []
     for name in header:
-        if name != "run" and not is_known(name):
-            near = nearest_names(name, candidates(header))
+        if name != "run" and not form.knows(name):
+            near = nearest_names(name, [*form.coordinates, *candidates(header)])
             hint = f" {near}" if near.startswith("Did") else ""
             remarks.append(f"The unknown column '{shown(name)}' is ignored.{hint}")
     if blank:
@@ -597,6 +670,12 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
         )
     elif loads:
         remarks.append(f"There is no column {', '.join(loads)}: these components of the wrench are taken as zero.")
+    return remarks
+
+
+def _unmeasured(numbers: Mapping[str, Array]) -> list[str]:
+    """Return sentences on what was not measured."""
+    remarks = []
     triples = {"p": "position", "r": "orientation"}
     for name in numbers:
         if marker := marker_of(name):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -117,6 +118,13 @@ class Recording:
             raise InputError(f"run must be {n} indices into run_names, which has {len(self.run_names)} entries")
         run.flags.writeable = False
         store("run", run)
+
+    def __reduce__(self):
+        state = {item.name: getattr(self, item.name) for item in fields(self)}
+        plain: dict[str, Any] = {
+            name: dict(value) if isinstance(value, Mapping) else value for name, value in state.items()
+        }
+        return partial(Recording, **plain), ()
 
     def __len__(self) -> int:
         return len(self.time)

@@ -26,11 +26,11 @@ TIME_DIGITS = 15
 _CHUNK = 20_000
 
 
-def write_recording(recording: Recording, path: str | Path) -> None:
+def write_recording(recording: Recording, path: str | Path, status: Sequence[str] | None = None) -> None:
     """Write a recording as CSV, and noise, tolerances, robot and notes as JSON of the same stem beside it.
 
-    Only columns that exist are written. Both files are replaced as a whole or not at all; a JSON file that was there
-    before never stays, because it would speak of another table.
+    Only columns that exist are written; `status` (N,) words become a column of that name. Both files are replaced as a
+    whole or not at all; a JSON file that was there before never stays, because it would speak of another table.
 
     Raises InputError where the recording could not be read again, or the files cannot be written.
     """
@@ -51,6 +51,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         columns["temperature"] = recording.temperature
     if recording.run_names != ("",):
         columns["run"] = [recording.run_names[code] for code in recording.run.tolist()]
+    if status is not None:
+        columns["status"] = [str(word) for word in status]
     _check(recording, columns)
     beside: dict[str, Any] = {} if recording.robot is None else {"robot": recording.robot}
     for key, name in NOISE_KEYS.items():

@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 #: What a copy of the tree needs.
 PARTS = ("prup_pin", "urdf", "tests", "docs", "pyproject.toml")
-_BLOCK = re.compile(r"^<!-- (?P<what>.*?) -->\n```\w*\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^<!-- (?P<what>.*?) -->\n```\w*\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def carry_out(page: str, folder: Path) -> list[str]:
@@ -28,7 +28,7 @@ def carry_out(page: str, folder: Path) -> list[str]:
         else:
             shutil.copy(source, folder / part)
     printed = []
-    for block in _BLOCK.finditer((ROOT / page).read_text(encoding="utf-8")):
+    for block in BLOCK.finditer((ROOT / page).read_text(encoding="utf-8")):
         what, text = block["what"], block["text"]
         if what == "run":
             printed.append(python(folder, "-c", text))

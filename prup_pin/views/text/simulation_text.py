@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -14,7 +15,7 @@ from ...simulation import Agreement, Prediction, compare
 from .quantities import number
 from .terminal import heading, listed, make_table, paragraph, print_table
 
-__all__ = ["effect_text", "print_simulation"]
+__all__ = ["effect_text", "print_failures", "print_simulation"]
 
 #: So many row numbers are listed.
 _SHOWN = 8
@@ -55,12 +56,17 @@ def _print_rows(out: Console, prediction: Prediction) -> None:
     failed = sum(len(rows) for rows in failures.values())
     good = f"{len(prediction) - failed} predicted" if failed else "all predicted"
     listed(out, "rows", [f"{len(prediction)}, {good}"])
+    print_failures(out, failures, prediction.reasons)
+
+
+def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Mapping[str, str]) -> None:
+    """Print which rows, counted from 0, have no answer, by status, and why."""
     for word, rows in failures.items():
         first = ", ".join(str(row + 1) for row in rows[:_SHOWN].tolist())
         more = ", …" if len(rows) > _SHOWN else ""
         listed(out, word, [f"{len(rows)} row{'s' if len(rows) > 1 else ''}: {first}{more}"])
-        if word in prediction.reasons:
-            paragraph(out, f"row {rows[0] + 1}: {prediction.reasons[word]}", "  ")
+        if word in reasons:
+            paragraph(out, f"row {rows[0] + 1}: {reasons[word]}", "  ")
 
 
 def _print_agreement(out: Console, found: Sequence[Agreement]) -> None:
