@@ -33,8 +33,9 @@ def three_rrr(
     motor_stiffness: about the motor's axis [N m/rad].
     arm_diameter, rod_diameter, youngs_modulus, density: round bars that bend, stretch and twist.
 
-    In the plane a rod carries force along itself alone, so K = sum of s_i s_i^T / c_i with the rods' unit lines s_i about
-    the tool and c_i = L^2/motor_stiffness + (arm's tip, along the rod) + rod/(E A), L the force's lever at the motor.
+    In the plane a rod carries force along itself alone, so K = sum of s_i s_i^T / c_i with the rods' unit lines s_i
+    about the tool and c_i = L^2/motor_stiffness + (arm's tip, along the rod) + rod/(E A), L the force's lever at the
+    motor.
     Raises InputError where the legs do not reach.
     """
     positive(base_radius=base_radius, platform_radius=platform_radius)
@@ -120,8 +121,8 @@ def _elbow(motor: Array, end: Array, arm: float, rod: float, left: bool) -> Arra
     distance = float(np.linalg.norm(line))
     if not abs(arm - rod) < distance < arm + rod:
         raise InputError(
-            f"arm = {arm:g} m and rod = {rod:g} m do not meet at home: the motor is {distance:.6g} m from the rod's end; "
-            f"expected between {abs(arm - rod):g} and {arm + rod:g} m"
+            f"arm = {arm:g} m and rod = {rod:g} m do not meet at home: the motor is {distance:.6g} m from the rod's "
+            f"end; expected between {abs(arm - rod):g} and {arm + rod:g} m"
         )
     along = line / distance
     near = (distance**2 + arm**2 - rod**2) / (2 * distance)

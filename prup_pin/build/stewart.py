@@ -60,7 +60,7 @@ def stewart(
     base = _pairs(base_radius, base_spread, 0.0)
     # Each leg goes to the next pair's nearer joint: 1 and 2 cross to either side of the base's first pair.
     seats = np.roll(_pairs(platform_radius, platform_spread, np.pi / 3), 1, axis=0)
-    legs = seats + [0, 0, height] - base
+    legs = seats - base + np.array([0.0, 0.0, height])
     lengths = np.linalg.norm(legs, axis=1)
     reach = float(lengths.min() / 3 if stroke is None else stroke)
     positive(stroke=reach)

@@ -136,7 +136,7 @@ class UrdfFile:
         self.module(name, "joint_spring", joint, {"stiffness": (stiffness, unit)})
 
     def bar(self, name: str, joint: str, root: str, tip: str, diameter: float, modulus: float) -> None:
-        """Add a round bar that bends, stretches and twists: `root` on the joint's fixed side, `tip` on the moving one."""
+        """Add a round bar that bends, stretches and twists, from `root` on the fixed side of a joint to `tip`."""
         shear = modulus / (2 * (1 + _POISSON))
         values = {"diameter": (diameter, "m"), "youngs_modulus": (modulus, "Pa"), "shear_modulus": (shear, "Pa")}
         self.module(name, "beam", joint, values, root=root, tip=tip)

@@ -1,0 +1,134 @@
+"""Every command line and every block of Python on the pages runs as it is printed.
+
+A page is read from top to bottom in a folder of its own, which holds the examples as `prup-pin examples --copy .`
+leaves them. Blocks that a comment gives to `carried_out` run there. Installing and the project's own scripts are run by
+scripts/stranger.sh and by .ci/run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+from typer.testing import CliRunner
+
+import prup_pin.diagnosis
+from prup_pin.cli import app
+from prup_pin.recordings import Recording
+
+from .carried_out import ROOT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+_BLOCK = re.compile(r"^(?P<comment><!-- .*? -->\n)?```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+_INLINE = re.compile(r"`(prup-pin [^`]+)`")
+SHELL, PYTHON = {"sh", "bash", "console"}, {"python", "py"}
+#: Lines that are run elsewhere: by scripts/stranger.sh, which reads them from the pages, and by .ci/run.
+ELSEWHERE = re.compile(
+    r"(pip install |python -m venv |source |git clone |cd |bash scripts/|python scripts/|mkdocs |jupyter )"
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of a page: its language, its text, the line on which it begins."""
+
+    language: str
+    text: str
+    line: int
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    """Yield the blocks that are run as printed."""
+    text = page.read_text(encoding="utf-8")
+    for found in _BLOCK.finditer(text):
+        if found["comment"] is None and found["language"] in SHELL | PYTHON:
+            yield Block(found["language"], found["text"], text.count("\n", 0, found.start("text")) + 1)
+
+
+def commands(block: Block) -> list[str]:
+    """Return the command lines of a block, continued lines joined."""
+    lines = block.text.replace("\\\n", " ").splitlines()
+    return [line.removeprefix("$ ").strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+
+
+@pytest.fixture
+def remembered(once, monkeypatch):
+    """Diagnoses and calibrations are made once for all pages: the same question has the same answer."""
+
+    def kept(name, function):
+        def asked(robot, recordings, **options):
+            several = [recordings] if isinstance(recordings, Recording) else recordings
+            question = [robot.name, robot.mechanism.description.content, robot.mechanism.parameters]
+            question += [(Path(one.path).read_bytes(), one.tolerances) for one in several]
+            question += sorted((key, value) for key, value in options.items() if key != "tell")
+            key = hashlib.sha256(repr(question).encode()).hexdigest()[:24]
+            return once(f"{name}-{key}", lambda folder: function(robot, recordings, **options))
+
+        return asked
+
+    for name in ("diagnose", "calibrate"):
+        monkeypatch.setattr(prup_pin.diagnosis, name, kept(name, getattr(prup_pin.diagnosis, name)))
+
+
+WITH_BLOCKS = [page for page in PAGES if any(True for _ in blocks(page))]
+
+
+@pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_page_runs_as_printed(page, tmp_path, monkeypatch, remembered):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    runner = CliRunner()
+    assert runner.invoke(app, ["examples", "--copy", "."]).exit_code == 0
+    names: dict = {"__name__": "__main__"}
+    for block in blocks(page):
+        where = f"{page.name}:{block.line}"
+        if block.language in PYTHON:
+            exec(compile(block.text, where, "exec"), names)
+            continue
+        for line in commands(block):
+            if ELSEWHERE.match(line):
+                continue
+            words = shlex.split(line, comments=True)
+            assert words[0] == "prup-pin", f"{where}: what is '{line}'?"
+            done = runner.invoke(app, words[1:])
+            assert done.exit_code == 0, f"{where}: {line}\n{done.output}"
+            assert done.exception is None or isinstance(done.exception, SystemExit), f"{where}: {line}"
+
+
+def inline() -> list[tuple[str, str]]:
+    return sorted({(page.name, found) for page in PAGES for found in _INLINE.findall(page.read_text(encoding="utf-8"))})
+
+
+@pytest.mark.parametrize(("page", "line"), inline())
+def test_a_command_in_a_sentence_has_its_options(page, line):
+    words = line.split()
+    group = get_command(app)
+    assert words[1] in {*group.commands, "COMMAND"} or words[1].startswith("--"), f"{page}: {line}"
+    if words[1] in group.commands:
+        known = {
+            name
+            for parameter in group.commands[words[1]].params
+            for name in (*parameter.opts, *parameter.secondary_opts)
+        }
+        for word in words[2:]:
+            option = word.partition("=")[0].rstrip(",.")
+            assert not option.startswith("--") or option in {*known, "--help"}, f"{page}: {line}"
+
+
+def test_the_plan_on_the_page_is_the_one_that_ships():
+    page = (ROOT / "docs" / "recording_file.md").read_text(encoding="utf-8")
+    assert f"```json\n{(ROOT / 'examples' / 'plan.json').read_text(encoding='utf-8')}```\n" in page
+
+
+def test_blocks_and_commands_are_found():
+    assert len(WITH_BLOCKS) >= 10
+    found = [line for page in PAGES for block in blocks(page) if block.language in SHELL for line in commands(block)]
+    assert sum(line.startswith("prup-pin ") for line in found) > 15
+    assert len(inline()) > 15
+    assert commands(Block("sh", "$ a \\\n  b\n# no\n\nc\n", 1)) == ["a    b", "c"]
