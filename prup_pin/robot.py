@@ -335,6 +335,10 @@ class Robot:
         write_whole({path: (content.decode("utf-8"),)})
         return path
 
+    def with_yielding_joints(self, places: Iterable[tuple[str, str]]) -> Robot:
+        """Return the robot with modules for joints that yield, by name and way: 'own' or 'across'."""
+        return self._with(self.mechanism.with_yielding_joints(places))
+
     def with_variant(self, name: str) -> Robot:
         """Return a variant that the robot file describes. Raises UnknownNameError."""
         return self._with(self.mechanism.with_variant(name))

@@ -204,8 +204,8 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     """Return a problem with its parameters calibrated, the robot's weight beside them where it explains more.
 
     Whether weight acts has no parameter to be found, and without it others would be bent to take its place. Where
-    nothing else was applied it acts, unless that makes it worse. `reach`: tolerances beyond which none
-    is taken to be off.
+    nothing else was applied it acts, unless that makes it worse. Weight does nothing to a rigid joint: it is judged by
+    what is left when all joints may yield that can. `reach`: tolerances beyond which none is taken to be off.
     """
     heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
     if heavy is None:
@@ -213,10 +213,43 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     weight = [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
     begun = [_begun(problem, toleranced, effects, reach) for effects in ([], weight)]
     hopeful = FAR_BEHIND * min(each.objective for each in begun)
+    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else WEIGHT_SHOWS
+    joints = [item for item in library if item.law.physics in _YIELDS and not item.everywhere]
+    if any(item.law.physics == "joint_compliance" for item in joints):
+        light, weighed = (_left_by_joints(problem, each, joints) for each in begun)
+        return problem.within(begun[1] if weighed < light - shows else begun[0])
     found = [problem.within(each) for each in begun if each.objective <= hopeful]
     light, weighed = found[0], found[-1]
-    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else WEIGHT_SHOWS
     return weighed if weighed.first.chi2 < light.first.chi2 - shows else light
+
+
+#: Laws that say how soft a joint is.
+_YIELDS = ("joint_compliance", "stiffness_changed")
+#: Share of a start by which what a joint does is differentiated, where it starts at nothing.
+_LITTLE = 1e-3
+
+
+def _left_by_joints(problem, begun: Calibrated, joints: Sequence[Candidate]) -> float:
+    """Return the chi squared that is left, to first order, where all joints may be as soft as they like."""
+    begun = _differentiated(problem, begun, begun.rounds)
+    held = begun.jacobian
+    beside = [begun.effect, *begun.effects]
+    columns = [held]
+    for item in joints:
+        nothing = item.values_of(item.starts()[0])
+        neutral = item.law.neutral_at(item.place, item.mechanism)
+        near = np.array([neutral[q.name] for q in item.quantities])
+        step = item.effect(item.coordinates_of(near + _LITTLE * (nothing - near)))
+        change = begun.influence.change(problem.simulator.setup([*beside, step]))
+        columns.append(problem.whitened_changes(begun.influence, change[..., None]))
+    matrix = np.concatenate(columns, axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes[: held.shape[1]] = 1.0
+    priors = np.eye(held.shape[1], matrix.shape[1])
+    right = np.concatenate((begun.residual.ravel(), -begun.x))
+    system = np.vstack((matrix / np.where(sizes > 0, sizes, 1.0), priors))
+    rest = right - system @ np.linalg.lstsq(system, right, rcond=1e-8)[0]
+    return float(rest @ rest)
 
 
 def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:

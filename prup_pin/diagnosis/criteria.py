@@ -240,8 +240,8 @@ LEAST_MOMENT: Final = 10.0
 
 # -- does the recording belong to the robot? ---------------------------------------------------------------------------
 
-#: Positions farther apart than this share of the robot's reach are no deflections.
-FAR: Final = 0.03
+#: Positions farther apart than this share of the robot's reach are neither deflections nor errors of a calibration.
+FAR: Final = 0.1
 #: A robot smaller than this is compared as if it were so large [m].
 LEAST_REACH: Final = 0.1
 #: Orientations farther apart than this are no deflections either [rad].

@@ -48,6 +48,7 @@ from .criteria import (
     SEGMENTS,
     STRUCTURE_CHANCE,
     UNSEEN,
+    WEIGHT_SHOWS,
     WIDEST_LOGARITHM,
     WORSE,
     beyond_tolerance,
@@ -124,7 +125,8 @@ class Asked:
 
         `reach`: tolerances beyond which none is taken to be off.
         """
-        if not len(self.toleranced) or not compared(problem, problem.drawn):
+        rigid = any(item.law.physics == "joint_compliance" for item in self.library)
+        if not (len(self.toleranced) or rigid) or not compared(problem, problem.drawn):
             return problem
         return within_tolerances(problem, self.toleranced, self.library, reach)
 
@@ -313,7 +315,8 @@ def _verdict(
     findings += [_beyond_tolerance(item, final, held) for item in beyond]
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
     if problem.tolerances is not None:
-        findings += [_acting(effect, robot) for effect in problem.tolerances.effects]
+        acting = problem.tolerances.effects if _shows(problem, final) else ()
+        findings += [_acting(effect, robot) for effect in acting]
         effects = (*problem.tolerances.at(final.x), *effects)
     raw_after = problem.stack.residual(final.run)[samples]
     if count:
@@ -346,6 +349,15 @@ def _verdict(
     return diagnosis
 
 
+def _shows(problem: Problem, fit: Fit) -> bool:
+    """Return True where what acts whatever else does, weight, moves what was measured by more than chance."""
+    assert problem.tolerances is not None
+    parameters = [problem.tolerances.toleranced.effect(fit.x)] if len(fit.x) else []
+    without = problem.simulator.setup([*parameters, *(term.effect for term in fit.terms)])
+    change = problem.whitened(fit.influence, fit.influence.change(without))
+    return float((change**2).sum()) > WEIGHT_SHOWS
+
+
 def _acting(effect: Effect, robot: Robot) -> Finding:
     """Return the finding of something without a parameter, which the calibration asked for."""
     return Finding(
@@ -361,7 +373,7 @@ def _acting(effect: Effect, robot: Robot) -> Finding:
 
 def _within(problem: Problem, first: Fit, count: int) -> dict[str, float]:
     """Return the residual of the drawing, and of the drawing within its tolerances, in multiples of the noise."""
-    if problem.tolerances is None:
+    if problem.tolerances is None or not len(first.x):
         return {}
     return {"nominal": _rms(problem.drawn.chi2, count), "calibrated": _rms(first.chi2, count)}
 

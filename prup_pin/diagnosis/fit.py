@@ -60,7 +60,7 @@ class Tolerable:
 
     def at(self, x: Array) -> list[Effect]:
         """Return what acts before any law, with the parameters at x (p,)."""
-        return [self.toleranced.effect(x), *self.effects]
+        return [*([self.toleranced.effect(x)] if len(self.toleranced) else []), *self.effects]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,8 @@ class Problem:
 
     def whitened_changes(self, influence: Influence, changes: Array) -> Array:
         """Return changes (n, K, p) of the columns in multiples of the noise, (K n, p)."""
-        return (self.whiteners(influence) @ changes).reshape(-1, changes.shape[-1])
+        n, columns, p = changes.shape
+        return (self.whiteners(influence) @ changes).reshape(n * columns, p)
 
     @property
     def drawn(self) -> Fit:

@@ -15,6 +15,7 @@ from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
 from .inputs import Inputs
+from .joint_compliance import JointCompliance
 from .joint_places import JointDirection, JointPosition
 from .law import Effect, Law, Place
 from .lead_error import LeadError, PeriodicLeadError
@@ -36,6 +37,7 @@ LAWS: tuple[Law, ...] = (
     StiffnessChanged(),
     RootTiltCompliance(),
     HubRootCompliance(),
+    JointCompliance(),
     Backlash(),
     BacklashByAxis(),
     HertzianContact(),

@@ -36,6 +36,7 @@ class Setup:
     offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,)
     loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
     mass_factors: dict[int, float] = field(default_factory=dict)  # of the joints' bodies
+    yielding: dict[tuple[str, str], float] = field(default_factory=dict)  # compliances of joints, by name and way
     springs: list[ToolSpring] = field(default_factory=list)
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
@@ -53,7 +54,7 @@ class Setup:
         """Return a setup that may take more deeds; this one stays as it is."""
         other = replace(self, travel=self.travel.copy(), strains={name: [*own] for name, own in self.strains.items()})
         kept = ("deeds", "parameters", "values", "resistances", "remembered", "reports", "springs")
-        for name in (*kept, "offsets", "loop_offsets", "mass_factors"):
+        for name in (*kept, "offsets", "loop_offsets", "mass_factors", "yielding"):
             setattr(other, name, getattr(self, name).copy())
         return other
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..mechanism import Frame
-from ..spatial import Array, motion_between
+from ..spatial import Array, motion_between, rotation_exp, skew
 from .border import left_solved
 from .border import slack as slack_of
 from .derivative import Motions, frame_motions
@@ -119,6 +119,33 @@ class FirstOrder:
             return self._by_motions(motions)
 
         return self.once(("joint", joint), compute)
+
+    def by_joint_motion(self, joint: int) -> Array:
+        """Return what is watched per motion of a joint beyond its own, (n, R, 6).
+
+        Translation and small turn of its moving side, in that side's axes about its origin.
+        """
+
+        def compute() -> Array:
+            found = self.found
+            own, offset = found.state.joints[:, joint], found.conditions.offsets.get(joint, np.zeros(6))
+            turn = own[:, :3, :3]
+            shift = self.by_joint(joint)[..., :3] @ (
+                self.chain.structure.fixed[joint][:3, :3] @ rotation_exp(offset[3:])
+            )
+            lever = skew(own[:, :3, 3]) @ turn
+            turned = self.by_joint(joint)[..., 3:] @ turn + shift @ lever
+            return np.concatenate((shift @ turn, turned), axis=-1)
+
+        return self.once(("joint motion", joint), compute)
+
+    def joint_loads(self, joint: int) -> Array:
+        """Return the wrench that a joint carries, (n, 6), in the axes of its moving side about its origin."""
+        at = self.found.evaluation
+        axes, point = at.moving[:, joint, :3, :3].mT, at.moving[:, joint, :3, 3]
+        force, moment = at.carried[:, joint, :3], at.carried[:, joint, 3:]
+        about = moment - np.cross(point, force)
+        return np.concatenate(((axes @ force[..., None])[..., 0], (axes @ about[..., None])[..., 0]), axis=1)
 
     def by_loop_end(self, loop: int, end: int) -> Array:
         """Return what is watched per displacement of a loop's end, (n, R, 6), as in `Conditions.loop_offsets`."""

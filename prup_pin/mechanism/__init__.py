@@ -2,5 +2,6 @@
 
 from .joints import Joint
 from .mechanism import Frame, LoopClosure, Mechanism, Module
+from .yielding import WAYS, yielding_module
 
-__all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module"]
+__all__ = ["WAYS", "Frame", "Joint", "LoopClosure", "Mechanism", "Module", "yielding_module"]

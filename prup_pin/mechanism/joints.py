@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ..spatial import Array
+from ..spatial import Array, axis_as_z
 
 __all__ = ["Joint", "joints_of"]
 
@@ -55,6 +55,17 @@ class Joint:
         translation, rotation = self.subspace[:3, 0], self.subspace[3:, 0]
         axis = rotation if rotation.any() else translation
         return axis / np.linalg.norm(axis)
+
+    def motions(self, across: bool) -> Array:
+        """Return the unit motions along which a joint of one freedom yields, (6, k) in its own frame.
+
+        Its own motion, or turns about two axes across it.
+        """
+        if not across:
+            return self.subspace
+        out = np.zeros((6, 2))
+        out[3:] = axis_as_z(self.axis)[:, :2]
+        return out
 
     @property
     def dofs(self) -> slice:

@@ -30,6 +30,7 @@ from .description import (
     same_description,
 )
 from .joints import Joint, joints_of
+from .yielding import yielding_modules
 
 __all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "with_lengths"]
 
@@ -479,6 +480,12 @@ class Mechanism:
         held = {**self.description.held, **{name: _number(name, value) for name, value in positions.items()}}
         modules = tuple(module for module in self.description.modules if module.joint not in positions)
         return Mechanism(replace(self.description, held=held, modules=modules), self.locked - set(positions))
+
+    def with_yielding_joints(self, places: Iterable[tuple[str, str]]) -> Mechanism:
+        """Return the mechanism with modules for joints that yield, by name and way (`yielding.WAYS`)."""
+        added = yielding_modules((self.joint(name), way) for name, way in places)
+        description = replace(self.description, modules=(*self.description.modules, *added))
+        return Mechanism(description, self.locked, self.model)
 
     def with_variant(self, name: str) -> Mechanism:
         """Return a variant of the robot file."""

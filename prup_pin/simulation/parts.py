@@ -172,7 +172,7 @@ class _PartSolver:
         )
         if incomplete.all():
             return memory
-        geometry = simulator.geometry(setup.parameters)
+        geometry = simulator.geometry(setup.parameters, setup.yielding)
         away = np.flatnonzero(simulator.complete & ~geometry.reachable)
         if len(away):
             self.part.fail(places_of[away], UNREACHABLE, geometry.reasons[int(away[0])])

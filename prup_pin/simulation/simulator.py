@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import PrupPinError
 from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
-from ..laws.deeds import DEEDS, Deed, History
+from ..laws.deeds import DEEDS, Deed, History, yielding_values
 from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_values
 from ..mechanism import Frame
 from ..robot import Robot
@@ -130,8 +130,8 @@ class Simulator:
 
     def run_setup(self, setup: Setup, start: Run | None = None, memory: Memory | None = None) -> Run:
         """Return the simulation of a setup."""
-        geometry = self.geometry(setup.parameters)
-        chain = with_values(geometry.chain, setup.values)
+        geometry = self.geometry(setup.parameters, setup.yielding)
+        chain = with_values(geometry.chain, {**setup.values, **yielding_values(setup.yielding)})
         samples = np.flatnonzero(self.complete & geometry.reachable)
         rows = geometry.rows[samples]
         begin = self._begin(start, setup, geometry, rows, samples)
@@ -146,9 +146,10 @@ class Simulator:
 
     # -- what is solved ----------------------------------------------------------------------------------------------
 
-    def geometry(self, parameters: dict[str, float]) -> Geometry:
-        """Return the poses of all samples with some lengths changed."""
-        key = tuple(sorted(parameters.items()))
+    def geometry(self, parameters: Mapping[str, float], yielding: Iterable[tuple[str, str]] = ()) -> Geometry:
+        """Return the poses of all samples with some lengths changed, and unknowns where joints yield."""
+        places = tuple(sorted(yielding))
+        key = (*sorted(parameters.items()), *places)
         if key not in self._geometries:
             if len(self._geometries) > 8:
                 first = next(iter(self._geometries))
@@ -157,6 +158,7 @@ class Simulator:
                 if kept is not None:
                     self._geometries = {(): kept, **self._geometries}
             robot = self.robot.with_parameters(parameters) if parameters else self.robot
+            robot = robot.with_yielding_joints(places) if places else robot
             self._geometries[key] = self._poses(robot)
         return self._geometries[key]
 
@@ -195,7 +197,10 @@ class Simulator:
         old = start.equilibria
         if not old.converged.all():
             return None
-        if start.setup.values != setup.values or start.geometry is not geometry:
+        if set(start.setup.yielding) != set(setup.yielding):
+            return None  # other unknowns
+        changed = start.setup.values != setup.values or start.setup.yielding != setup.yielding
+        if changed or start.geometry is not geometry:
             old = replace(old, inverses=None)  # other stiffnesses: other derivatives
         if start.geometry is geometry:
             return old

@@ -27,6 +27,13 @@ def turned(vector) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
+def _per_vector(vector) -> np.ndarray:
+    """Return the turn per change of a rotation vector, in the axes before the rotation (its left Jacobian), by series."""
+    x, y, z = vector
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + cross / 2 + cross @ cross / 6 + cross @ cross @ cross / 24
+
+
 def placed(rotation=None, shift=(0.0, 0.0, 0.0)) -> np.ndarray:
     """Return a placement (4, 4)."""
     out = np.eye(4)
@@ -88,7 +95,8 @@ class PosedTree:
             at = q.get(name, 0.0) + self.offsets.get(name, 0.0)
             seats.append(seat)
             slide = placed(shift=twist[:3] * (at + slid[joint]))
-            bodies.append(seat @ slide @ placed(turned(turn[joint])) @ placed(turned(twist[3:] * at)))
+            own = at + (slid[joint] if np.any(twist[3:]) else 0.0)
+            bodies.append(seat @ slide @ placed(turned(turn[joint])) @ placed(turned(twist[3:] * own)))
         return bodies, seats
 
     def _carried(self, bodies, wrench, tool) -> tuple[np.ndarray, np.ndarray]:
@@ -111,14 +119,18 @@ class PosedTree:
         return force, moment
 
     def _yield(self, joint, axes, force, moment, turn, slid) -> None:
-        """Let a joint yield; `axes` are those of its seat, `moment` is about the joint."""
+        """Let a joint yield; `axes` are those of its seat, `moment` is about the joint.
+
+        The moment that tilts is conjugate to the vector of the tilt: nothing but a potential is stored.
+        """
         name, twist = self.model.names[joint], self.twists[joint]
         about, across = self.about.get(name, 0.0), self.across.get(name, 0.0)
         slides = not np.any(twist[3:])
         axis = twist[:3] if slides else twist[3:]
-        along = axis * float(axis @ axes @ moment)
-        slid[joint] = about * float(axis @ axes @ force) if slides else 0.0
-        turn[joint] = (0.0 if slides else about) * along + across * (axes @ moment - along)
+        felt = _per_vector(turn[joint]).T @ axes @ moment
+        own = axes @ force if slides else turned(turn[joint]).T @ axes @ moment
+        slid[joint] = about * float(axis @ own)
+        turn[joint] = across * (felt - axis * float(axis @ felt))
 
     def markers(self, q, names: Sequence[str], wrench=None, tool: str = "") -> dict[str, np.ndarray]:
         """Return where the tracker sees the markers on these frames, (4, 4) each."""

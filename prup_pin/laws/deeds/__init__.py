@@ -11,6 +11,7 @@ from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
 from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
 from .value import ChangedValue
+from .yielding import YieldingJoint, yield_of, yielding_values
 
 #: Every kind, in the order in which their first-order effects are added up.
 DEEDS: tuple[type[Deed], ...] = (
@@ -27,6 +28,7 @@ DEEDS: tuple[type[Deed], ...] = (
     ChangedLength,
     MovedJoint,
     MovedLoopEnd,
+    YieldingJoint,
     PoseReport,
 )
 
@@ -55,4 +57,7 @@ __all__ = [
     "Travel",
     "Weight",
     "WrenchReading",
+    "YieldingJoint",
+    "yield_of",
+    "yielding_values",
 ]

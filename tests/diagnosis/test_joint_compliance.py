@@ -1,0 +1,100 @@
+"""Arms under their own weight, seen by markers: which joint yields, found without being told what to look for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.recordings import Noise, Recording, Tolerances
+
+from ..reference.posed_tree import PosedTree
+
+TORSO = Path(__file__).parents[1] / "robots/torso/torso.urdf"
+ARM = ("swing", "lift", "elbow", "wrist")
+JOINTS = ("turn", "bend", *(f"{side}_{name}" for side in ("left", "right") for name in ARM))
+MARKERS = ("left_ball", "right_ball", "chest")
+NOISE = 2e-4
+
+
+def bench(tree: PosedTree, count: int = 60, seed: int = 2, noise: float = NOISE) -> Recording:
+    q = tree.postures(JOINTS, count, seed)
+    return Recording(
+        np.arange(float(count)),
+        positions=q,
+        markers=tree.seen(q, MARKERS, noise, seed),
+        noise=Noise(position=noise),
+    )
+
+
+def named(found):
+    return [(finding.physics, finding.location) for finding in found.findings if finding.physics != "self_weight"]
+
+
+@pytest.mark.parametrize(("joint", "aspect"), [("bend", "about"), ("left_swing", "about"), ("turn", "across")])
+def test_the_joint_that_yields_is_named(joint, aspect):
+    tree = PosedTree(TORSO, **{aspect: {joint: 4e-4}})
+    found = diagnose(prup_pin.load(TORSO), bench(tree))
+    assert found.verdict == "explained"
+    assert named(found) == [("joint_compliance", joint)]
+    finding = next(item for item in found.findings if item.physics == "joint_compliance")
+    assert finding.effect.place.aspect == aspect
+    low, high = finding.parameters["compliance"].interval
+    assert low < 4e-4 < high
+    assert high - low < 0.2 * 4e-4
+    assert any(item.physics == "self_weight" for item in found.findings)
+
+
+def test_a_rigid_torso_lacks_nothing_and_says_what_it_could_not_show():
+    found = diagnose(prup_pin.load(TORSO), bench(PosedTree(TORSO)))
+    assert found.verdict == "nothing_missing"
+    assert not found.findings
+    hidden = {item.location: item.smallest for item in found.not_detectable if item.physics == "joint_compliance"}
+    # the elbow carries half a kilogram on a short lever
+    assert hidden["left_elbow (about)"] > 2e-5
+    assert hidden["turn (about)"] is None  # no weight turns a vertical axis
+
+
+def test_what_is_too_small_is_not_named_but_told():
+    tree = PosedTree(TORSO, about={"left_elbow": 1e-5})
+    found = diagnose(prup_pin.load(TORSO), bench(tree))
+    assert not named(found)
+    hidden = {item.location: item.smallest for item in found.not_detectable if item.physics == "joint_compliance"}
+    assert hidden["left_elbow (about)"] > 1e-5
+
+
+def test_springs_that_the_user_gives_are_judged_beside_joints_that_are_rigid():
+    tree = PosedTree(TORSO, about={"bend": 4e-4, "left_swing": 5e-4})
+    robot = prup_pin.load(TORSO, joint_stiffness={"bend": 2500.0})
+    assert named(diagnose(robot, bench(tree))) == [("joint_compliance", "left_swing")]
+
+
+def test_zeros_within_their_tolerance_are_none_of_the_findings():
+    draw = np.random.default_rng(5)
+    offsets = dict(zip(JOINTS, 2e-3 * draw.standard_normal(len(JOINTS)), strict=True))
+    tree = PosedTree(TORSO, about={"bend": 4e-4}, offsets=offsets)
+    recording = replace(bench(tree, 80), tolerances=Tolerances(encoder_offset=2e-3))
+    found = diagnose(prup_pin.load(TORSO), recording)
+    assert named(found) == [("joint_compliance", "bend")]
+    assert found.after["fit"] < 1.1
+
+
+def test_a_robot_that_was_weighed_out_does_not_weigh():
+    tree = PosedTree(TORSO, about={"bend": 4e-4}, weighs=False)
+    q = tree.postures(JOINTS, 60, 3)
+    draw = np.random.default_rng(4)
+    wrench = draw.uniform(-40, 40, (60, 6)) * np.array([1, 1, 1, 0.1, 0.1, 0.1])
+    rows = zip(*q.values(), strict=True)
+    poses = [
+        tree.markers(dict(zip(q, row, strict=True)), MARKERS, load, "left_ball")
+        for row, load in zip(rows, wrench, strict=True)
+    ]
+    seen = {name: np.array([pose[name][:3, 3] for pose in poses]) for name in MARKERS}
+    seen = {name: values + NOISE * draw.standard_normal(values.shape) for name, values in seen.items()}
+    recording = Recording(np.arange(60.0), positions=q, markers=seen, wrench=wrench, noise=Noise(position=NOISE))
+    found = diagnose(prup_pin.load(TORSO, tool="left_ball"), recording)
+    assert [(item.physics, item.location) for item in found.findings] == [("joint_compliance", "bend")]

@@ -1,0 +1,90 @@
+"""Joints that yield, held to a tree that shares no code with the package: about their axis, along it, and across."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.laws import Effect, Place, law_at
+from prup_pin.recordings import Recording
+from prup_pin.simulation import effect_named, simulate
+
+from ..reference.posed_tree import PosedTree
+
+TORSO = Path(__file__).parents[1] / "robots/torso/torso.urdf"
+JOINTS = ("turn", "bend", "left_swing", "left_lift", "left_elbow", "right_swing", "right_lift", "right_elbow")
+LIFT = """<robot name="lift">
+  <link name="base"/>
+  <link name="column"><inertial><origin xyz="0.1 0 0.2"/><mass value="8"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="arm"><inertial><origin xyz="0.3 0 0"/><mass value="4"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="rise" type="prismatic"><parent link="base"/><child link="column"/><origin xyz="0 0 0.3" rpy="0.2 0.1 0"/>
+    <axis xyz="0 0.6 0.8"/><limit lower="0" upper="0.5" effort="1" velocity="1"/></joint>
+  <joint name="swing" type="revolute"><parent link="column"/><child link="arm"/><origin xyz="0.1 0 0.4" rpy="0 0.3 0"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
+WRENCH = np.array([30.0, -20.0, 10.0, 4.0, -3.0, 2.0])
+
+
+def weight(mechanism):
+    return effect_named("self_weight", "robot", "", {"scale": 1.0}, mechanism)
+
+
+def yields(mechanism, joint: str, aspect: str, compliance: float) -> Effect:
+    place = Place(joint, aspect)
+    return Effect(law_at("joint_compliance", place, mechanism), place, {"compliance": compliance}).checked(mechanism)
+
+
+def agreement(path: Path, joints, markers, tree: PosedTree, places, wrench=None) -> float:
+    """Return how far markers are from where the tree has them, at most, in shares of what yielding moved."""
+    robot = prup_pin.load(path, tool=markers[0])
+    q = tree.postures(joints, 5, seed=1)
+    seen = tree.seen(q, markers, 0.0, 0, wrench=wrench, tool=markers[0])
+    loads = None if wrench is None else np.tile(wrench, (5, 1))
+    recording = Recording(np.arange(5.0), positions=q, markers=seen, wrench=loads)
+    mechanism = robot.mechanism
+    found = simulate(robot, recording, [weight(mechanism), *(yields(mechanism, *place) for place in places)])
+    rigid = simulate(robot, recording)
+    apart = max(np.abs(found.markers[name] - seen[name]).max() for name in markers)
+    return apart / max(np.abs(rigid.markers[name] - seen[name]).max() for name in markers)
+
+
+@pytest.mark.parametrize("wrench", [None, WRENCH], ids=["weight alone", "with a wrench"])
+def test_about_and_across_the_axes_of_a_tree(wrench):
+    about, across = {"bend": 2e-4, "left_swing": 5e-4, "left_elbow": 1e-3}, {"turn": 1e-4, "right_lift": 3e-4}
+    places = [(name, "about", value) for name, value in about.items()]
+    places += [(name, "across", value) for name, value in across.items()]
+    tree = PosedTree(TORSO, about=about, across=across)
+    assert agreement(TORSO, JOINTS, ("left_fore", "right_fore", "chest"), tree, places, wrench) < 1e-8
+
+
+def test_along_and_across_a_slide(tmp_path):
+    path = tmp_path / "lift.urdf"
+    path.write_text(LIFT, encoding="utf-8")
+    tree = PosedTree(path, about={"rise": 2e-5, "swing": 3e-4}, across={"rise": 1e-4})
+    places = [("rise", "along", 2e-5), ("rise", "across", 1e-4), ("swing", "about", 3e-4)]
+    assert agreement(path, ("rise", "swing"), ("arm", "column"), tree, places) < 1e-8
+
+
+def test_a_part_in_a_hundred_less_would_show():
+    tree = PosedTree(TORSO, about={"bend": 2e-4})
+    places = [("bend", "about", 1.98e-4)]
+    assert 0.005 < agreement(TORSO, JOINTS, ("left_fore",), tree, places) < 0.02
+
+
+def test_stands_where_the_robot_file_says_nothing():
+    mechanism = prup_pin.load("ur5", joint_stiffness={"elbow_joint": 1e4}).mechanism
+    law = law_at("joint_compliance", Place("elbow_joint", "across"), mechanism)
+    assert Place("elbow_joint", "about") not in law.places(mechanism)
+    assert Place("wrist_1_joint", "about") in law.places(mechanism)
+    assert not law.places(prup_pin.load("3prup").mechanism)
+
+
+def test_says_how_stiff_that_is():
+    mechanism = prup_pin.load("ur5").mechanism
+    effect = yields(mechanism, "elbow_joint", "about", 1e-4)
+    assert "1e+04 N m/rad" in effect.statement(mechanism)
