@@ -28,7 +28,7 @@ def turned(vector) -> np.ndarray:
 
 
 def _per_vector(vector) -> np.ndarray:
-    """Return the turn per change of a rotation vector, in the axes before the rotation (its left Jacobian), by series."""
+    """Return the turn per change of a rotation vector, in the axes before the rotation (left Jacobian), by series."""
     x, y, z = vector
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + cross / 2 + cross @ cross / 6 + cross @ cross @ cross / 24
