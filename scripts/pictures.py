@@ -95,6 +95,27 @@ def diagnosis() -> None:
     place_figure(robot, found, found.findings[0]).savefig(OUT / "diagnosis.png")
 
 
+def explorer() -> None:
+    """Draw the explorer, as it opens under a load."""
+    from PIL import Image
+
+    from prup_pin.views.meshcat.explorer import Explorer
+    from tests.views.chromium import Browser  # the page talks with its server, which takes real time
+
+    robot, pose = three_prup()
+    explored = Explorer(robot, pose, SIDE_LOAD)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        browser = Browser(folder)
+        try:
+            size = {"width": 1200, "height": 860, "deviceScaleFactor": 1, "mobile": False}
+            browser.call("Emulation.setDeviceMetricsOverride", **size)
+            browser.open(explored.serve())
+            Image.fromarray(browser.picture().astype("uint8")).save(OUT / "explorer.png", optimize=True)
+        finally:
+            browser.close()
+            explored.close()
+
+
 def main(wanted: list[str]) -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -105,6 +126,8 @@ def main(wanted: list[str]) -> None:
             render.render(str(page) + (f"#t={moment}" if moment else ""), OUT / f"{name}.png", (1200, 750))
     if not wanted or {"pose", "shares"} & set(wanted):
         drawings()
+    if not wanted or "explorer" in wanted:
+        explorer()
     if not wanted or "diagnosis" in wanted:
         diagnosis()
     if not wanted or "architecture" in wanted:

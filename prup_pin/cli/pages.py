@@ -15,6 +15,7 @@ from .options import Frame, Open, Scale
 from .question import Question
 
 if TYPE_CHECKING:
+    from ..views.meshcat.explorer import Explorer
     from ..views.meshcat.view import View
 
 __all__ = ["report", "view"]
@@ -27,26 +28,37 @@ def view(
         Path | None, typer.Option("--html", metavar="FILE", help="Where to write the page. Default: ./ROBOT.html.")
     ] = None,
     serve: Annotated[bool, typer.Option("--serve", help="Serve it on this machine until Ctrl-C; no file.")] = False,
-    open_browser: Open = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Sliders for pose and load, in the browser, until Ctrl-C; no file.")
+    ] = False,
+    open_browser: Annotated[
+        bool | None, typer.Option("--open/--no-open", help="Open it in the browser. Default: with --live.")
+    ] = None,
 ) -> None:
     """The robot in 3-D: its pose, its deflection, what yields."""
+    from ..views.meshcat.explorer import Explorer
     from ..views.meshcat.view import view as shown_in_3d
 
-    if serve and html is not None:
-        raise InputError("--serve and --html exclude each other; give one of them")
+    given = [name for name, wanted in (("--serve", serve), ("--live", live), ("--html", html is not None)) if wanted]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)} exclude each other; give one of them")
     check_folder(html, "--html")
     case = question.understood()
     # a robot on which nothing yields can still be looked at
     compliance = case.compliance() if case.robot.mechanism.modules or case.wrench is not None else None
-    shown = shown_in_3d(case.robot, case.pose, case.wrench, scale, compliance=compliance)
+    shown: View | Explorer
+    if live:
+        shown = Explorer(case.robot, case.pose, case.wrench, scale)
+    else:
+        shown = shown_in_3d(case.robot, case.pose, case.wrench, scale, compliance=compliance)
     for note in case.notes:
         typer.echo(f"- {note}")
-    if serve:
-        _serve(shown, open_browser)
+    if isinstance(shown, Explorer) or serve:
+        _serve(shown, live if open_browser is None else open_browser)
         return
     path = html if html is not None else Path(f"{file_name(case.robot.name)}.html")
     write(path, shown.static_html(), "--html")
-    say_written(path, open_browser)
+    say_written(path, bool(open_browser))
 
 
 def report(
@@ -78,8 +90,8 @@ def report(
     say_written(path, open_browser)
 
 
-def _serve(shown: View, open_browser: bool) -> None:
-    """Serve a view until Ctrl-C."""
+def _serve(shown: View | Explorer, open_browser: bool) -> None:
+    """Serve a view or an explorer until Ctrl-C."""
     url = shown.serve()
     typer.echo(f"Serving {url} on this machine; Ctrl-C stops it")
     if open_browser:

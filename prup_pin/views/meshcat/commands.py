@@ -19,7 +19,17 @@ from ..scene.motions import Motion
 from ..scene.scene import Part, Scene
 from ..scene.shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
 
-__all__ = ["FIELD_OF_VIEW", "Command", "folders", "motion_commands", "packed", "scene_commands", "tree_path"]
+__all__ = [
+    "FIELD_OF_VIEW",
+    "Command",
+    "changes",
+    "folders",
+    "motion_commands",
+    "packed",
+    "scene_commands",
+    "stage",
+    "tree_path",
+]
 
 Command = dict[str, Any]
 #: Vertical opening of the eye [deg].
@@ -156,7 +166,7 @@ def _property(path: str, name: str, value: Any) -> Command:
 _EYE = "/Cameras/default/rotated/<object>"
 
 
-def _stage(scene: Scene) -> list[Command]:
+def stage(scene: Scene) -> list[Command]:
     """Return the commands for light, background and eye."""
     return [
         _property("/Background", "top_color", [1.0, 1.0, 1.0]),
@@ -175,10 +185,37 @@ def folders(parts: Sequence[Part]) -> list[str]:
 
 def scene_commands(scene: Scene) -> list[Command]:
     """Return meshcat's commands that draw a scene."""
-    commands = _stage(scene)
+    commands = stage(scene)
     for part in scene.parts:
         commands += [_object(part), _transform(tree_path(part.path), part.placement)]
     return commands + [_transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
+
+
+def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
+    """Return the commands that make a viewer that has the parts of `before` show those of `after`."""
+    old, new = ({part.path: part for part in parts} for parts in (before, after))
+    commands: list[Command] = [{"type": "delete", "path": tree_path(path)} for path in old if path not in new]
+    for path, part in new.items():
+        known = old.get(path)
+        if known is None or not _alike(known, part):
+            commands.append(_object(part))
+        elif np.array_equal(known.placement, part.placement):
+            continue
+        commands.append(_transform(tree_path(path), part.placement))
+    return commands
+
+
+def _alike(one: Part, other: Part) -> bool:
+    """Return True where two parts differ in their place alone."""
+    look = ("colour", "opacity", "on_top")
+    if any(getattr(one, name) != getattr(other, name) for name in look) or type(one.shape) is not type(other.shape):
+        return False
+    if one.shape is other.shape or one.shape == other.shape:
+        return True
+    surfaces = _surface(one.shape), _surface(other.shape)
+    if surfaces[0] is None or surfaces[1] is None or isinstance(one.shape, Mesh):
+        return False
+    return np.array_equal(surfaces[0].vertices, surfaces[1].vertices)
 
 
 # -- motions -----------------------------------------------------------------------------------------------------------
@@ -187,7 +224,7 @@ def scene_commands(scene: Scene) -> list[Command]:
 def motion_commands(motion: Motion) -> list[Command]:
     """Return meshcat's commands that draw a motion: objects once, and tracks of what changes."""
     first = motion.frames[0]
-    commands = _stage(first)
+    commands = stage(first)
     order: dict[str, None] = {}
     by_path: list[dict[str, Part]] = []
     for frame in motion.frames:

@@ -6,11 +6,14 @@ import asyncio
 import socket
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 from ...errors import InputError, MissingExtraError
 
-__all__ = ["START", "Server"]
+__all__ = ["START", "Message", "Server", "Session"]
+
+#: Binary ones are meshcat's commands, texts are for the page itself.
+Message = bytes | str
 
 #: What the served page does first: it asks for the scene. Binary messages are meshcat's commands, the last one, a text,
 #: is what the page shows besides.
@@ -24,10 +27,23 @@ socket.onmessage = (message) => {
 """
 
 
-class Server:
-    """Serves `page(host)` at 127.0.0.1, in a thread that ends with the program. `port` 0 takes a free one."""
+class Session(Protocol):
+    """What one browser sees, where browsers see different things."""
 
-    def __init__(self, page: Callable[[str], str], port: int = 0):
+    def greeting(self) -> Sequence[Message]:
+        """Return what is sent to the browser first."""
+
+    def reply(self, message: str | bytes) -> Sequence[Message]:
+        """Return what is sent for a message of the browser's."""
+
+
+class Server:
+    """Serves `page(host)` at 127.0.0.1, in a thread that ends with the program. `port` 0 takes a free one.
+
+    All browsers see what `show` was told; with `session`, each has one of its own instead.
+    """
+
+    def __init__(self, page: Callable[[str], str], port: int = 0, session: Callable[[], Session] | None = None):
         try:
             import tornado.httpserver
             import tornado.web
@@ -35,7 +51,7 @@ class Server:
         except ImportError as error:
             raise MissingExtraError("meshcat") from error
         server = self
-        self._messages: list[bytes | str] = []
+        self._messages: list[Message] = []
         self._sockets: set[Any] = set()
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
@@ -59,12 +75,17 @@ class Server:
             def check_origin(self, origin: str) -> bool:
                 return server._is_known(self.request.host) and super().check_origin(origin)
 
+            own: Session | None = None
+
             def open(self, *_: str, **__: str) -> None:
                 server._sockets.add(self)
-                server._send(self, server._messages)
+                if session is not None:
+                    self.own = session()
+                server._send(self, server._messages if self.own is None else self.own.greeting())
 
             def on_message(self, message: str | bytes) -> None:
-                pass
+                if self.own is not None:
+                    server._send(self, self.own.reply(message))
 
             def on_close(self) -> None:
                 server._sockets.discard(self)
@@ -94,7 +115,7 @@ class Server:
         """Address of the page."""
         return f"http://127.0.0.1:{self.port}/"
 
-    def show(self, messages: Sequence[bytes | str], before: Sequence[bytes] = ()) -> None:
+    def show(self, messages: Sequence[Message], before: Sequence[bytes] = ()) -> None:
         """Send messages to all browsers, and to those that come later; `before` only to those that look already."""
 
         def send() -> None:
@@ -109,7 +130,7 @@ class Server:
         return host in (f"127.0.0.1:{self.port}", f"localhost:{self.port}")
 
     @staticmethod
-    def _send(browser: Any, messages: Sequence[bytes | str]) -> None:
+    def _send(browser: Any, messages: Sequence[Message]) -> None:
         for message in messages:
             browser.write_message(message, binary=isinstance(message, bytes))
 

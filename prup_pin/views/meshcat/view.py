@@ -28,7 +28,7 @@ from ..scene.scene import Scene
 from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
 from .server import START, Server
 
-__all__ = ["View", "view"]
+__all__ = ["View", "page_html", "script_json", "view", "words"]
 
 PoseLike = ClosedPose | Mapping[str, float]
 
@@ -46,9 +46,12 @@ def _viewer_script() -> str:
 # -- the page ----------------------------------------------------------------------------------------------------------
 
 
-def _words(frames: Sequence[Scene], rate: float) -> dict[str, Any]:
-    """Return what the page shows besides meshcat's scene: legend, labels, what the eye must see."""
-    first = frames[0]
+def words(frames: Sequence[Scene], rate: float = 1.0, seen: Scene | None = None) -> dict[str, Any]:
+    """Return what the page shows besides meshcat's scene: legend, labels, what the eye must see.
+
+    `seen`: the scene whose display and bounds hold; none: the first frame's, and all frames' bounds.
+    """
+    first = seen or frames[0]
     display = first.display_from_base
 
     def there(points: Array) -> list:
@@ -59,7 +62,7 @@ def _words(frames: Sequence[Scene], rate: float) -> dict[str, Any]:
         look = {"colour": item.colour, "strong": item.strong}
         return {"path": folder, "text": item.text, "at": there(item.at), "beside": there(item.beside), **look}
 
-    bounds = np.concatenate([frame.bounds for frame in frames])
+    bounds = np.concatenate([frame.bounds for frame in (frames if seen is None else [seen])])
     if len(bounds) > 3000:
         bounds = _hull(bounds)
     return {
@@ -83,13 +86,13 @@ def _hull(points: Array) -> Array:
     return points[np.unique(np.argmax(points @ directions, axis=0))]
 
 
-def _script_json(value: Any) -> str:
+def script_json(value: Any) -> str:
     """Return JSON that cannot end the script it stands in."""
     text = json.dumps(value, ensure_ascii=True, allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _page(title: str, start: str, connect: str = "'none'") -> str:
+def page_html(title: str, start: str, connect: str = "'none'") -> str:
     """Return the page; `connect` is what its content security policy lets it connect to."""
     template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     fields = {
@@ -121,14 +124,14 @@ class View:
 
     def _words(self) -> dict[str, Any]:
         if isinstance(self.shown, Motion):
-            return _words(self.shown.frames, self.shown.rate)
-        return _words([self.shown], 1.0)
+            return words(self.shown.frames, self.shown.rate)
+        return words([self.shown])
 
     def static_html(self) -> str:
         """Return a self-contained page: it needs no network."""
         encoded = [base64.b64encode(packed(command)).decode("ascii") for command in self.commands()]
         lines = [f'command("{text}");' for text in encoded]
-        return _page(self.scene.name, "\n".join([*lines, f"show({_script_json(self._words())});"]))
+        return page_html(self.scene.name, "\n".join([*lines, f"show({script_json(self._words())});"]))
 
     def save(self, path: str | Path) -> Path:
         """Write the self-contained page to a file and return its path. Raises InputError."""
@@ -146,7 +149,7 @@ class View:
         Raises InputError where the port is taken.
         """
         if self._server is None:
-            self._server = Server(lambda host: _page(self.scene.name, START, f"ws://{host}"), port)
+            self._server = Server(lambda host: page_html(self.scene.name, START, f"ws://{host}"), port)
             self._send()
         return self._server.url
 

@@ -95,14 +95,28 @@ class Scene:
 
     @cached_property
     def obstacles(self) -> Array:
-        """Points that labels should not cover, (n, 3): along ellipsoids, arrows of loads and of the deflection."""
+        """Points that labels should not cover, (n, 3): ellipsoids, arrows, bars of the robot, drives and bearings."""
         along = np.linspace(-0.9, 0.9, 7)
+        angle = np.linspace(0, 2 * np.pi, 13)[:-1]
+        rings = np.concatenate(
+            [np.column_stack(np.roll([np.cos(angle), np.sin(angle), 0 * angle], axis, axis=0)) for axis in range(3)]
+        )
         points = [np.zeros((0, 3))]
         for ball in self.ellipsoids.values():
-            points += [ball.centre + np.outer(along, axis) for axis in (ball.axes * ball.values * ball.scale).T]
+            semi = ball.axes * ball.values * ball.scale
+            points += [ball.centre + np.outer(along, axis) for axis in semi.T]
+            points.append(ball.centre + 0.9 * rings @ semi.T)
         for part in self.parts:
-            if part.path.startswith(("wrench/force", "deflection")) and isinstance(part.shape, Cylinder):
-                points.append(part.placement[:3, 3] + np.outer(along * part.shape.length / 2, part.placement[:3, 2]))
+            shape, at = part.shape, part.placement
+            if part.path.startswith(("robot/ghost", "frames", "floor", "ellipsoids", "workspace")):
+                continue
+            if isinstance(shape, Tube):
+                line = shape.points[np.linspace(0, len(shape.points) - 1, 9).astype(int)]
+                points.append(line @ at[:3, :3].T + at[:3, 3])
+            elif isinstance(shape, Cylinder):
+                points.append(at[:3, 3] + np.outer(along * shape.length / 2, at[:3, 2]))
+            elif part.path.startswith("modules"):
+                points.append(at[None, :3, 3])
         return np.concatenate(points)
 
     def part(self, path: str) -> Part:

@@ -1,0 +1,95 @@
+// The explorer: sliders on the page, their values to the server, what follows from them back. One question is on its
+// way at a time; when its answer is there, the values of that moment are asked next.
+document.body.classList.add("live");
+const panel = document.getElementById("panel"), inputs = {};
+let asked = 0, waiting = false, changed = false, drawn = null;
+
+const socket = new WebSocket(`ws://${location.host}/socket`);
+socket.binaryType = "arraybuffer";
+socket.onmessage = (message) => {
+  if (typeof message.data !== "string") { viewer.handle_command_bytearray(new Uint8Array(message.data)); return; }
+  const told = JSON.parse(message.data);
+  if (told.controls) build(told.controls);
+  if (told.words) show(told.words);
+  tell(told);
+};
+socket.onclose = () => trouble("The program that answers has ended; start it again.");
+
+function trouble(text) { document.getElementById("trouble").textContent = text || ""; }
+
+function build(controls) {
+  panel.replaceChildren();
+  element("h1", "", controls.title, panel);
+  for (const group of controls.groups) {
+    element("h2", "", group.title, panel);
+    for (const control of group.controls) {
+      const row = element("div", "control", undefined, panel);
+      element("span", "name", control.label, row).title = control.label;
+      const slider = element("input", "", undefined, row), number = element("input", "", undefined, row);
+      element("span", "unit", control.unit, row);
+      slider.type = "range"; number.type = "number";
+      for (const input of [slider, number]) {
+        Object.assign(input, { min: control.low, max: control.high, step: "any", value: control.value });
+        input.setAttribute("aria-label", `${control.label} ${control.unit}`);
+      }
+      number.removeAttribute("min"); number.removeAttribute("max");
+      slider.addEventListener("input", () => { number.value = Number(Number(slider.value).toPrecision(4)); ask(); });
+      number.addEventListener("input", () => { if (number.value !== "") { slider.value = number.value; ask(); } });
+      inputs[control.name] = { group: group.name, number, factor: control.factor, start: control.value, slider };
+    }
+  }
+  const row = element("div", "", undefined, panel);
+  row.style.cssText = "display: flex; align-items: center; gap: 6px; margin: 8px 0 2px";
+  if (controls.scale !== null) {
+    element("span", "", "drawn ×", row);
+    drawn = element("input", "", undefined, row);
+    Object.assign(drawn, { type: "number", min: 0, step: "any", value: controls.scale });
+    drawn.style.cssText = "font: inherit; width: 5em";
+    drawn.setAttribute("aria-label", "deflection drawn so many times larger");
+    drawn.addEventListener("input", () => { if (Number(drawn.value) > 0) ask(); });
+    const fit = element("button", "", "fit", row);
+    fit.type = "button";
+    fit.addEventListener("click", () => { drawn.value = ""; ask(); });
+  }
+  const back = element("button", "", "reset", row);
+  back.type = "button";
+  back.addEventListener("click", () => {
+    for (const input of Object.values(inputs)) input.slider.value = input.number.value = input.start;
+    ask();
+  });
+  element("p", "", "", panel).id = "trouble";
+  element("div", "", undefined, panel).id = "matrix";
+}
+
+function ask() {
+  if (waiting) { changed = true; return; }
+  waiting = true; changed = false;
+  const question = { id: ++asked, pose: {}, load: {}, scale: drawn && drawn.value !== "" ? Number(drawn.value) : null };
+  for (const [name, input] of Object.entries(inputs)) question[input.group][name] = Number(input.number.value) * input.factor;
+  socket.send(JSON.stringify(question));
+}
+
+function tell(told) {
+  waiting = false;
+  trouble(told.trouble);
+  panel.dataset.answered = told.id || 0;
+  if (told.scale && drawn && document.activeElement !== drawn) drawn.value = told.scale;
+  if (told.matrix) showMatrix(told.matrix);
+  if (changed) ask();
+}
+
+function showMatrix(matrix) {
+  const box = document.getElementById("matrix");
+  box.replaceChildren();
+  element("h2", "", matrix.title, box);
+  element("p", "note", matrix.detail, box);
+  if (!matrix.cells) return;
+  const table = element("table", "k", undefined, box), head = element("tr", "", undefined, element("thead", "", undefined, table));
+  for (const name of ["", ...matrix.columns]) element("th", "", name, head);
+  const body = element("tbody", "", undefined, table);
+  matrix.cells.forEach((cells, index) => {
+    const line = element("tr", "", undefined, body);
+    element("th", "", matrix.rows[index], line);
+    for (const cell of cells) element("td", "", cell.replace("-", "\u2212"), line);
+  });
+}

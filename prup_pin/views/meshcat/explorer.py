@@ -1,0 +1,233 @@
+"""The explorer: a robot under sliders for pose and load, served to browsers on this machine.
+
+Every browser has its own sliders. What it sends is a question, answered like any other: pose, compliance, scene; sent
+back is what differs from the scene that the browser has.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, JointLimitWarning, PrupPinError
+from ...kinematics import ClosedPose
+from ...robot import Robot
+from ...spatial import WRENCH_NAMES, Array, as_wrench
+from ..scene.elastic import Deflections, fitting_scale
+from ..scene.painter import Painter
+from ..scene.scene import Part, Scene
+from ..text.answer import Answer
+from ..text.joints import coordinate_dimensions, dimension, limits
+from ..text.tables import rigid_texts, stiffness_table
+from .commands import changes, folders, packed, stage
+from .server import Message, Server
+from .view import page_html, words
+
+__all__ = ["Explorer"]
+
+#: How far sliders of task coordinates reach from where they start: share of the robot's size [m], and [rad].
+REACH, TURN = 0.5, np.radians(45)
+#: How far those of loads reach, where the load asked for is smaller [N], [N m].
+FORCE, MOMENT = 500.0, 100.0
+#: Shown unit and its size in SI, by dimension.
+_UNITS = {"length": ("mm", 1e-3), "angle": ("°", np.pi / 180), "number": ("", 1.0)}
+
+
+@dataclass(frozen=True)
+class Control:
+    """A slider: SI value where it starts, and how far it reaches."""
+
+    name: str
+    dimension: str
+    value: float
+    low: float
+    high: float
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page makes of it, in the unit that it shows."""
+        unit, factor = _UNITS.get(self.dimension, (self.dimension, 1.0))
+        shown = {key: float(f"{getattr(self, key) / factor:.6g}") for key in ("value", "low", "high")}
+        return {"name": self.name, "label": self.name, "unit": unit, "factor": factor, **shown}
+
+
+class Explorer:
+    """A robot to be played with in a browser: `serve` returns the address.
+
+    It begins at `pose` (none: home) under `wrench` (6,), with deflections drawn `scale` times larger (none: a round
+    number that suits the sliders' loads). Needs nothing from the network. Raises what these ask of the robot.
+    """
+
+    def __init__(self, robot: Robot, pose: ClosedPose | None = None, wrench=None, scale: float | None = None):
+        self.robot = robot
+        self.pose = robot.home if pose is None else pose
+        self.wrench = np.zeros(6) if wrench is None else as_wrench(wrench)
+        self.painter = Painter(robot, self.pose)
+        self.by_task = bool(robot.task_coordinates)
+        self.poses = tuple(self._pose_controls())
+        self.loads = tuple(self._load_controls()) if robot.mechanism.modules else ()
+        self.scale = scale if scale is not None else self._usual_scale()
+        #: What is shown first; its size and its place in the page hold for all that follows.
+        self.first = self.scene(self.pose, self.wrench, self.scale)
+        self._server: Server | None = None
+
+    # -- sliders ---------------------------------------------------------------------------------------------------
+
+    def _pose_controls(self) -> list[Control]:
+        robot, mechanism = self.robot, self.robot.mechanism
+        values = self.pose.coordinates if mechanism.tasks else self.pose.actuators
+        kinds = coordinate_dimensions(robot) if mechanism.tasks else {n: dimension(mechanism, n) for n in values}
+        found = []
+        for name, value in values.items():
+            reach = {"length": REACH * self.painter.size, "angle": TURN}.get(kinds[name], 1.0)
+            span = None if mechanism.tasks else limits(mechanism, name)
+            low, high = (value - reach, value + reach) if span is None else span
+            found.append(Control(name, kinds[name], float(value), min(low, value), max(high, value)))
+        return found
+
+    def _load_controls(self) -> list[Control]:
+        found = []
+        for block, unit, least in ((slice(0, 3), "N", FORCE), (slice(3, 6), "N m", MOMENT)):
+            reach = max(least, 2 * float(np.abs(self.wrench[block]).max()))
+            values = zip(WRENCH_NAMES[block], self.wrench[block].tolist(), strict=True)
+            found += [Control(name, unit, value, -reach, reach) for name, value in values]
+        return found
+
+    def _usual_scale(self) -> float | None:
+        """Return what suits a load of half the sliders' reach along the softest direction, or the load asked for."""
+        if not self.loads:
+            return None
+        compliance = self.robot.compliance(self.pose)
+        load = self.wrench
+        if not load.any():
+            load = Answer(compliance).load.wrench
+            load = load * 0.5 * (FORCE if load[:3].any() else MOMENT)
+        return fitting_scale(Deflections(compliance, load), self.painter.size)
+
+    # -- answers ---------------------------------------------------------------------------------------------------
+
+    def pose_at(self, values: Mapping[str, float]) -> ClosedPose:
+        """Return the pose at the sliders' values, one for each; raises like `Robot.pose`."""
+        wanted = {control.name: float(values[control.name]) for control in self.poses}
+        if self.by_task:
+            return self.robot.pose(**wanted)
+        return self.robot.pose_from_actuators(list(wanted.values()))
+
+    def scene(self, pose: ClosedPose, wrench: Array, scale: float | None) -> Scene:
+        """Return the scene of a pose under a load."""
+        compliance = self.robot.compliance(pose) if self.loads else None
+        return self.painter.scene(pose, compliance, wrench if wrench.any() else None, scale)
+
+    def matrix(self, pose: ClosedPose, wrench: Array) -> dict[str, Any] | None:
+        """Return K as the page shows it, or in which directions there is none; None where nothing yields."""
+        if not self.loads:
+            return None
+        answer = Answer(self.robot.compliance(pose), wrench if wrench.any() else None)
+        table = stiffness_table(answer)
+        if table is None:
+            texts = "; ".join(" ".join(text) for text in rigid_texts(answer))
+            return {"title": "K does not exist", "detail": f"no module yields under {texts}"}
+        parts = {"rows": table.rows, "columns": table.columns, "cells": table.cells}
+        return {"title": table.title, "detail": table.detail, **parts}
+
+    def controls(self) -> dict[str, Any]:
+        """Return the sliders as the page makes them."""
+        groups = [("pose", "Pose", self.poses), ("load", "Load on the tool", self.loads)]
+        return {
+            "title": self.robot.name,
+            "scale": self.scale,
+            "groups": [
+                {"name": name, "title": title, "controls": [control.described() for control in controls]}
+                for name, title, controls in groups
+                if controls
+            ],
+        }
+
+    # -- serving ---------------------------------------------------------------------------------------------------
+
+    def serve(self, port: int = 0) -> str:
+        """Serve it to browsers on this machine (127.0.0.1) and return the address; 0 takes a free port.
+
+        Raises InputError where the port is taken, MissingExtraError.
+        """
+        if self._server is None:
+            start = (Path(__file__).parent / "explorer.js").read_text(encoding="utf-8")
+            name = self.robot.name
+            self._server = Server(lambda host: page_html(name, start, f"ws://{host}"), port, lambda: Session(self))
+        return self._server.url
+
+    @property
+    def url(self) -> str | None:
+        """Address of the server, or None where none runs."""
+        return None if self._server is None else self._server.url
+
+    def wait(self) -> None:
+        """Wait while it is served, until `close` or Ctrl-C."""
+        if self._server is not None:
+            self._server.wait()
+
+    def close(self) -> None:
+        """Stop the server, if one runs."""
+        if self._server is not None:
+            self._server.stop()
+            self._server = None
+
+
+class Session:
+    """One browser at the explorer: it knows which parts that browser has."""
+
+    def __init__(self, explorer: Explorer):
+        self.explorer = explorer
+        self._shown: Sequence[Part] = ()
+
+    def greeting(self) -> list[Message]:
+        """Return the stage, the first scene and the sliders."""
+        explorer = self.explorer
+        told = {"id": 0, "controls": explorer.controls(), "scale": explorer.scale}
+        begin = [*map(packed, stage(explorer.first)), *self._difference(explorer.first)]
+        return [*begin, self._told(explorer.first, explorer.pose, explorer.wrench, told)]
+
+    def reply(self, message: str | bytes) -> list[Message]:
+        """Return what makes the page follow its sliders, or the reason why it cannot, in words."""
+        told: dict[str, Any] = {}
+        try:
+            question = json.loads(message)
+            told["id"] = int(question["id"])
+            values, load, scale = question["pose"], question["load"], question["scale"]
+            if scale is not None and not 0 < float(scale) < np.inf:
+                raise InputError(f"the deflection cannot be drawn {scale} times larger; expected a number above 0")
+            wrench = as_wrench({name: float(value) for name, value in load.items()})
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", JointLimitWarning)
+                pose = self.explorer.pose_at(values)
+            scene = self.explorer.scene(pose, wrench, None if scale is None else float(scale))
+        except PrupPinError as error:
+            return [json.dumps({**told, "trouble": str(error)})]
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+            return [json.dumps({**told, "trouble": "this question was not understood"})]
+        told |= {"scale": scene.scale or None, "trouble": " ".join(str(item.message) for item in caught)}
+        return [*self._difference(scene), self._told(scene, pose, wrench, told)]
+
+    def _difference(self, scene: Scene) -> list[Message]:
+        """Return the commands from what the browser has to a scene."""
+        new = [folder for folder in folders(scene.parts) if folder not in folders(self._shown)]
+        commands = changes(self._shown, scene.parts)
+        places = [
+            {
+                "type": "set_transform",
+                "path": f"/{name}",
+                "matrix": self.explorer.first.display_from_base.T.ravel().tolist(),
+            }
+            for name in new
+        ]
+        self._shown = scene.parts
+        return list(map(packed, [*commands, *places]))
+
+    def _told(self, scene: Scene, pose: ClosedPose, wrench: Array, told: dict[str, Any]) -> str:
+        shown = words([scene], seen=self.explorer.first)
+        return json.dumps({**told, "words": shown, "matrix": self.explorer.matrix(pose, wrench)}, allow_nan=False)

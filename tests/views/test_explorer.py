@@ -1,0 +1,319 @@
+"""The explorer: what sliders ask is answered with the library's numbers, and the page follows."""
+
+import asyncio
+import json
+import signal
+import subprocess
+import sys
+import urllib.request
+
+import numpy as np
+import pytest
+import umsgpack
+from typer.testing import CliRunner
+
+import prup_pin
+from prup_pin.cli import app
+from prup_pin.views.meshcat.explorer import Explorer, Session
+from prup_pin.views.text.answer import Answer
+from prup_pin.views.text.tables import stiffness_table
+
+from .chromium import Browser, render
+
+POSE = {"z": 0.37, "theta": 0.2, "phi": -0.15}
+LOAD = {"fx": 250.0, "mz": 20.0}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return prup_pin.load("3prup")
+
+
+@pytest.fixture(scope="module")
+def explorer(robot):
+    return Explorer(robot)
+
+
+def question(pose=POSE, load=LOAD, scale=10.0, number=1):
+    return json.dumps({"id": number, "pose": pose, "load": load, "scale": scale})
+
+
+class Viewer:
+    """Keeps what meshcat's viewer would have after the commands that it was sent."""
+
+    def __init__(self):
+        self.objects, self.places, self.told = {}, {}, {}
+
+    def take(self, messages):
+        for message in messages:
+            if isinstance(message, str):
+                self.told = json.loads(message)
+                continue
+            command = umsgpack.unpackb(message)
+            path = command["path"]
+            if command["type"] == "delete":
+                self.objects = {key: value for key, value in self.objects.items() if not within(key, path)}
+                self.places = {key: value for key, value in self.places.items() if not within(key, path)}
+            elif command["type"] == "set_object":
+                shape, look = command["object"]["geometries"][0], command["object"]["materials"][0]
+                self.objects[path] = [
+                    {key: value for key, value in item.items() if key != "uuid"} for item in (shape, look)
+                ]
+            elif command["type"] == "set_transform":
+                self.places[path] = command["matrix"]
+        return self
+
+
+def within(path, folder):
+    return path == folder or path.startswith(folder + "/")
+
+
+# -- questions and answers ---------------------------------------------------------------------------------------------
+
+
+def test_what_is_told_is_what_the_library_computes(robot, explorer):
+    told = Viewer().take(Session(explorer).reply(question())).told
+    r = robot.compliance(robot.pose(**POSE))
+    table = stiffness_table(Answer(r, LOAD))
+    assert [tuple(row) for row in told["matrix"]["cells"]] == list(table.cells)
+    legend = told["words"]["frames"][0]["legend"]
+    moved = 1e3 * np.linalg.norm(r.deflection(LOAD)[:3])
+    assert f"The tool moves {moved:.3g} mm" in legend["lines"][2]
+    shares = r.shares(LOAD)
+    best = max(shares, key=shares.get)
+    assert (legend["rows"][0]["name"], legend["rows"][0]["value"]) == (best, f"{100 * shares[best]:.1f} %")
+    axes = np.linalg.eigvalsh(r.C[:3, :3]) * 1e6
+    texts = [label["text"] for label in told["words"]["frames"][0]["labels"]]
+    assert all(f"{value:.3g} µm/N" in texts for value in axes)
+    assert told["id"] == 1
+    assert told["trouble"] == ""
+
+
+def test_what_was_sent_adds_up_to_the_scene(robot, explorer):
+    """A browser that went through other poses, loads and none at all has what one has that comes there at once."""
+    session, long, short = Session(explorer), Viewer(), Viewer()
+    long.take(session.greeting())
+    first = dict(long.objects)
+    for pose, load, scale in (
+        (POSE, {}, None),
+        ({"z": 0.3, "theta": 0, "phi": 0.4}, {"mx": 50}, 3.0),
+        (POSE, LOAD, 25.0),
+        (POSE, LOAD, 10.0),
+    ):
+        sent = session.reply(question(pose, load, scale))
+        long.take(sent)
+    again = Session(explorer)
+    short.take(again.greeting())
+    short.take(again.reply(question()))
+    assert long.objects == short.objects
+    assert long.places == short.places
+    assert "/robot/deformed/links/hub" in long.objects
+    assert "/robot/links/hub" in first
+    assert "/robot/links/hub" not in long.objects
+    # only what differs is sent: scaling a deflection sends neither the base nor the ellipsoids
+    paths = [umsgpack.unpackb(message)["path"] for message in sent if isinstance(message, bytes)]
+    assert paths
+    assert not [path for path in paths if path.startswith(("/robot/base", "/floor", "/robot/ghost"))]
+
+
+def test_the_stage_stays_while_the_robot_moves(explorer):
+    session = Session(explorer)
+    places = [Viewer().take(session.greeting()).told["words"]["bounds"]]
+    viewer = Viewer().take(Session(explorer).reply(question({"z": 0.3, "theta": 0.3, "phi": 0})))
+    places.append(viewer.told["words"]["bounds"])
+    assert places[0] == places[1]
+    assert viewer.places["/robot"] == explorer.first.display_from_base.T.ravel().tolist()
+
+
+def test_a_pose_out_of_reach_is_said_and_nothing_moves(explorer):
+    session = Session(explorer)
+    session.greeting()
+    (only,) = session.reply(question({**POSE, "z": 9.0}))
+    told = json.loads(only)
+    assert "cannot reach" in told["trouble"]
+    assert told["id"] == 1
+    assert "words" not in told
+    assert json.loads(session.reply(question())[-1])["trouble"] == ""
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "",
+        "[",
+        "[1]",
+        "{}",
+        "[" * 100_000,
+        b"\xff",
+        '{"id": 1}',
+        question(pose={"z": 0.4}),
+        question(pose={**POSE, "z": "a"}),
+        question(load={"fx": None}),
+        question(load={"fx": float("nan")}),
+        question(load={"fy": 10**400}),
+        question(load={"fq": 1}),
+        question(scale=-1),
+        question(scale=float("inf")),
+        question(number="x"),
+    ],
+)
+def test_what_makes_no_sense_is_said_and_the_next_question_answered(explorer, message):
+    session = Session(explorer)
+    (only,) = session.reply(message)
+    assert json.loads(only)["trouble"]
+    assert json.loads(session.reply(question())[-1])["trouble"] == ""
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "double_pendulum"])
+def test_trees_have_a_slider_for_each_joint(name):
+    rigid = Explorer(prup_pin.load(name, tool="panda_hand" if name == "panda" else None))
+    assert [control.name for control in rigid.poses] == list(rigid.robot.task_coordinates)
+    assert rigid.loads == ()
+    sprung = Explorer(prup_pin.load(name, joint_stiffness=1e4, tool="panda_hand" if name == "panda" else None))
+    values = {control.name: control.low + 0.6 * (control.high - control.low) for control in sprung.poses}
+    told = json.loads(Session(sprung).reply(question(values, {"fz": -20}))[-1])
+    assert told["matrix"]["title"] == ("K does not exist" if name == "double_pendulum" else "Stiffness K")
+    for control in sprung.poses:
+        assert control.low <= control.value <= control.high
+
+
+def test_a_robot_without_task_coordinates_has_a_slider_for_each_actuator(tmp_path):
+    from pathlib import Path
+
+    robot = prup_pin.load(Path(__file__).parents[1] / "robots/delta/robot.urdf", joint_stiffness=1e4, tool="centre")
+    explorer = Explorer(robot)
+    assert [control.name for control in explorer.poses] == list(robot.mechanism.actuated)
+    values = {control.name: control.value + 0.1 for control in explorer.poses}
+    told = json.loads(Session(explorer).reply(question(values, {"fz": -20}))[-1])
+    assert told["trouble"] == ""
+    assert told["matrix"]["title"] == "K does not exist"
+
+
+# -- served ------------------------------------------------------------------------------------------------------------
+
+
+def test_every_browser_has_its_own_sliders(robot):
+    from tornado.websocket import websocket_connect
+
+    explorer = Explorer(robot, robot.pose(**POSE), LOAD)
+    address = explorer.serve().replace("http", "ws") + "socket"
+
+    async def until_told(socket):
+        while isinstance(message := await socket.read_message(), bytes):
+            pass
+        return json.loads(message)
+
+    async def talk():
+        one, other = [await websocket_connect(address) for _ in range(2)]
+        greeted = [await until_told(socket) for socket in (one, other)]
+        await one.write_message(question({"z": 0.3, "theta": 0, "phi": 0}))
+        await other.write_message(question({"z": 0.45, "theta": 0, "phi": 0}))
+        told = [await until_told(socket) for socket in (one, other)]
+        one.close()
+        other.close()
+        return greeted, told
+
+    try:
+        greeted, told = asyncio.run(asyncio.wait_for(talk(), 60))
+    finally:
+        explorer.close()
+    values = {control["name"]: control["value"] for control in greeted[0]["controls"]["groups"][0]["controls"]}
+    assert values == {"z": 370, "theta": pytest.approx(11.4592), "phi": pytest.approx(-8.59437)}
+    lines = [item["words"]["frames"][0]["legend"]["lines"][0] for item in told]
+    assert lines == ["z 300 mm, theta 0°, phi 0°", "z 450 mm, theta 0°, phi 0°"]
+    assert explorer.url is None
+
+
+def test_live_is_served_until_interrupted(tmp_path):
+    command = [sys.executable, "-m", "prup_pin", "view", "3prup", "--live", "--no-open"]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        address = process.stdout.readline().split()[1]
+        with urllib.request.urlopen(address, timeout=20) as answer:
+            assert b"explorer" in answer.read()
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert (process.returncode, errors) == (0, "")
+    assert "Stopped" in rest
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_live_and_other_ways_to_show_exclude_each_other(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for other in (["--serve"], ["--html", "a.html"]):
+        done = CliRunner().invoke(app, ["view", "--live", *other])
+        assert done.exit_code == 2
+        assert "exclude each other" in done.stderr
+
+
+# -- in a browser ------------------------------------------------------------------------------------------------------
+
+SLIDE = """(name, value) => {
+  const sliders = [...document.querySelectorAll('.control input[type=range]')];
+  const slider = sliders.find((item) => item.ariaLabel.startsWith(name));
+  slider.value = value;
+  slider.dispatchEvent(new Event('input'));
+}"""
+
+
+@pytest.mark.skipif(
+    render.find_chromium() is None, reason="Chromium is not installed (Debian, Ubuntu: apt-get install chromium)"
+)
+def test_the_page_follows_its_sliders(robot, tmp_path):
+    """The robot, its deflection, ellipsoids, shares and K are of the sliders' pose and load; no other host is asked."""
+    explorer, browser = Explorer(robot), None
+    try:
+        url = explorer.serve()
+        browser = Browser(str(tmp_path / "chromium"))
+        browser.open(url)
+        words = "document.getElementById('legend').innerText"
+
+        def slide(name, value):
+            browser.evaluate(f"({SLIDE})({json.dumps(name)}, {value})")
+
+        def until(part):
+            browser._until(lambda: part in browser.evaluate(words), f"'{part}' does not appear")
+
+        before = browser.picture()
+        for name, value in (("z", 330), ("theta", 12), ("fx", 400), ("mz", 30)):
+            slide(name, value)
+        until("z 330 mm, theta 12°, phi 0°")
+        until("fx 400 N, mz 30 N m")
+        r = robot.compliance(robot.pose(z=0.33, theta=np.radians(12), phi=0))
+        load = {"fx": 400, "mz": 30}
+        table = stiffness_table(Answer(r, load))
+        cells = browser.evaluate(
+            "[...document.querySelectorAll('table.k tbody tr')].map(r => [...r.cells].map(c => c.textContent))"
+        )
+        assert [tuple(cell.replace("\u2212", "-") for cell in row[1:]) for row in cells] == list(table.cells)
+        shares = r.shares(load)
+        best = max(shares, key=shares.get)
+        assert f"{best}\n{100 * shares[best]:.1f} %" in browser.evaluate(words)
+        browser.settle()
+        scene = explorer.scene(r.pose, np.array([400, 0, 0, 0, 0, 30.0]), explorer.scale)
+        for path in ("robot/deformed/links/hub", "ellipsoids/translation/surface", "robot/ghost/links/hub"):
+            found = browser.evaluate(f"viewer.scene_tree.find({json.dumps(path.split('/'))}).object.matrix.elements")
+            np.testing.assert_allclose(np.reshape(found, (4, 4)).T, scene.part(path).placement, atol=1e-6)
+        assert (np.abs(browser.picture() - before).max(axis=-1) > 12).sum() > 20_000
+        slide("z", 900)
+        until("cannot reach")
+        slide("z", 400)
+        until("z 400 mm")
+        assert "cannot reach" not in browser.evaluate(words)
+        own = url.removeprefix("http://")
+        foreign = [a for a in browser.requests if not a.startswith((url, f"ws://{own}", "data:", "blob:"))]
+        assert foreign == []
+        assert browser.errors == []
+    finally:
+        if browser is not None:
+            browser.close()
+        explorer.close()
