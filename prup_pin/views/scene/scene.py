@@ -98,9 +98,8 @@ class Scene:
         """Points that labels should not cover, (n, 3): ellipsoids, arrows, bars of the robot, drives and bearings."""
         along = np.linspace(-0.9, 0.9, 7)
         angle = np.linspace(0, 2 * np.pi, 13)[:-1]
-        rings = np.concatenate(
-            [np.column_stack(np.roll([np.cos(angle), np.sin(angle), 0 * angle], axis, axis=0)) for axis in range(3)]
-        )
+        circle = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(len(angle))))
+        rings = np.concatenate([np.roll(circle, axis, axis=1) for axis in range(3)])
         points = [np.zeros((0, 3))]
         for ball in self.ellipsoids.values():
             semi = ball.axes * ball.values * ball.scale
