@@ -3,7 +3,9 @@
 from typing import TYPE_CHECKING
 
 from . import build
+from .design import Design, Target
 from .errors import (
+    InfeasibleDesignError,
     InputError,
     JointLimitWarning,
     MissingExtraError,
@@ -45,6 +47,8 @@ def __getattr__(name: str):
 __all__ = [
     "ClosedPose",
     "Compliance",
+    "Design",
+    "InfeasibleDesignError",
     "InputError",
     "JointLimitWarning",
     "LoadedPose",
@@ -62,6 +66,7 @@ __all__ = [
     "Sensitivity",
     "SimulationStoppedError",
     "SingularPoseError",
+    "Target",
     "UnknownNameError",
     "UnreachablePoseError",
     "build",

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 __all__ = [
+    "InfeasibleDesignError",
     "InputError",
     "JointLimitWarning",
     "MissingExtraError",
@@ -143,6 +144,18 @@ class NotConvergedError(PrupPinError):
         self.pose = pose
         self.wrench = wrench
         self.reached = reached
+        super().__init__(message)
+
+
+class InfeasibleDesignError(PrupPinError):
+    """Targets that no design within its bounds meets.
+
+    `values` are those of the design that comes nearest, by the names of what was free; `reached` (targets,) what it
+    comes to.
+    """
+
+    def __init__(self, message: str, values: Mapping[str, float], reached: Sequence[float]):
+        self.values, self.reached = dict(values), tuple(reached)
         super().__init__(message)
 
 

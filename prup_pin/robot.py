@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from .design import Design, Target, design
 from .errors import InputError, PrupPinError, RobotFileError, UnreachablePoseError, imported
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
@@ -222,6 +223,26 @@ class Robot:
             kinematics=self._kinematics,
             axes=axes,
         )
+
+    def design(
+        self,
+        targets: Mapping[str, float] | Target | Sequence[Target],
+        free: Sequence[str],
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+        poses: Any = None,
+        costs: Mapping[str, float] | None = None,
+        **axes: ArrayLike,
+    ) -> Design:
+        """Return the lightest robot that meets all targets at all poses: which diameter gives 2 µm/N everywhere?
+
+        targets: {"translation": 2e-6} [m/N] in the worst direction, or Targets (`prup_pin.Target`). free: parameters by
+        name; with *, 'leg*/linear_rod.diameter', several that stay alike. bounds: by those names, (low, high); without
+        any, from a quarter to four times the present value. Where: as in `sweep`, at home by default. costs: by those
+        names, kilograms per unit, added to the mass of the beams. `with_parameters(found.changes)` is the robot.
+
+        Raises InfeasibleDesignError where no design meets the targets, InputError for what cannot be meant.
+        """
+        return design(self.mechanism, targets, free, bounds, poses, costs, kinematics=self._kinematics, axes=axes)
 
     def compensate(
         self,

@@ -24,7 +24,7 @@ STIFF, LEFT_OUT, BOTH = "#0072B2", "#009E73", INK  # colours of the roads
 GROUND = "#E1E5E8"
 PITCH, HEIGHT = 0.62, 0.42  # of rows and of boxes [in]
 BOTTOM = 0.42
-SIZE = (10.6, 11.34)
+SIZE = (10.6, 11.96)
 ROUND = "round,pad=0,rounding_size=0.08"
 LEFT, RIGHT = (0.75, 5.05), (5.75, 10.05)
 
@@ -66,18 +66,19 @@ BOXES = {
     "loaded": Box(6, LEFT, STIFF, "equilibrium in the deformed position"),
     "sensitivity": Box(7, _halves(LEFT)[0], STIFF, "slopes"),
     "sweep": Box(7, _halves(LEFT)[1], STIFF, "many poses"),
-    "robot": Box(8, LEFT, STIFF, "what a user holds"),
-    "robots": Box(9, (2.35, 3.6), STIFF, "files"),
-    "loading": Box(10, (0.75, 3.6), STIFF, "from a name or a file"),
-    "build": Box(10, (3.75, 5.05), STIFF, "new"),
+    "design": Box(8, _halves(LEFT)[0], STIFF, "stiff and light"),
+    "robot": Box(9, LEFT, STIFF, "what a user holds"),
+    "robots": Box(10, (2.35, 3.6), STIFF, "files"),
+    "loading": Box(11, (0.75, 3.6), STIFF, "from a name or a file"),
+    "build": Box(11, (3.75, 5.05), STIFF, "new"),
     "laws": Box(7, _halves(RIGHT)[0], LEFT_OUT, "physics left out"),
     "recordings": Box(7, _halves(RIGHT)[1], LEFT_OUT, "bench tests"),
-    "simulation": Box(11, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
-    "compensation": Box(13, LEFT, LEFT_OUT, "commands that cancel what is wrong"),
-    "channels": Box(12, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
-    "diagnosis": Box(13, RIGHT, LEFT_OUT, "locate, compete, judge"),
-    "views": Box(14, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, notebook, scene, drawing, meshcat, report"),
-    "cli": Box(15, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
+    "simulation": Box(12, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
+    "compensation": Box(14, LEFT, LEFT_OUT, "commands that cancel what is wrong"),
+    "channels": Box(13, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
+    "diagnosis": Box(14, RIGHT, LEFT_OUT, "locate, compete, judge"),
+    "views": Box(15, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, notebook, scene, drawing, meshcat, report"),
+    "cli": Box(16, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
 }
 #: Rooms that are made to be added to.
 OPEN = {"modules": "a module", "mechanism": "a format", "laws": "a law, a deed", "channels": "a channel"}
@@ -127,7 +128,7 @@ def picture(rooms: dict[str, set[str]]) -> Figure:
         at = BOTTOM + 2.1 * PITCH - 0.24 * line
         axes.text(RIGHT[0] + 0.45, at, text, fontsize=10, color=INK, va="center")
     lines = ("robot file → mechanism → closed pose", "→ wrench Jacobians → C, K, parts")
-    _draw_road(axes, LEFT[0], 10.6, "How stiff?", lines, STIFF)
+    _draw_road(axes, LEFT[0], 11.6, "How stiff?", lines, STIFF)
     lines = ("recording → simulation → residual of channels", "→ places → laws compete → verdict")
     _draw_road(axes, RIGHT[0], 4.0, "What was left out?", lines, LEFT_OUT)
     return figure

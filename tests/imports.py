@@ -28,6 +28,7 @@ LAYERS = [
     "laws",
     "sensitivity",
     "sweep",
+    "design",
     "robots",
     "robot",
     "build",

@@ -14,24 +14,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NotConvergedError, UnknownNameError, UnreachablePoseError
+from ..errors import InputError, NotConvergedError, UnreachablePoseError
 from ..loaded import Conditions, FirstOrder, LoadedPose, find_equilibria
-from ..loaded.other_values import values_of_one
-from ..mechanism import Module
-from ..modules import DriveModule, ModuleGeometry
 from ..parameters import Parameter
 from ..spatial import Array, rotation_exp, rotation_tangent, skew
 from ..statics import Compliance, solve_statics
+from .by_value import ValueStep, has_slope
 from .redrawn import Redrawn, by_length, compliance_by_length, rigid_motion_by_length
 
 __all__ = ["Sensitivity", "Stiffening", "sensitivity_of"]
 
-#: Share of a value by which a module's own law is differentiated: central differences, right to 1e-9.
-_STEP = 1e-5
 #: Share of the robot's size by which a length is.
 _LENGTH_STEP = 3e-5
 #: Wrenches under which displaced joints are asked for dC/dp move the tool by this share of the robot's size.
@@ -169,54 +164,18 @@ class _Table:
 def _add_values(table: _Table) -> None:
     mechanism = table.pose.mechanism
     for name, parameter in mechanism.parameters.items():
-        quantity, value = parameter.quantity, parameter.value
-        if quantity is None or quantity.shape or not (np.isfinite(value) and value > 0):
+        if not has_slope(parameter):
             continue
-        step = _STEP * value
-        ends = value - step, min(value + step, quantity.upper)
-        module = mechanism.module(parameter.owner)
         try:
-            behind, ahead = (mechanism.module_values(name, end) for end in ends)
+            step = ValueStep.of(mechanism, parameter)
         except InputError:  # what follows from it would not be known any more
             table.impossible.append(name)
             continue
-        span = ends[1] - ends[0]
-        motion = table.first.by_values(module.name, ahead, behind)[0] / span
-        before, after = (_part(table, module, values) for values in (behind, ahead))
-        table.add(parameter, motion, np.zeros(6), (after - before) / span)
-        grown = (_mass(table, module, ahead) - _mass(table, module, behind)) / span
+        motion = table.first.by_values(step.module.name, step.ahead, step.behind)[0] / step.span
+        table.add(parameter, motion, np.zeros(6), step.compliance(table.statics))
+        grown = step.mass(table.statics)
         if grown:
             table.heavier[name] = grown
-
-
-def _part(table: _Table, module: Module, values: Mapping[str, Any]) -> Array:
-    """Return the part of C that a module has with other values under the loads that it bears now, (6, 6)."""
-    layout = table.layout
-    stacked = values_of_one(module, values)
-    lam = module.kind.compliance(stacked, _geometry(table, module), None)
-    index = layout.index[module.name]
-    if not isinstance(module.kind, DriveModule):
-        jacobian = table.statics.jacobians[0][index]
-        return jacobian.T @ lam.reshape(6, 6) @ jacobian
-    slot = index - len(layout.wrench_names)
-    ratio = float(np.ravel(module.kind.ratio(stacked))[0]) / float(layout.drive_ratios[slot, 0, 0])
-    jacobian = ratio * table.statics.jacobians[1][slot]
-    return jacobian.T @ lam.reshape(1, 1) @ jacobian
-
-
-def _mass(table: _Table, module: Module, values: Mapping[str, Any]) -> float:
-    """Return the mass of the body that a module says it is [kg]; zero where it says nothing."""
-    weight = module.kind.weight(values_of_one(module, values), _geometry(table, module))
-    return 0.0 if weight is None else float(np.ravel(weight.mass)[0])
-
-
-def _geometry(table: _Table, module: Module) -> ModuleGeometry:
-    """Return what the unloaded pose tells one module, (1,)."""
-    for group, at in zip(table.layout.groups, table.statics.geometries, strict=True):
-        if module in group.modules:
-            column, wide = group.modules.index(module), (len(group.modules),)
-            return ModuleGeometry(*(np.broadcast_to(array, wide)[column : column + 1] for array in at))
-    raise UnknownNameError("module", module.name, table.layout.names)
 
 
 # ----------------------------------------------------------------------------------------------------------- geometry
