@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# All checks: ruff, mypy, pytest. Options: --slow runs the slow tests too; everything else goes to pytest.
+# All checks: ruff, mypy, the documentation site, pytest. Options: --slow runs the slow tests too; everything else goes to pytest.
 # Needs bash, Python 3.10 or newer and pip; installs into .venv in this folder and nowhere else.
 set -euo pipefail
 
@@ -34,6 +34,11 @@ if "$VENV_PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
 else
   printf '== mypy: left out, its checks need Python 3.11 or newer\n'
 fi
+export NO_MKDOCS_2_WARNING=1
+check "documentation" mkdocs build --strict --quiet --site-dir out/site
+rm -rf out/dist && mkdir -p out
+check "wheel and sdist" build --no-isolation --outdir out/dist >out/build.log
+check "twine check" twine check --strict out/dist/*
 if [ "${#failed[@]}" -gt 0 ]; then
   printf '== failed: %s\n' "${failed[*]}"
 fi

@@ -4,8 +4,8 @@ Each returns a robot; `robot.save("my.urdf")` writes the file it stands for, to 
 All lengths in m, stiffnesses in N/m or N m/rad, masses in kg.
 """
 
-from .delta import delta
+from .clavel_delta import delta
+from .gough_stewart import stewart
 from .planar import five_bar, three_rrr
-from .stewart import stewart
 
 __all__ = ["delta", "five_bar", "stewart", "three_rrr"]

@@ -7,7 +7,10 @@ import pytest
 
 from .carried_out import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "examples/README.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 _LINK = re.compile(r"(?<!`)\[[^\]]*\]\(([^)\s]+)\)")
 _FILE = re.compile(r"`(?:python |bash )?((?:\w+/)+[\w.]*)[`: ]")
 _FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
