@@ -193,6 +193,7 @@ class Robot:
         wrench: ArrayLike | Mapping[str, float] | None = None,
         draws: int | None = None,
         seed: int = 0,
+        compiled: bool = False,
         executor: Executor | None = None,
         progress: Callable[[int, int], None] | None = None,
         **axes: ArrayLike,
@@ -204,8 +205,9 @@ class Robot:
         `task_coordinates`, or a list or generator of rows or mappings; or `draws` poses between two ends each,
         theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints.
 
-        `force` [N] and `moment` [N m] are half the sides of the box of wrenches, `wrench` (6,) a load for shares. An
-        `executor` of concurrent.futures solves parts anywhere; the bits are the same. `progress(done, poses)` is
+        `force` [N] and `moment` [N m] are half the sides of the box of wrenches, `wrench` (6,) a load for shares.
+        `compiled` runs the same equations as machine code (extra: compiled), which pays from some ten thousand poses
+        on. An `executor` of concurrent.futures solves parts anywhere; the bits are the same. `progress(done, poses)` is
         called now and then. Raises InputError for what cannot be meant; a pose that fails gets a status, never an
         error.
         """
@@ -218,6 +220,7 @@ class Robot:
             wrench=wrench,
             draws=draws,
             seed=seed,
+            compiled=compiled,
             executor=executor,
             progress=progress,
             kinematics=self._kinematics,

@@ -2,6 +2,8 @@
 
 from .closure import Closure, LoopForces, LoopGaps
 from .compiled import Configuration, LoopedTree, Passing
+from .machine import Machine
+from .program import Expression, Pipeline, Program, Tape, eliminated, largest, least
 from .rank import (
     NEGLIGIBLE,
     NEGLIGIBLE_ENERGY,
@@ -19,13 +21,21 @@ __all__ = [
     "NEGLIGIBLE_ENERGY",
     "Closure",
     "Configuration",
+    "Expression",
     "LoopForces",
     "LoopGaps",
     "LoopedTree",
+    "Machine",
     "Passing",
+    "Pipeline",
+    "Program",
     "Rank",
+    "Tape",
     "Tree",
+    "eliminated",
     "equal_ranks",
+    "largest",
+    "least",
     "pseudo_inverse",
     "rank_of",
     "semidefinite_inverse",

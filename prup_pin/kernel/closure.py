@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..mechanism import Mechanism
 from ..spatial import Array, rotation_exp, skew
+from .program import Expression
 
 __all__ = ["Closure", "LoopForces", "LoopGaps"]
 
@@ -180,6 +181,10 @@ class Closure:
     def assembled_each(self, turn: Array) -> NDArray[np.bool_]:
         """Return `assembled` of many configurations, (...) of turn (..., L, 3, 3)."""
         return np.asarray(~(turn * self._aligned < self._least_aligned).any(axis=(-1, -2, -3)))
+
+    def assembled_conditions(self, turn: Array) -> list[Expression]:
+        """Return conditions on turn (L, 3, 3), expressions, that are 1 where `assembled` is True."""
+        return [turn[at] >= self._least_aligned[at] for at in zip(*np.nonzero(self._aligned), strict=True)]
 
     def forces(self, at: LoopGaps, forces: Array) -> LoopForces:
         """Return what the loops carry under closure forces (..., c) [N, N m], and how it changes as bodies move."""

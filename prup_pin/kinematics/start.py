@@ -20,7 +20,7 @@ from eigenpy import PartialPivLU
 from numpy.typing import NDArray
 
 from ..errors import PrupPinError
-from ..kernel import LoopedTree
+from ..kernel import Expression, LoopedTree
 from ..spatial import Array
 
 __all__ = ["NoPlaceError", "PolynomialStart"]
@@ -81,6 +81,11 @@ class _Polynomial(NamedTuple):
             return None
         return self._terms(x).dot(self.coefficients)
 
+    def written(self, away: Array) -> tuple[Array, Expression]:
+        """Return the motion (nv,) to coordinates (t,), expressions, and the square of their distance in the ball."""
+        x = away * self.factor
+        return self._terms(x) @ self.coefficients, (x * x).sum()
+
     def of_many(self, away: Array) -> tuple[Array, Mask]:
         """Return the motions (n, nv) to coordinates (n, t), and which of them lie inside, (n,)."""
         x = away * self.factor
@@ -90,7 +95,13 @@ class _Polynomial(NamedTuple):
 
     def _terms(self, x: Array) -> Array:
         """Return all terms (..., terms) at places (..., t) of the ball."""
-        factors = np.cos(np.arccos(x)[..., None] * self.orders).reshape(*x.shape[:-1], -1)
+        if x.dtype == object:  # written down by their recurrence, T_k = 2 x T_{k-1} - T_{k-2}, which needs no cosine
+            rising = [1.0 + 0.0 * x, x]
+            for _ in range(2, self.orders.size):
+                rising.append(2.0 * x * rising[-1] - rising[-2])
+            factors = np.stack(rising, axis=-1).reshape(-1)
+        else:
+            factors = np.cos(np.arccos(x)[..., None] * self.orders).reshape(*x.shape[:-1], -1)
         first, *others = self.chosen
         terms = factors.take(first, axis=-1)
         for chosen in others:
@@ -138,6 +149,16 @@ class PolynomialStart:
             if motion is not None:
                 return self._tree.moved(self._home, motion)
         return None
+
+    @property
+    def widest(self) -> _Polynomial | None:
+        """The polynomial that reaches farthest from home, or None."""
+        return self._polynomials[-1] if self._polynomials else None
+
+    @property
+    def coordinates(self) -> Array:
+        """Home's coordinates, (t,)."""
+        return self._coordinates
 
     def of_many(self, targets: Array) -> tuple[Array, Mask]:
         """Return motions (n, nv) from home towards targets (n, t), and which of them a polynomial told, (n,)."""

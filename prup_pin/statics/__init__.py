@@ -1,7 +1,7 @@
 """Wrench Jacobians, Castigliano's theorem, the weight of the robot, and the result."""
 
-from .castigliano import Statics, invalid, solve_statics
+from .castigliano import Statics, invalid, problems_of, solve_statics
 from .compliance import Compliance, dimensionless
 from .wrench_jacobians import StaticsLayout
 
-__all__ = ["Compliance", "Statics", "StaticsLayout", "dimensionless", "invalid", "solve_statics"]
+__all__ = ["Compliance", "Statics", "StaticsLayout", "dimensionless", "invalid", "problems_of", "solve_statics"]

@@ -19,7 +19,7 @@ from ..modules import ModuleGeometry
 from ..spatial import Array, product
 from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
-__all__ = ["Statics", "invalid", "solve_statics"]
+__all__ = ["Statics", "invalid", "problems_of", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
 
@@ -85,7 +85,8 @@ class Statics(NamedTuple):
 def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = None) -> Statics:
     """Return the statics of a pose; with `load` (6,) nonlinear modules are taken at that wrench.
 
-    Of many poses at once, of one pose with a leading axis, at rest: `invalid` tells where equations do not hold.
+    Of many poses at once, of one pose with a leading axis, and of expressions, at rest: `problems_of` and `invalid`
+    tell where equations do not hold.
     Raises PrupPinError where no module is compliant, UnreachablePoseError where a module's equation does not hold at
     this pose, ParameterError where it holds at none.
     """
@@ -98,7 +99,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
     frames, geometries = layout.placed(pose)
     maps = load_maps(layout, pose, frames)
     jacobians = layout.split(loads_from_frame(layout, pose, maps, mechanism.need_tool()))
-    if pose.q.ndim == 1:
+    if pose.q.ndim == 1 and pose.q.dtype != object:
         for index, group in layout.varying:
             if fault := group.fault(geometries[index]):
                 raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
@@ -174,18 +175,22 @@ def _lambdas(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] = (
         load = None if loads is None else loads[half][group.slots]
         compliance = group.kind.compliance(group.values, geometries[index], load)
         if stacks[half] is (wrench, drive)[half]:
-            stacks[half] = np.broadcast_to(stacks[half], (*lead, *stacks[half].shape)).copy()
+            stacks[half] = np.broadcast_to(stacks[half], (*lead, *stacks[half].shape)).astype(compliance.dtype)
         stacks[half][..., group.slots, :, :] = compliance
     return stacks[0], stacks[1]
+
+
+def problems_of(statics: Statics) -> list[NDArray]:
+    """Return, by group of modules that a pose can put out of range, which of them are, (..., n)."""
+    found = (group.kind.problems(group.values, statics.geometries[index]) for index, group in statics.layout.varying)
+    return [problems for problems in found if problems is not None]
 
 
 def invalid(statics: Statics) -> NDArray[np.bool_]:
     """Return at which of many poses the equation of a module does not hold, (...)."""
     bad = np.zeros(statics.pose.q.shape[:-1], bool)
-    for index, group in statics.layout.varying:
-        problems = group.kind.problems(group.values, statics.geometries[index])
-        if problems is not None:
-            bad |= problems.any(axis=-1)
+    for problems in problems_of(statics):
+        bad |= problems.any(axis=-1)
     return bad
 
 

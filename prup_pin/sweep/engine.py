@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ..errors import PrupPinError, SingularPoseError, UnreachablePoseError
-from ..kernel import Tree
+from ..errors import PrupPinError, SingularPoseError, UnreachablePoseError, imported
+from ..kernel import Machine, Tree
 from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, ClosedPose, LoopKinematics, ManyPoses
 from ..mechanism import Mechanism
 from ..spatial import Array
@@ -22,6 +22,7 @@ from ..statics import Compliance, StaticsLayout, dimensionless, invalid, solve_s
 from . import status
 from .places import Coordinates
 from .quantities import QUANTITIES, Asked, Solved
+from .written import Written, written
 
 __all__ = ["Answer", "Engine"]
 
@@ -41,14 +42,39 @@ class Answer(NamedTuple):
 class Engine:
     """What one mechanism is asked, ready for any number of poses."""
 
-    def __init__(self, mechanism: Mechanism, asked: Asked, kinematics: LoopKinematics | None = None):
-        self.mechanism, self.asked = mechanism, asked
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        asked: Asked,
+        kinematics: LoopKinematics | None = None,
+        compiled: bool = False,
+        known: Written | None = None,
+    ):
+        """`compiled`: what can be written as straight lines runs as machine code; `known`, where they are written."""
+        self.mechanism, self.asked, self.compiled, self._known = mechanism, asked, compiled, known
         self.kinematics = kinematics or LoopKinematics(mechanism)
         self.together = Tree.follows(mechanism)
         self.quantities = [QUANTITIES[name] for name in asked.quantities]
 
     def __reduce__(self):
-        return Engine, (self.mechanism, self.asked)
+        return Engine, (self.mechanism, self.asked, None, self.compiled, self.written)
+
+    @cached_property
+    def written(self) -> Written | None:
+        """The question as straight lines; None where it is not to be compiled, or cannot be written so."""
+        if self._known is not None or not (self.compiled and self.together):
+            return self._known
+        with np.errstate(all="ignore"), threadpool_limits(1, "blas"):
+            return written(self.many, self.layout, self.scaling, self.asked)
+
+    @cached_property
+    def _machine(self) -> Machine | None:
+        return None if self.written is None else Machine(self.written.pipeline)
+
+    def check_compiled(self) -> None:
+        """Raise MissingExtraError where machine code is asked for and nothing can make it."""
+        if self.compiled:
+            imported("llvmlite.binding", "compiled")
 
     @cached_property
     def layout(self) -> StaticsLayout:
@@ -93,17 +119,41 @@ class Engine:
     def solve(self, coordinates: Array) -> Answer:
         """Return the answer for coordinates (n, t)."""
         answer = self.empty(len(coordinates))
+        left = np.arange(len(coordinates))
+        if self._machine is not None:
+            left = self._solve_compiled(self._machine, coordinates, answer)
         # A product's last digits may depend on how several threads share it; what diverges on the way is told by its
         # status.
         with np.errstate(all="ignore"), threadpool_limits(1, "blas"):
-            for start in range(0, len(coordinates), _TOGETHER):
-                some = slice(start, start + _TOGETHER)
-                self._solve(
-                    coordinates[some], *(part[some] for part in answer.values.values()), into=answer.status[some]
-                )
+            for start in range(0, len(left), _TOGETHER):
+                some = left[start : start + _TOGETHER]
+                part = self.empty(len(some))
+                self._solve(coordinates[some], list(part.values.values()), part.status)
+                answer.status[some] = part.status
+                for name, values in part.values.items():
+                    answer.values[name][some] = values
         return answer
 
-    def _solve(self, coordinates: Array, *into_values: Array, into: NDArray[np.int8]) -> None:
+    def _solve_compiled(self, machine: Machine, coordinates: Array, answer: Answer) -> NDArray[np.int_]:
+        """Fill in what the machine is sure of, and return the other poses."""
+        assert self.written is not None
+        out = machine.run(coordinates)
+        sure = self.written.accepted(out)
+        computed = {
+            name: out[:, columns].reshape(len(out), *QUANTITIES[name].shape(self.mechanism))
+            for name, columns in self.written.places
+        }
+        which = slice(None) if sure.all() else sure
+        for item in self.quantities:
+            if item.of_k:
+                values = item.value(Solved.of_stiffness(computed["K"][which], self.layout, self.asked))
+            else:
+                values = computed[item.name][which]
+            answer.values[item.name][which] = values
+        answer.status[which] = status.OK
+        return np.flatnonzero(~sure)
+
+    def _solve(self, coordinates: Array, into_values: list[Array], into: NDArray[np.int8]) -> None:
         if not self.together:
             for index in range(len(coordinates)):
                 self._alone(coordinates, index, into_values, into)

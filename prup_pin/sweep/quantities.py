@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, UnknownNameError
-from ..kernel import NEGLIGIBLE_ENERGY
+from ..kernel import NEGLIGIBLE_ENERGY, largest
 from ..kinematics import ClosedPose
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
 from ..statics import Statics, StaticsLayout, solve_statics
 
-__all__ = ["CORNERS", "QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
+__all__ = ["QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
 
-#: Corners of the box of wrenches, one of each opposite pair, in units of its half sides, (32, 6).
-CORNERS = np.array([(1.0, *signs) for signs in every((1.0, -1.0), repeat=5)])
+#: Which component turns about from one corner of the box of wrenches to the next, so that 32 are visited: one of each
+#: opposite pair (Gray's code). Norms are convex: they are largest at corners.
+_TURNED = [1 + (step & -step).bit_length() - 1 for step in range(1, 32)]
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,14 @@ class Solved:
 
     def __init__(self, poses: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked):
         self.poses, self.layout, self.scaling, self.asked = poses, layout, scaling, asked
+
+    @classmethod
+    def of_stiffness(cls, k: Array, layout: StaticsLayout, asked: Asked) -> Solved:
+        """Return poses of which nothing but K (n, 6, 6) is known."""
+        solved = cls.__new__(cls)
+        solved.layout, solved.asked = layout, asked
+        solved.__dict__["K"] = k
+        return solved
 
     @cached_property
     def statics(self) -> Statics:
@@ -98,9 +107,16 @@ class Solved:
     @cached_property
     def extremes(self) -> Array:
         """Largest translation and rotation over the corners of the box, (n, 2)."""
-        moved = self.C @ (CORNERS * self.asked.box).T
-        squares = moved * moved
-        return np.sqrt(np.stack([squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)], axis=1).max(axis=-1))
+        columns = 2.0 * self.asked.box * self.C
+        moved, signs = self.C @ self.asked.box, np.ones(6)
+        norms: list[list[Array]] = [[], []]
+        for turned in (None, *_TURNED):
+            if turned is not None:
+                signs[turned] *= -1
+                moved = moved + signs[turned] * columns[..., turned]
+            for norm, part in zip(norms, (moved[..., :3], moved[..., 3:]), strict=True):
+                norm.append((part * part).sum(axis=-1))
+        return np.sqrt(np.stack([largest(norm) for norm in norms], axis=-1))
 
     @cached_property
     def shares(self) -> Array:
@@ -116,7 +132,7 @@ class Solved:
             works.append(work)
         work = np.concatenate(works, axis=-1)
         order = [self.layout.index[module.name] for module in self.layout.mechanism.modules]
-        return (work / work.sum(axis=-1, keepdims=True))[:, order]
+        return (work / work.sum(axis=-1, keepdims=True))[..., order]
 
 
 #: What an axis of a quantity counts.
@@ -127,7 +143,8 @@ Labels = Callable[[Mechanism], Sequence[str]]
 class Quantity:
     """`value` (n, *shape) of solved poses, in `unit`; `labels` name the entries along each axis.
 
-    `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: needs K.
+    `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: needs K;
+    `of_k`: follows from K alone by what no straight line of operations does.
     """
 
     name: str
@@ -139,6 +156,7 @@ class Quantity:
     box: bool = False
     stiff: bool = False
     symmetric: bool = False
+    of_k: bool = False
 
     def shape(self, mechanism: Mechanism) -> tuple[int, ...]:
         return tuple(len(labels(mechanism)) for labels in self.labels)
@@ -200,7 +218,7 @@ def _actuator_values(solved: Solved) -> Array:
 
 def _position(solved: Solved) -> Array:
     tool = solved.layout.mechanism.need_tool()
-    return (solved.poses.placements[:, tool.joint] @ tool.placement)[:, :3, 3]
+    return (solved.poses.placements[..., tool.joint, :, :] @ tool.placement)[..., :3, 3]
 
 
 QUANTITIES: Mapping[str, Quantity] = {
@@ -214,11 +232,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "eigenvalues", "mixed: SI", "eigenvalues of K, ascending, as the paper has them", lambda s: s.eigenvalues,
-            (_modes,), stiff=True,
+            (_modes,), stiff=True, of_k=True,
         ),
         Quantity(
             "ksi", "mixed: SI", "kinematic stiffness index of the paper: least by largest eigenvalue of K",
-            lambda s: s.eigenvalues[:, 0] / s.eigenvalues[:, -1], stiff=True,
+            lambda s: s.eigenvalues[:, 0] / s.eigenvalues[:, -1], stiff=True, of_k=True,
         ),
         Quantity(
             "extremes", "m, rad", "largest norm of translation and of rotation over the box of wrenches",

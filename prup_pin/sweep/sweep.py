@@ -36,6 +36,7 @@ def sweep(
     wrench=None,
     draws: int | None = None,
     seed: int = 0,
+    compiled: bool = False,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
     kinematics: LoopKinematics | None = None,
@@ -43,7 +44,8 @@ def sweep(
 ) -> SweepResult:
     """Return what is asked for at every pose; see `Robot.sweep`."""
     asked = _asked(quantities, force, moment, wrench)
-    engine = Engine(mechanism, asked, kinematics)
+    engine = Engine(mechanism, asked, kinematics, compiled)
+    engine.check_compiled()
     places = _places(engine.coordinates, poses, axes, draws, seed)
     if any(item.elastic for item in engine.quantities) and not mechanism.modules:
         raise PrupPinError(
@@ -53,6 +55,10 @@ def sweep(
     _check_memory(engine, len(places))
     whole = engine.empty(len(places))
     remarks: list[str] = []
+    if compiled and engine.written is None:
+        remarks.append(
+            f"'{mechanism.name}' and what was asked cannot be compiled (docs/sweep.md says what can); solved by arrays"
+        )
     for start, part in solved_parts(engine, places, executor, remarks, progress):
         rows = slice(start, start + len(part.status))
         whole.status[rows] = part.status

@@ -1,0 +1,523 @@
+"""Equations as a straight line of scalar operations, for millions of poses.
+
+The equations of this package are written for arrays with any leading axes. Given an array of `Expression`s they write
+down what they do instead of doing it: each sum, product, root of one pose in turn, zeros and ones left out. What comes
+out is a `Program` that knows one mechanism only; numpy runs it on columns of poses, or `machine` compiles it.
+
+Every expression carries its values at some sample poses. They tell which pivots are good, what is zero, and what is
+the same as something that is known already: identities of the mechanism itself, such as the one rotation of a platform
+that all legs share, are found and used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..spatial import Array
+
+__all__ = ["Expression", "Operation", "Pipeline", "Program", "Tape", "eliminated", "largest", "least"]
+
+#: Smaller than this share of what it is made of, at every sample: zero. Rounding leaves some 1e-15.
+_ZERO = 1e-13
+#: Two expressions that agree so well at every sample are the same.
+_SAME = 1e-12
+#: A constant smaller than this is what rounding leaves of the zeros in rotations.
+_ROUNDING = 1e-15
+#: Share of the largest candidate that a pivot must have at every sample.
+_PIVOT = 0.05
+
+_UNARY = {
+    "neg": np.negative,
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "arccos": np.arccos,
+    "rint": np.rint,
+    "abs": np.abs,
+}
+_BINARY: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "arctan2": np.arctan2,
+    "hypot": np.hypot,
+    "max": np.maximum,
+    "min": np.minimum,
+    "le": lambda a, b, out=None: np.less_equal(a, b, out=out, casting="unsafe"),
+}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {**_UNARY, **_BINARY}
+#: Functions that decide case by case.
+_PIECEWISE = ("rint", "abs", "max", "min", "le")
+
+
+class Operation(NamedTuple):
+    """One step: 'input' number `value`, 'constant' of that value, or a function of earlier steps a and b."""
+
+    name: str
+    a: int = -1
+    b: int = -1
+    value: float = 0.0
+
+
+class Tape:
+    """Operations as they are written down, with the values of each at the sample poses, (S,)."""
+
+    def __init__(self, samples: int):
+        self.operations: list[Operation] = []
+        self.values: list[Array] = []
+        self._samples = samples
+        self._known: dict[tuple, int] = {}
+        self._alike: dict[tuple, int] = {}
+        self._piecewise: list[bool] = []
+
+    def inputs(self, samples: Array) -> Array:
+        """Return expressions of new inputs, an object array (n,), of their values at the samples (S, n)."""
+        first = sum(operation.name == "input" for operation in self.operations)
+        out = np.empty(samples.shape[1], object)
+        for column in range(samples.shape[1]):
+            out[column] = self._new(Operation("input", value=first + column), samples[:, column].copy())
+        return out
+
+    def constant(self, value: float) -> Expression:
+        """Return a constant exactly as it is."""
+        return self._known_or_new(Operation("constant", value=float(value)), np.full(self._samples, float(value)))
+
+    def constants(self, values: Array) -> Array:
+        """Return an object array of constants."""
+        out = np.empty(values.shape, object)
+        for index, value in np.ndenumerate(values):
+            out[index] = self.constant(value)
+        return out
+
+    def apply(self, name: str, a: Expression, b: Expression | None = None) -> Expression:
+        """Return a function of expressions, or what is known to be the same."""
+        if b is None:
+            value = _FUNCTIONS[name](a.values)
+        else:
+            if name in ("add", "mul", "max", "min") and a.index > b.index:
+                a, b = b, a
+            value = _FUNCTIONS[name](a.values, b.values)
+        operation = Operation(name, a.index, -1 if b is None else b.index)
+        if operation in self._known:
+            return Expression(self, self._known[operation])
+        # What is decided case by case may be the same at all samples and another elsewhere: never taken as equal.
+        cases = name in _PIECEWISE or self._piecewise[a.index] or (b is not None and self._piecewise[b.index])
+        if cases:
+            return self._new(operation, value.astype(float), True)
+        if name in ("add", "sub"):
+            assert b is not None
+            if (np.abs(value) <= _ZERO * (np.abs(a.values) + np.abs(b.values))).all():
+                return self.constant(0.0)
+        return self._known_or_new(operation, value)
+
+    def _known_or_new(self, operation: Operation, value: Array) -> Expression:
+        if operation in self._known:
+            return Expression(self, self._known[operation])
+        signature = _signature(value)
+        if signature is not None:
+            near = self._alike.get(signature)
+            if near is not None and (np.abs(self.values[near] - value) <= _SAME * np.abs(value)).all():
+                self._known[operation] = near
+                return Expression(self, near)
+        made = self._new(operation, value)
+        if signature is not None:
+            self._alike[signature] = made.index
+        return made
+
+    def _new(self, operation: Operation, value: Array, cases: bool = False) -> Expression:
+        self.operations.append(operation)
+        self.values.append(value)
+        self._piecewise.append(cases)
+        index = len(self.operations) - 1
+        self._known[operation] = index
+        if operation.name == "input" and (signature := _signature(value)) is not None:
+            self._alike.setdefault(signature, index)
+        return Expression(self, index)
+
+
+def _signature(value: Array) -> tuple | None:
+    """Return what equal expressions share, but for rare roundings; None where values are not finite."""
+    if not np.isfinite(value).all():
+        return None
+    return tuple(float(f"{number:.9e}") for number in value[:3].tolist())
+
+
+class Expression:
+    """A scalar that is yet to be computed. Sums, products, roots and the like of it write operations down.
+
+    Comparisons give 1 where they hold, else 0; "or" is the larger of two.
+    """
+
+    __array_priority__ = 100.0
+    __slots__ = ("index", "tape")
+
+    def __init__(self, tape: Tape, index: int):
+        self.tape, self.index = tape, index
+
+    @property
+    def values(self) -> Array:
+        """At the sample poses, (S,)."""
+        return self.tape.values[self.index]
+
+    @property
+    def known(self) -> float | None:
+        """The value of a constant, else None."""
+        operation = self.tape.operations[self.index]
+        return operation.value if operation.name == "constant" else None
+
+    def _other(self, other: Any) -> Expression | None:
+        if isinstance(other, Expression):
+            return other
+        if isinstance(other, float | int | np.floating | np.integer | np.bool_):
+            value = float(other)
+            return self.tape.constant(0.0 if abs(value) < _ROUNDING else value)
+        return None
+
+    def _operand(self) -> Operation:
+        return self.tape.operations[self.index]
+
+    def __add__(self, other):
+        b = self._other(other)
+        if b is None:
+            return NotImplemented
+        if b.known == 0:
+            return self
+        if self.known == 0:
+            return b
+        if self.known is not None and b.known is not None:
+            return self.tape.constant(self.known + b.known)
+        if b._operand().name == "neg":
+            return self - Expression(self.tape, b._operand().a)
+        if self._operand().name == "neg":
+            return b - Expression(self.tape, self._operand().a)
+        return self.tape.apply("add", self, b)
+
+    __radd__ = __add__
+
+    def __sub__(self, other):
+        b = self._other(other)
+        if b is None:
+            return NotImplemented
+        if b.known == 0:
+            return self
+        if b.index == self.index:
+            return self.tape.constant(0.0)
+        if self.known == 0:
+            return -b
+        if self.known is not None and b.known is not None:
+            return self.tape.constant(self.known - b.known)
+        if b._operand().name == "neg":
+            return self + Expression(self.tape, b._operand().a)
+        return self.tape.apply("sub", self, b)
+
+    def __rsub__(self, other):
+        b = self._other(other)
+        return NotImplemented if b is None else b - self
+
+    def __mul__(self, other):
+        b = self._other(other)
+        if b is None:
+            return NotImplemented
+        for one, two in ((self, b), (b, self)):
+            if one.known == 0:
+                return self.tape.constant(0.0)
+            if one.known == 1:
+                return two
+            if one.known == -1:
+                return -two
+        if self.known is not None and b.known is not None:
+            return self.tape.constant(self.known * b.known)
+        if self._operand().name == "neg":
+            return -(Expression(self.tape, self._operand().a) * b)
+        if b._operand().name == "neg":
+            return -(self * Expression(self.tape, b._operand().a))
+        return self.tape.apply("mul", self, b)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other):
+        b = self._other(other)
+        if b is None:
+            return NotImplemented
+        if self.known == 0:
+            return self
+        if b.known is not None:
+            return self * (1.0 / b.known) if self.known is None else self.tape.constant(self.known / b.known)
+        return self.tape.apply("div", self, b)
+
+    def __rtruediv__(self, other):
+        b = self._other(other)
+        return NotImplemented if b is None else b / self
+
+    def __neg__(self):
+        if self.known is not None:
+            return self.tape.constant(-self.known)
+        if self._operand().name == "neg":
+            return Expression(self.tape, self._operand().a)
+        return self.tape.apply("neg", self)
+
+    def __pow__(self, power):
+        if power != int(power) or power < 1:
+            return NotImplemented
+        result = self
+        for _ in range(int(power) - 1):
+            result = result * self
+        return result
+
+    def _function(self, name: str) -> Expression:
+        if self.known is not None:
+            return self.tape.constant(float(_FUNCTIONS[name](self.known)))
+        return self.tape.apply(name, self)
+
+    def sqrt(self):
+        return self._function("sqrt")
+
+    def sin(self):
+        return self._function("sin")
+
+    def cos(self):
+        return self._function("cos")
+
+    def tan(self):
+        return self._function("tan")
+
+    def arccos(self):
+        return self._function("arccos")
+
+    def rint(self):
+        return self._function("rint")
+
+    def __abs__(self):
+        return self._function("abs")
+
+    def __le__(self, other):
+        b = self._other(other)
+        return NotImplemented if b is None else self.tape.apply("le", self, b)
+
+    def __ge__(self, other):
+        b = self._other(other)
+        return NotImplemented if b is None else self.tape.apply("le", b, self)
+
+    def __or__(self, other):
+        b = self._other(other)
+        return NotImplemented if b is None else self.tape.apply("max", self, b)
+
+    __ror__ = __or__
+
+    def arctan2(self, other):
+        return self.tape.apply("arctan2", self, self._other(other))
+
+    def hypot(self, other):
+        return self.tape.apply("hypot", self, self._other(other))
+
+
+def largest(values: Sequence[Any]) -> Any:
+    """Return the largest of some expressions, or elementwise of some arrays."""
+    return _reduced("max", values)
+
+
+def least(values: Sequence[Any]) -> Any:
+    """Return the least of some expressions, or elementwise of some arrays."""
+    return _reduced("min", values)
+
+
+def _reduced(name: str, values: Sequence[Any]) -> Any:
+    result, *others = values
+    for value in others:
+        if isinstance(result, Expression):
+            result = result.tape.apply(name, result, value)
+        else:
+            result = _BINARY[name](result, value)
+    return result
+
+
+def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
+    """Return the solution (n, c) of a square system (n, n) of expressions, and its pivots.
+
+    Gauss's elimination, the order of pivots settled by the samples: few operations first, as long as the pivot is not
+    small against its rivals at any of them. Raises ZeroDivisionError where no pivot is left.
+    """
+    a, b = matrix.copy(), right.copy()
+    size = len(a)
+    rows, columns = list(range(size)), list(range(size))
+    order: list[tuple[int, int]] = []
+    pivots: list[Expression] = []
+    zero = _is_zero(a)
+    magnitude = _magnitudes(a, zero)
+    while rows:
+        row, column = _pivot(magnitude, zero, rows, columns)
+        order.append((row, column))
+        pivots.append(a[row, column])
+        rows.remove(row)
+        columns.remove(column)
+        for other in rows:
+            if zero[other, column]:
+                continue
+            factor = a[other, column] / a[row, column]
+            for k in columns:
+                if not zero[row, k]:
+                    a[other, k] = a[other, k] - factor * a[row, k]
+                    zero[other, k] = _vanishes(a[other, k])
+                    magnitude[:, other, k] = 0.0 if zero[other, k] else np.abs(a[other, k].values)
+            for k in range(b.shape[1]):
+                if not _vanishes(b[row, k]):
+                    b[other, k] = b[other, k] - factor * b[row, k]
+            zero[other, column] = True
+    solution = np.empty((size, b.shape[1]), object)
+    for row, column in reversed(order):
+        for k in range(b.shape[1]):
+            value = b[row, k]
+            for other in (c for _, c in order[order.index((row, column)) + 1 :]):
+                if not zero[row, other]:
+                    value = value - a[row, other] * solution[other, k]
+            solution[column, k] = value / a[row, column]
+    return solution, pivots
+
+
+def _pivot(magnitude: Array, zero: NDArray[np.bool_], rows: list[int], columns: list[int]) -> tuple[int, int]:
+    """Return the pivot of the least fill among those that are large enough."""
+    part = np.ix_(rows, columns)
+    sizes = magnitude[:, rows][:, :, columns]
+    rival = np.maximum(sizes.max(axis=2, keepdims=True), 1e-300)
+    good = (sizes >= _PIVOT * rival).all(axis=0) & ~zero[part]
+    if not good.any():
+        share = np.where(zero[part], 0.0, (sizes / rival).min(axis=0))
+        if not share.any():
+            raise ZeroDivisionError("singular at the samples")
+        good = share == share.max()
+    filled = ~zero[part]
+    cost = (filled.sum(axis=1)[:, None] - 1) * (filled.sum(axis=0)[None] - 1)
+    place = np.argmin(np.where(good, cost, np.inf))
+    row, column = np.unravel_index(place, cost.shape)
+    return rows[int(row)], columns[int(column)]
+
+
+def _vanishes(value: Any) -> bool:
+    known = value.known if isinstance(value, Expression) else value
+    return known is not None and known == 0
+
+
+def _is_zero(matrix: Array) -> NDArray[np.bool_]:
+    return np.array([[_vanishes(value) for value in row] for row in matrix], bool).reshape(matrix.shape)
+
+
+def _magnitudes(matrix: Array, zero: NDArray[np.bool_]) -> Array:
+    samples = next(value for value in matrix.flat if isinstance(value, Expression)).tape._samples
+    out = np.zeros((samples, *matrix.shape))
+    for index, value in np.ndenumerate(matrix):
+        if not zero[index]:
+            out.transpose(1, 2, 0)[index] = np.abs(value.values if isinstance(value, Expression) else float(value))
+    return out
+
+
+class Program:
+    """What a tape computes from its inputs, without what no output needs. Immutable; it pickles."""
+
+    def __init__(self, tape: Tape, outputs: Sequence[Any]):
+        """`outputs` are expressions, or numbers."""
+        given = [value if isinstance(value, Expression) else tape.constant(float(value)) for value in outputs]
+        needed = np.zeros(len(tape.operations), bool)
+        waiting = [value.index for value in given]
+        while waiting:
+            index = waiting.pop()
+            if not needed[index]:
+                needed[index] = True
+                operation = tape.operations[index]
+                waiting += [at for at in (operation.a, operation.b) if at >= 0]
+        self.inputs = sum(operation.name == "input" for operation in tape.operations)
+        place: dict[int, int] = {-1: -1}
+        self.operations: list[Operation] = []
+        for index in np.flatnonzero(needed).tolist():
+            operation = tape.operations[index]
+            place[index] = len(self.operations)
+            self.operations.append(operation._replace(a=place[operation.a], b=place[operation.b]))
+        self.outputs = [place[value.index] for value in given]
+
+    def __len__(self) -> int:
+        return sum(operation.name not in ("input", "constant") for operation in self.operations)
+
+    def run(self, inputs: Array) -> Array:
+        """Return the outputs (m, n) of inputs (k, n), a column a pose, by numpy."""
+        count = inputs.shape[1]
+        last = self._last_uses()
+        held: list[Any] = [None] * len(self.operations)
+        free: list[Array] = []
+        keep = set(self.outputs)
+        for index, operation in enumerate(self.operations):
+            if operation.name == "input":
+                held[index] = inputs[int(operation.value)]
+                continue
+            if operation.name == "constant":
+                held[index] = operation.value
+                continue
+            out = free.pop() if free else np.empty(count)
+            if operation.b < 0:
+                _FUNCTIONS[operation.name](held[operation.a], out=out)
+            else:
+                _FUNCTIONS[operation.name](held[operation.a], held[operation.b], out=out)
+            held[index] = out
+            for at in last[index]:
+                if at not in keep and self.operations[at].name not in ("input", "constant"):
+                    free.append(held[at])
+                    held[at] = None
+        result = np.empty((len(self.outputs), count))
+        for row, at in enumerate(self.outputs):
+            result[row] = held[at]
+        return result
+
+    def _last_uses(self) -> list[list[int]]:
+        """Return by operation which earlier ones are not needed after it."""
+        last: dict[int, int] = {}
+        for index, operation in enumerate(self.operations):
+            for at in (operation.a, operation.b):
+                if at >= 0:
+                    last[at] = index
+        gone: list[list[int]] = [[] for _ in self.operations]
+        for at, index in last.items():
+            gone[index].append(at)
+        return gone
+
+
+class Pipeline(NamedTuple):
+    """From coordinates x (t,) to outputs: y = start(x); Newton's steps y -= step(y, x); outputs of final(y, x).
+
+    Without `step` the start is the solution. The outputs are followed by 0 where the steps have ended, else 1, and by
+    the sum of their lengths. Each pose stops by itself: when a step is so short that the next one is rounding, or when
+    it is so long that Newton's method would be lost.
+    """
+
+    start: Program
+    step: Program | None
+    final: Program
+
+    def run(self, inputs: Array) -> Array:
+        """Return outputs, failure and way (m + 2, n) of coordinates (t, n) by numpy."""
+        y = self.start.run(inputs)
+        way, failed = np.zeros(inputs.shape[1]), np.zeros(inputs.shape[1])
+        if self.step is not None:
+            failed[:] = 1.0
+            busy = np.arange(inputs.shape[1])
+            for _ in range(STEPS):
+                step = self.step.run(np.concatenate((y[:, busy], inputs[:, busy])))
+                squared = step[0] * step[0]
+                for part in step[1:]:
+                    squared = squared + part * part
+                near = squared <= LONG
+                busy, step, squared = busy[near], step[:, near], squared[near]
+                y[:, busy] -= step
+                way[busy] += np.sqrt(squared)
+                failed[busy[squared <= SHORT]] = 0.0
+                busy = busy[squared > SHORT]
+                if not len(busy):
+                    break
+        return np.concatenate((self.final.run(np.concatenate((y, inputs))), failed[None], way[None]))
+
+
+#: Newton's method: most steps; squares of the length [m, rad] below which a step is the last, above which it is lost.
+STEPS, SHORT, LONG = 8, 1e-16, 0.01

@@ -1,0 +1,210 @@
+"""One mechanism's question as a pipeline of straight lines: start, Newton's steps, and what was asked for.
+
+The equations are those of `kinematics` and `statics`, which are handed expressions instead of numbers. What cannot be
+written so (redundant loops, modules whose equation asks which case holds) is told by None.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import NEGLIGIBLE_ENERGY, Expression, Pipeline, Program, Tape, eliminated, least
+from ..kinematics import SURE, ClosedPose, ManyPoses, PassiveBalance
+from ..spatial import Array
+from ..statics import StaticsLayout, problems_of
+from .quantities import QUANTITIES, Asked, Quantity, Solved
+
+__all__ = ["Written", "written"]
+
+#: Sample poses, and how far joints are moved away from closed loops where Newton's steps are sampled [m, rad].
+_SAMPLES, _APART = 16, 0.03
+#: Part of the ball about home from which samples are drawn, and joints' turns [rad] where there is none.
+_BALL, _TURN = 0.6, 3.0
+#: A pivot this much smaller than at any sample is looked at again.
+_SMALL_PIVOT = 1e-3
+#: Rounding allowed beyond a joint's limit [m, rad].
+_AT_LIMIT = 1e-9
+
+
+class Written(NamedTuple):
+    """A pipeline, and where its outputs stand: (quantity, first column, columns); `good` is 1 where they hold."""
+
+    pipeline: Pipeline
+    places: tuple[tuple[str, slice], ...]
+    good: int
+
+    def accepted(self, out: Array) -> NDArray[np.bool_]:
+        """Return which rows of outputs (n, m + 2) hold, (n,)."""
+        return (out[:, self.good] == 1.0) & (out[:, -2] == 0.0) & (out[:, -1] <= SURE)
+
+
+class _Solver:
+    """Stands in the place of an inverse matrix: solves instead of multiplying, and remembers the pivots."""
+
+    ndim = 0
+
+    def __init__(self, matrix: Array):
+        self._matrix = matrix
+        self.pivots: list[Expression] = []
+
+    def __matmul__(self, right: Array) -> Array:
+        solution, pivots = eliminated(self._matrix, right)
+        self.pivots += pivots
+        return solution
+
+
+class _WrittenSolved(Solved):
+    """Statics as expressions."""
+
+    @property
+    def K(self) -> Array:  # noqa: N802
+        k, self.condition = self._inverted
+        return k
+
+    @property
+    def _inverted(self) -> tuple[Array, Expression]:
+        if "_k" not in self.__dict__:
+            scaled = self.C * self.scaling
+            inverse, _ = eliminated(scaled, np.eye(6).astype(object))
+            k = inverse * self.scaling
+            bound = (inverse * inverse).sum() * (scaled * scaled).sum()
+            self.__dict__["_k"] = (k + k.T) * 0.5, bound
+        return self.__dict__["_k"]
+
+
+def written(many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked) -> Written | None:
+    """Return the pipeline of a question, or None where it cannot be written as straight lines."""
+    try:
+        return _Writer(many, layout, scaling, asked).written()
+    except (TypeError, ValueError, ZeroDivisionError, AttributeError, _NotWrittenError):
+        return None
+
+
+class _NotWrittenError(Exception):
+    pass
+
+
+class _Writer:
+    def __init__(self, many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked):
+        self.many, self.layout, self.scaling, self.asked = many, layout, scaling, asked
+        self.mechanism = many.mechanism
+        self.kinematics = many.kinematics
+        self.looped = bool(self.mechanism.loops) or bool(self.mechanism.tasks)
+        if self.looped and self.mechanism.model.nq != self.mechanism.model.nv:
+            raise _NotWrittenError
+        generator = np.random.default_rng(0)
+        if self.looped:
+            polynomial = self.kinematics.start.widest if self.mechanism.tasks else None
+            if polynomial is None:
+                raise _NotWrittenError
+            self.polynomial = polynomial
+            t = len(many.names)
+            # A coordinate that enters linearly reaches far: samples stay where the robot is.
+            scale = np.array([self.kinematics.length if many.task.units[name] == "m" else 1.0 for name in many.names])
+            reach = 1 / np.maximum(polynomial.factor, 0.9 / scale)
+            x = generator.uniform(-1, 1, (_SAMPLES, t))
+            x *= _BALL / np.maximum(1.0, np.linalg.norm(x, axis=1, keepdims=True))
+            self.coordinates = self.kinematics.start.coordinates + x * reach
+            motions, _ = polynomial.of_many(self.coordinates - self.kinematics.start.coordinates)
+            settled = many.settle(many.tree.moved(self.kinematics.home, motions), self.coordinates)
+            if not settled.converged.all():
+                raise _NotWrittenError
+            self.q = settled.q
+        else:
+            joints = [self.mechanism.joint(name) for name in many.names]
+            size = np.where([joint.slides for joint in joints], self.kinematics.length, _TURN)
+            self.coordinates = generator.uniform(-size, size, (_SAMPLES, len(joints)))
+            self.q = many.reach(self.coordinates).q
+        self.apart = self.q + generator.uniform(-_APART, _APART, self.q.shape)
+
+    def written(self) -> Written:
+        final, places, good = self._final()
+        return Written(Pipeline(self._start(), self._step() if self.looped else None, final), places, good)
+
+    def _start(self) -> Program:
+        tape = Tape(_SAMPLES)
+        x = tape.inputs(self.coordinates)
+        home = self.kinematics.home
+        if self.looped:
+            motion, _ = self.polynomial.written(x - self.kinematics.start.coordinates)
+            return Program(tape, list(home + motion))
+        q: list[Any] = list(home)
+        for column, name in enumerate(self.many.names):
+            joint = self.mechanism.joint(name)
+            if joint.nq == 1:
+                q[joint.first_q] = x[column]
+            else:
+                q[joint.first_q], q[joint.first_q + 1] = np.cos(x[column]), np.sin(x[column])
+        return Program(tape, q)
+
+    def _step(self) -> Program:
+        many, tape = self.many, Tape(_SAMPLES)
+        given = tape.inputs(np.hstack((self.apart, self.coordinates)))
+        q, target = given[: self.q.shape[1]], given[self.q.shape[1] :]
+        placements = many.tree.placements(q)
+        jacobian = many.tree.jacobian(placements)
+        gaps = many.closure.gaps(placements)
+        values, rates = many.task.of_many(placements)
+        error = np.concatenate((gaps.gap, many.task.less(values, target)))
+        closure = many.closure.jacobian(gaps.wrenches, jacobian)
+        matrix = np.concatenate((closure, (rates @ jacobian) * many.task.moves))
+        if matrix.shape[0] != matrix.shape[1]:
+            raise _NotWrittenError
+        return Program(tape, list(eliminated(matrix, error[:, None])[0][:, 0]))
+
+    def _final(self) -> tuple[Program, tuple[tuple[str, slice], ...], int]:
+        many, tape = self.many, Tape(_SAMPLES)
+        given = tape.inputs(np.hstack((self.q, self.coordinates)))
+        q, x = given[: self.q.shape[1]], given[self.q.shape[1] :]
+        conditions = self._limits(q)
+        if self.looped:
+            _, distance = self.polynomial.written(x - self.kinematics.start.coordinates)
+            conditions.append(distance <= 1.0)
+        placements = many.tree.placements(q)
+        jacobian = many.tree.jacobian(placements)
+        gaps = many.closure.gaps(placements)
+        if self.looped:
+            conditions += many.closure.assembled_conditions(gaps.turn)
+        closure = many.closure.jacobian(gaps.wrenches, jacobian)
+        columns = closure[:, self.mechanism.free_dofs]
+        if columns.shape[0] != columns.shape[1]:
+            raise _NotWrittenError
+        solver = _Solver(columns.T)
+        none = np.zeros((len(columns), 0))
+        balance = PassiveBalance(solver, none, none)  # type: ignore[arg-type]
+        pose = ClosedPose(self.mechanism, q, placements, jacobian, closure, gaps.wrenches, balance, gaps.gap, {})
+        solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked)
+        asked = [QUANTITIES[name] for name in self.asked.quantities]
+        outputs: list[Any] = []
+        places = []
+        for item in self._computed(asked):
+            entries = np.asarray(item.value(solved), object).ravel()
+            places.append((item.name, slice(len(outputs), len(outputs) + len(entries))))
+            outputs += list(entries)
+        if any(item.elastic for item in asked):
+            for problems in problems_of(solved.statics):
+                conditions += [1.0 - flag for flag in problems.ravel() if isinstance(flag, Expression)]
+        if any(item.stiff for item in asked):
+            conditions.append(solved._inverted[1] <= (0.1 / NEGLIGIBLE_ENERGY) ** 2)
+        for pivot in solver.pivots:
+            size = float(np.abs(pivot.values).min())
+            if pivot.known is None:
+                conditions.append(abs(pivot) >= _SMALL_PIVOT * size)
+        good = least([tape.constant(1.0), *conditions])
+        return Program(tape, [*outputs, good]), tuple(places), len(outputs)
+
+    def _computed(self, asked: list[Quantity]) -> list[Quantity]:
+        """Return what is computed by the pipeline: K in the place of what follows from it."""
+        names = dict.fromkeys("K" if item.of_k else item.name for item in asked)
+        return [QUANTITIES[name] for name in names]
+
+    def _limits(self, q: Array) -> list[Expression]:
+        """Return conditions that are 1 where the joints stand within their limits."""
+        if not self.looped and not self.mechanism.description.described:
+            return []
+        lower, upper = self.kinematics.lower, self.kinematics.upper
+        conditions = [q[at] >= lower[at] - _AT_LIMIT for at in np.flatnonzero(np.isfinite(lower))]
+        return conditions + [q[at] <= upper[at] + _AT_LIMIT for at in np.flatnonzero(np.isfinite(upper))]

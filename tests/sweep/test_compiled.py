@@ -1,0 +1,200 @@
+"""The same equations as machine code: the same numbers, whatever stands beside a pose."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.kernel import Machine, Pipeline, Program, Tape, eliminated, largest
+
+from .test_sweep import CASES, FORCE, MOMENT, drawn, loaded
+
+#: What can be compiled for each robot.
+ASKED = {
+    "3prup": ["C", "K", "extremes", "extreme_components", "shares", "joints", "eigenvalues", "ksi"],
+    "six_ups": ["C", "K", "extremes", "actuators", "position"],
+    "ur5": ["C", "K", "extremes", "shares", "q"],
+}
+
+
+@pytest.fixture(scope="module", params=ASKED)
+def compared(request):
+    robot, ends = loaded(request.param)
+    rows = drawn(ends, 1003, seed=5)
+    how = {"poses": rows, "quantities": ASKED[request.param], "force": FORCE, "moment": MOMENT}
+    return robot, robot.sweep(**how), robot.sweep(**how, compiled=True), how
+
+
+def test_machine_code_agrees_with_arrays(compared):
+    _, arrays, compiled, how = compared
+    assert not compiled.remarks
+    assert (compiled.status == arrays.status).all()
+    ok = arrays.ok
+    assert ok.sum() > 900
+    for name in how["quantities"]:
+        ours, theirs = (s[name][ok].reshape(ok.sum(), -1) for s in (compiled, arrays))
+        scale = np.abs(theirs).max(axis=1)
+        exact = np.full(len(scale), 1e-10)
+        if name in ("K", "eigenvalues"):  # an inverse is as exact as C's condition lets it be
+            c = arrays["C"][ok]
+            side = np.sqrt(np.diagonal(c, axis1=-2, axis2=-1))
+            exact = np.maximum(exact, 1e-15 * np.linalg.cond(c / (side[:, :, None] * side[:, None])))
+        assert (np.abs(ours - theirs).max(axis=1) <= exact * scale).all(), name
+
+
+def test_bits_do_not_depend_on_the_company(compared):
+    robot, _, compiled, how = compared
+    for size in (1, 5, 8, 13):
+        for start in (0, 3, 700):
+            some = {**how, "poses": how["poses"][start : start + size]}
+            part = robot.sweep(**some, compiled=True)
+            for name in how["quantities"]:
+                np.testing.assert_array_equal(part[name], compiled[name][start : start + size])
+
+
+def test_most_poses_are_the_machines_own(compared):
+    _, _, compiled, how = compared
+    engine = compiled._engine
+    out = Machine(engine.written.pipeline).run(how["poses"])
+    assert engine.written.accepted(out).mean() > 0.9
+
+
+def test_what_cannot_be_compiled_is_said_and_solved_by_arrays():
+    robot, ends = loaded("five_bar")
+    rows = drawn(ends, 20)
+    s = robot.sweep(poses=rows, quantities=["C"], compiled=True)
+    assert "cannot be compiled" in s.remarks[0]
+    np.testing.assert_array_equal(s["C"], robot.sweep(poses=rows, quantities=["C"])["C"])
+
+
+def test_poses_beyond_reach_have_the_same_status():
+    robot, _ = loaded("3prup")
+    rows = drawn(np.array([(0.05, 0.7), (-1.2, 1.2), (-1.2, 1.2)]), 300)
+    arrays, compiled = (robot.sweep(poses=rows, quantities=["C"], compiled=how) for how in (False, True))
+    assert (arrays.status == compiled.status).all()
+    assert 50 < arrays.ok.sum() < 250
+
+
+def test_without_llvmlite_the_extra_is_named(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
+    robot, _ = loaded("3prup")
+    with pytest.raises(prup_pin.MissingExtraError, match=r"llvmlite.*compiled"):
+        robot.sweep(z=0.3, theta=0.0, phi=0.0, compiled=True)
+    assert robot.sweep(z=0.3, theta=0.0, phi=0.0).ok.all()
+
+
+# -- the kernel's programs ---------------------------------------------------------------------------------------------
+
+
+def traced(function, count, samples=8, low=-1.0, high=1.0):
+    """A program of a function of `count` numbers, and inputs to try it on."""
+    generator = np.random.default_rng(1)
+    tape = Tape(samples)
+    given = tape.inputs(generator.uniform(low, high, (samples, count)))
+    return Program(tape, list(function(*given))), generator.uniform(low, high, (count, 50))
+
+
+def machine_of(program, count):
+    """A machine that does nothing but run a program."""
+    tape = Tape(2)
+    x = tape.inputs(np.ones((2, count)))
+    nothing = Program(Tape(2), [])
+    nothing.inputs = count
+    assert len(x) == count
+    return Machine(Pipeline(nothing, None, program))
+
+
+FUNCTIONS = {
+    "trigonometry": (lambda a, b: (np.sin(a), np.cos(b), np.tan(a * 0.1), np.arctan2(a, b)), 2, (-40.0, 40.0)),
+    "roots": (lambda a, b: (np.sqrt(a * a + 1), np.hypot(a, b), 1 / (a + 3), a**3), 2, (-2.0, 2.0)),
+    "cases": (lambda a, b: (largest([a, b]), abs(a), np.rint(3 * a), a <= b), 2, (-2.0, 2.0)),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_program_computes_its_function(name):
+    function, count, (low, high) = FUNCTIONS[name]
+    program, inputs = traced(function, count, low=low, high=high)
+    plain = {
+        "trigonometry": lambda a, b: (np.sin(a), np.cos(b), np.tan(a * 0.1), np.arctan2(a, b)),
+        "roots": lambda a, b: (np.sqrt(a * a + 1), np.hypot(a, b), 1 / (a + 3), a**3),
+        "cases": lambda a, b: (np.maximum(a, b), np.abs(a), np.rint(3 * a), (a <= b).astype(float)),
+    }[name]
+    expected = np.array(plain(*inputs))
+    np.testing.assert_allclose(program.run(inputs), expected, rtol=1e-15, atol=1e-15)
+    assert program.inputs == count
+    compiled = machine_of(program, count).run(inputs.T.copy())[:, :-2].T
+    np.testing.assert_allclose(compiled, expected, rtol=2e-14, atol=4e-16)
+
+
+def test_zeros_ones_and_what_is_known_are_left_out():
+    program, _ = traced(lambda a, b: (a * 0.0 + b * 1.0, (a + b) - (b + a), a * b - b * a + a), 2)
+    assert len(program) == 0
+    # sin^2 + cos^2 is found to be one: it is at every sample.
+    program, inputs = traced(lambda a, b: (b * (np.sin(a) ** 2 + np.cos(a) ** 2), a), 2)
+    assert len(program) == 0
+    np.testing.assert_array_equal(program.run(inputs)[0], inputs[1])
+
+
+def test_what_is_the_same_at_the_samples_by_cases_is_not_taken_for_equal():
+    """At all samples a is the larger one; elsewhere it is not."""
+    tape = Tape(4)
+    a, b = tape.inputs(np.array([[1.0, 0.1], [2.0, 0.2], [3.0, 0.3], [1.5, 0.7]]))
+    program = Program(tape, [largest([a, b]), abs(b), np.sqrt(largest([a, b])) - np.sqrt(a)])
+    np.testing.assert_allclose(program.run(np.array([[1.0], [-4.0]])), [[1.0], [4.0], [0.0]])
+    np.testing.assert_allclose(program.run(np.array([[1.0], [4.0]])), [[4.0], [4.0], [1.0]])
+
+
+def test_elimination_solves():
+    generator = np.random.default_rng(3)
+    tape = Tape(6)
+    given = tape.inputs(generator.normal(size=(6, 16)))
+    matrix = given.reshape(4, 4).copy()
+    matrix[0, 1] = matrix[3, 2] = matrix[2, 0] = tape.constant(0.0)
+    solution, pivots = eliminated(matrix, np.eye(4).astype(object))
+    assert len(pivots) == 4
+    inputs = generator.normal(size=(16, 30))
+    found = Program(tape, list(solution.ravel())).run(inputs).T.reshape(30, 4, 4)
+    numbers = inputs.T.reshape(30, 4, 4).copy()
+    numbers[:, 0, 1] = numbers[:, 3, 2] = numbers[:, 2, 0] = 0
+    np.testing.assert_allclose(found @ numbers, np.broadcast_to(np.eye(4), (30, 4, 4)), atol=1e-9)
+
+
+def test_elimination_of_a_singular_matrix_is_refused():
+    tape = Tape(6)
+    a, b = tape.inputs(np.random.default_rng(0).normal(size=(6, 2)))
+    with pytest.raises(ZeroDivisionError):
+        eliminated(np.array([[a, b], [2.0 * a, 2.0 * b]]), np.eye(2).astype(object))
+
+
+def test_machines_pickle():
+    program, inputs = traced(lambda a, b: (a * b, np.sin(a)), 2)
+    machine = machine_of(program, 2)
+    again = pickle.loads(pickle.dumps(machine))
+    np.testing.assert_array_equal(again.run(inputs.T.copy()), machine.run(inputs.T.copy()))
+
+
+def test_newtons_steps_stop_pose_by_pose():
+    """x = sqrt(c) from near it; far off the steps are too long, and that is told."""
+    tape = Tape(4)
+    (c,) = tape.inputs(np.array([[1.0], [1.1], [0.9], [1.05]]))
+    start = Program(tape, [1.0 + 0.0 * c, ])  # fmt: skip
+    start.inputs = 1
+    tape = Tape(4)
+    y, c = tape.inputs(np.array([[1.0, 1.0], [1.0, 1.1], [1.1, 0.9], [1.05, 1.05]]))
+    step = Program(tape, [(y * y - c) / (2 * y)])
+    final = Program(tape, [y])
+    pipeline = Pipeline(start, step, final)
+    values = np.array([1.0, 1.15, 0.9, 4.0, 1.01, 0.99, 1.1, 1.2, 1.18])
+    for out in (pipeline.run(values[None]).T, Machine(pipeline).run(values[:, None])):
+        good = values < 2
+        np.testing.assert_allclose(out[good, 0], np.sqrt(values[good]), rtol=1e-15)
+        np.testing.assert_array_equal(out[:, 1], np.where(good, 0.0, 1.0))
+        np.testing.assert_allclose(out[good, 2], np.abs(np.sqrt(values[good]) - 1), rtol=0.1, atol=1e-12)
+
+
+def test_cases_are_drawn_where_robots_can_be():
+    assert set(ASKED) < set(CASES)
