@@ -25,7 +25,7 @@ from .recordings.writer import write_whole
 from .sensitivity import Sensitivity, sensitivity_of
 from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, dimensionless, solve_statics
-from .sweep import SweepResult, sweep
+from .sweep import Engines, SweepResult, sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -183,6 +183,10 @@ class Robot:
         """
         return sensitivity_of(self.equilibrium(pose, wrench, gravity), self.characteristic_length)
 
+    @cached_property
+    def _engines(self) -> Engines:
+        return Engines(self.mechanism, self._kinematics)
+
     def sweep(
         self,
         poses: Any = None,
@@ -223,7 +227,7 @@ class Robot:
             compiled=compiled,
             executor=executor,
             progress=progress,
-            kinematics=self._kinematics,
+            engines=self._engines,
             axes=axes,
         )
 

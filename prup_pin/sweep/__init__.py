@@ -3,6 +3,6 @@
 from .quantities import QUANTITIES, Quantity
 from .result import SweepResult
 from .status import STATUSES
-from .sweep import sweep
+from .sweep import Engines, sweep
 
-__all__ = ["QUANTITIES", "STATUSES", "Quantity", "SweepResult", "sweep"]
+__all__ = ["QUANTITIES", "STATUSES", "Engines", "Quantity", "SweepResult", "sweep"]

@@ -20,8 +20,28 @@ from .quantities import Asked, chosen
 from .result import SweepResult
 from .running import solved_parts
 
-__all__ = ["sweep"]
+__all__ = ["Engines", "sweep"]
 
+
+class Engines:
+    """The engines of one mechanism, each made once: what takes time in a short sweep is written down and compiled."""
+
+    def __init__(self, mechanism: Mechanism, kinematics: LoopKinematics):
+        self._mechanism, self._kinematics = mechanism, kinematics
+        self._made: dict[tuple[Asked, bool], Engine] = {}
+
+    def of(self, asked: Asked, compiled: bool) -> Engine:
+        """Return the engine of a question."""
+        key = asked, compiled
+        if key not in self._made:
+            if len(self._made) >= _ENGINES:
+                self._made.clear()
+            self._made[key] = Engine(self._mechanism, asked, self._kinematics, compiled)
+        return self._made[key]
+
+
+#: So many are kept.
+_ENGINES = 8
 #: Share of the memory that is free which a result may take.
 _SHARE = 0.8
 
@@ -39,12 +59,12 @@ def sweep(
     compiled: bool = False,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
-    kinematics: LoopKinematics | None = None,
+    engines: Engines,
     axes: Mapping[str, Any],
 ) -> SweepResult:
     """Return what is asked for at every pose; see `Robot.sweep`."""
     asked = _asked(quantities, force, moment, wrench)
-    engine = Engine(mechanism, asked, kinematics, compiled)
+    engine = engines.of(asked, compiled)
     engine.check_compiled()
     places = _places(engine.coordinates, poses, axes, draws, seed)
     if any(item.elastic for item in engine.quantities) and not mechanism.modules:
