@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 __all__ = [
     "InfeasibleDesignError",
@@ -31,6 +32,9 @@ __all__ = [
     "UnreachablePoseError",
     "imported",
 ]
+
+
+Entry = TypeVar("Entry")
 
 
 class PrupPinError(Exception):
@@ -92,9 +96,11 @@ class InputError(PrupPinError, ValueError):
 class UnknownNameError(InputError):
     """A name that does not exist, with the nearest ones that do."""
 
-    def __init__(self, kind: str, name: str, valid: Iterable[str], hint: str = ""):
-        self.kind, self.name, self.valid = kind, name, tuple(valid)
-        super().__init__(f"no {kind} named '{name}'. {nearest_names(name, self.valid)}{' ' + hint if hint else ''}")
+    def __init__(self, kind: str, name: object, valid: Iterable[str], hint: str = ""):
+        self.kind, self.name, self.valid = kind, str(name), tuple(valid)
+        given = f"'{name}'" if isinstance(name, str) else f"{shortened(name)}: a name is a text"
+        near = nearest_names(self.name, self.valid)
+        super().__init__(f"no {kind} named {given}. {near}{' ' + hint if hint else ''}")
 
 
 class ParameterError(InputError):
@@ -194,6 +200,22 @@ def imported(package: str, extra: str) -> ModuleType:
 
 class JointLimitWarning(UserWarning):
     """A joint value outside the limits of a plain tree's file; the result is still defined."""
+
+
+def named(kind: str, name: object, table: Mapping[str, Entry], hint: str = "") -> Entry:
+    """Return the entry of that name in a table, or raise UnknownNameError."""
+    if isinstance(name, str) and name in table:
+        return table[name]
+    raise UnknownNameError(kind, name, list(table), hint)
+
+
+def shortened(value: object, limit: int = 80) -> str:
+    """Return what was given, as it can stand in a message."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        text = f"a number of the kind {type(value).__name__}"
+    return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
 def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:

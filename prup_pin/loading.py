@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import robots
-from .errors import InputError, ParameterError, UnknownNameError
+from .errors import InputError, ParameterError, named, shortened
 from .mechanism import Mechanism
 from .mechanism.description import KIND_BY_NAME, ModuleDescription, RobotDescription
 from .mechanism.readers import read
@@ -52,16 +54,20 @@ def load(
     if tool is not None:
         changes.update(tool=tool, tool_part=None)
     if actuated is not None:
-        changes["actuated"] = tuple(actuated)
+        changes["actuated"] = _names("actuated", actuated)
     if home is not None:
-        changes["home"] = {**description.home, **home}
+        changes["home"] = {**description.home, **_values("home", home)}
     description = replace(description, **changes)
-    wanted = variant or found_variant
+    wanted = found_variant if variant is None else variant
     if wanted is not None:
-        if wanted not in description.variants:
-            raise UnknownNameError(f"variant of '{description.name}'", wanted, list(description.variants))
+        named(f"variant of '{description.name}'", wanted, description.variants)
         description = description.with_variant(wanted)
     mechanism = Mechanism(description)
+    if tool is not None:
+        mechanism.frame(tool)
+    for name in changes.get("actuated", ()):
+        mechanism.joint(name)
+    mechanism.home_configuration()
     if joint_stiffness is not None:
         mechanism = Mechanism(_with_joint_springs(description, mechanism, joint_stiffness), model=mechanism.model)
     if mechanism.loops and description.actuated is None:
@@ -101,6 +107,24 @@ class Reading:
         )
         robot = robot.with_parameters(self.parameters) if self.parameters else robot
         return robot.with_held_joints(self.held)
+
+
+def _names(what: str, given: Sequence[str]) -> tuple[str, ...]:
+    names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else ()
+    if not all(isinstance(name, str) for name in names) or not (names or isinstance(given, Iterable)):
+        raise InputError(f"{what} = {shortened(given)}: expected names of joints, ['joint', …]")
+    return names
+
+
+def _values(what: str, given: Mapping[str, float]) -> dict[str, float]:
+    """Return finite numbers by name, or raise InputError."""
+    try:
+        values = {name: float(value) for name, value in given.items()}
+    except (AttributeError, OverflowError, TypeError, ValueError):
+        values = {"": np.nan}
+    if not all(isinstance(name, str) and np.isfinite(value) for name, value in values.items()):
+        raise InputError(f"{what} = {shortened(given)}: expected finite numbers by joint, {{'joint': 0.1, …}}")
+    return values
 
 
 def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, stiffness) -> RobotDescription:

@@ -12,15 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ParameterError
+from .errors import ParameterError, shortened
 
-__all__ = ["SMALLEST_TOLERANCE", "Parameter", "Quantity", "Tolerance", "meant_otherwise"]
+__all__ = [
+    "LARGEST_VALUE",
+    "SMALLEST_TOLERANCE",
+    "SMALLEST_VALUE",
+    "Parameter",
+    "Quantity",
+    "Tolerance",
+    "meant_otherwise",
+]
 
 #: No coordinate of a robot is larger: degrees were meant for radians, millimetres for metres.
 _LARGEST = {"rad": (7.0, "degrees", np.pi / 180), "m": (20.0, "mm", 1e-3)}
 
 #: Nothing is made better than this; squares and their inverses stay finite.
 SMALLEST_TOLERANCE = 1e-12
+
+#: Products and fourth powers of values between these sizes, and their inverses, stay finite.
+SMALLEST_VALUE = 1e-50
+LARGEST_VALUE = 1e50
 
 #: A derived default: computed from the module's other values where the robot file says nothing.
 Derivation = Callable[[Mapping[str, Any]], Any]
@@ -58,8 +70,8 @@ class Quantity:
         label = f"{owner}.{self.name}"
         try:
             array = np.asarray(value, float)
-        except (TypeError, ValueError) as error:
-            raise ParameterError(f"{label} = {value!r}: expected a number, {self.expected()}") from error
+        except (OverflowError, TypeError, ValueError) as error:
+            raise ParameterError(f"{label} = {shortened(value)}: expected a number, {self.expected()}") from error
         fits = array.ndim == len(self.shape) and all(
             want in (-1, have) for want, have in zip(self.shape, array.shape, strict=True)
         )
@@ -71,6 +83,11 @@ class Quantity:
         inside = (array > self.lower if self.positive else array >= self.lower) & (array <= self.upper)
         if np.isnan(array).any() or not inside.all():
             raise ParameterError(f"{label} = {value!r} {self.unit}: expected {self.expected()}")
+        sizes = np.abs(array[(array != 0) & np.isfinite(array)])
+        if sizes.size and not SMALLEST_VALUE <= sizes.min() <= sizes.max() <= LARGEST_VALUE:
+            raise ParameterError(
+                f"{label} = {value!r} {self.unit}: expected a size from {SMALLEST_VALUE:g} to {LARGEST_VALUE:g}"
+            )
         return float(array) if not self.shape else array
 
 

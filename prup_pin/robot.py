@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .design import Design, Target, design
-from .errors import InputError, PrupPinError, RobotFileError, UnreachablePoseError, imported
+from .errors import InputError, PrupPinError, RobotFileError, UnreachablePoseError, imported, named, shortened
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
@@ -111,21 +111,16 @@ class Robot:
     def pose(self, **coordinates: float) -> ClosedPose:
         """Return the closed pose at task coordinates of the robot file [m, rad].
 
-        A robot without loops and task coordinates takes its joint positions by name. Raises InputError for unknown,
-        missing or non-finite coordinates, UnreachablePoseError or SingularPoseError with the nearest feasible ones.
+        A robot without loops and task coordinates takes its joint positions by name; joints that are not named stay at
+        home. Raises InputError for unknown, missing or non-finite coordinates, UnreachablePoseError or
+        SingularPoseError with the nearest feasible ones.
         """
-        if self._plain_coordinates and not self.mechanism.tasks:
+        if not self.mechanism.loops and not self.mechanism.tasks:
             return self._pose_of_joints(coordinates)
         return self._kinematics.pose(coordinates)
 
     def _pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
-        names = self._plain_coordinates
-        for name in values:
-            self.mechanism.joint_id(name)
-        missing = [name for name in names if name not in values]
-        if missing:
-            raise InputError(f"missing joint positions: {', '.join(missing)}; give all of {', '.join(names)}")
-        return self.pose_from_actuators([values[name] for name in names])
+        return self._kinematics.pose_of_joints(values)
 
     def pose_from_actuators(self, positions: Sequence[float], near: ClosedPose | None = None) -> ClosedPose:
         """Return the closed pose at actuator positions (in the order of `actuated`) [m, rad].
@@ -133,6 +128,8 @@ class Robot:
         Of several assembly modes, the one connected to home, or to the pose `near`. A tree also takes a whole
         Pinocchio configuration. Raises like `pose`.
         """
+        if near is not None:
+            self._check_own(near, like=True)
         return self._kinematics.pose_from_actuators(positions, near)
 
     def pose_from_configuration(self, q: Sequence[float]) -> ClosedPose:
@@ -155,13 +152,20 @@ class Robot:
         `load` (6,) is the wrench at which nonlinear modules are linearised; none: at rest. Raises PrupPinError where
         no module is compliant, UnreachablePoseError where a module's equation does not hold at this pose.
         """
-        if not pose.mechanism.same_as(self.mechanism):
-            raise InputError(
-                f"this pose belongs to another robot or to other parameters ('{pose.mechanism.name}'); "
-                "ask this robot for it: robot.pose(...)"
-            )
+        self._check_own(pose)
         wrench = None if load is None else as_wrench(load, "load")
         return Compliance(solve_statics(self._statics, pose, wrench), self._scaling, wrench)
+
+    def _check_own(self, pose: ClosedPose, like: bool = False) -> None:
+        """Raise InputError for what is no closed pose of this robot; `like`: of one with its joints will do."""
+        if not isinstance(pose, ClosedPose):
+            raise InputError(f"expected a closed pose, robot.pose(...) or robot.home; got {shortened(pose)}")
+        own, other = self.mechanism, pose.mechanism
+        if not (list(own.model.names) == list(other.model.names) if like else other.same_as(own)):
+            raise InputError(
+                f"this pose belongs to another robot or to other parameters ('{other.name}'); "
+                "ask this robot for it: robot.pose(...)"
+            )
 
     def equilibrium(
         self, pose: ClosedPose, wrench, gravity: ArrayLike = False, spread_weight: bool = False
@@ -173,6 +177,7 @@ class Robot:
         that of beams along their length. Raises InputError where the pose belongs to another
         robot, NotConvergedError where no equilibrium is found.
         """
+        self._check_own(pose)
         return find_loaded_pose(self._chain, pose, wrench, self._scaling, gravity, spread_weight)
 
     def sensitivity(self, pose: ClosedPose, wrench, gravity: ArrayLike = False) -> Sensitivity:
@@ -270,6 +275,7 @@ class Robot:
 
     def mobility(self, pose: ClosedPose) -> Mobility:
         """Return rank, mobility, idle joints and redundant closures at a pose."""
+        self._check_own(pose)
         return mobility(self._kinematics, pose)
 
     def view(
@@ -321,6 +327,10 @@ class Robot:
         Values that were given for the old value of what changes (an area tabulated for the old diameter) are derived
         anew. Raises UnknownNameError, ParameterError.
         """
+        if not isinstance(changes, Mapping):
+            raise InputError(
+                f"expected values by name, {{'leg1/linear_rod.diameter': 0.022}}; got {shortened(changes)}"
+            )
         return self._with(self.mechanism.with_parameters(changes))
 
     def with_locked_joints(self, names: Iterable[str]) -> Robot:
@@ -329,7 +339,10 @@ class Robot:
         Kinematics do not change; the joint then carries load along itself, which can make the mechanism
         overconstrained. Raises UnknownNameError.
         """
-        return self._with(self.mechanism.with_locked_joints([names] if isinstance(names, str) else list(names)))
+        each = [names] if isinstance(names, str) else list(names)
+        for name in each:
+            named("movable joint", name, {joint.name: joint for joint in self.mechanism.joints})
+        return self._with(self.mechanism.with_locked_joints(each))
 
     def with_tool(self, frame: str) -> Robot:
         """Return the robot with another tool frame, on which loads act. Raises UnknownNameError."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from .errors import PrupPinError, UnknownNameError
+from .errors import InputError, PrupPinError, UnknownNameError
 
 #: Robots of example-robot-data by the names its users know: folder and file below `robots/`.
 EXAMPLE_ROBOTS: Mapping[str, str] = {
@@ -74,8 +74,8 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     A name is a packaged robot, '<packaged>_<variant>', or one of example-robot-data. Anything with a folder or an
     ending is a path. Raises UnknownNameError with the nearest names.
     """
-    path = Path(name).expanduser()
-    if path.suffix or len(path.parts) > 1 or path.is_file():
+    path = as_path(name)
+    if path.suffix or len(path.parts) > 1 or is_file(path):
         return path, (), None
     packaged = packaged_folder()
     for known in sorted(packaged_names(), key=len, reverse=True):
@@ -91,9 +91,28 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     raise UnknownNameError("robot", name, (*packaged_names(), *EXAMPLE_ROBOTS), "A path to a file works too.")
 
 
+def as_path(name: str | Path) -> Path:
+    """Return a path with ~ replaced by the user's home, as far as there is such a user."""
+    try:
+        return Path(name).expanduser()
+    except RuntimeError:
+        return Path(name)
+
+
+def is_file(path: Path) -> bool:
+    """Return True where there is such a file; a path that no file can have (too long, a NUL character) is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def folders(extra: Sequence[str | Path] | str | Path | None) -> tuple[Path, ...]:
     """Return declared package folders as paths."""
     if extra is None:
         return ()
     items: Iterable[str | Path] = (extra,) if isinstance(extra, str | Path) else extra
-    return tuple(Path(item).expanduser().resolve() for item in items)
+    try:
+        return tuple(as_path(item).resolve() for item in items)
+    except (OSError, RuntimeError, TypeError, ValueError) as error:
+        raise InputError(f"package_folders: {extra!r}: expected paths of folders ({error})") from error

@@ -16,7 +16,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, UnknownNameError
+from .errors import InputError, UnknownNameError, shortened
 
 Array = NDArray[np.float64]
 
@@ -107,15 +107,20 @@ def as_wrench(value, name: str = "wrench") -> Array:
         wrench = np.zeros(6)
         for key, component in value.items():
             if key not in WRENCH_NAMES:
-                raise UnknownNameError(f"component of a {name}", str(key), WRENCH_NAMES)
-            wrench[WRENCH_NAMES.index(key)] = component
+                raise UnknownNameError(f"component of a {name}", key, WRENCH_NAMES)
+            try:
+                wrench[WRENCH_NAMES.index(key)] = component
+            except (OverflowError, TypeError, ValueError) as error:
+                unit = "N" if key[0] == "f" else "N m"
+                given = f"{key} = {shortened(component)}"
+                raise InputError(f"{name}: {given}: expected a finite number [{unit}]") from error
         value = wrench
     try:
         wrench = np.asarray(value, float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} must be six numbers fx fy fz mx my mz [N, N m]; got {value!r}") from error
+    except (OverflowError, TypeError, ValueError) as error:
+        raise InputError(f"{name} must be six numbers fx fy fz mx my mz [N, N m]; got {shortened(value)}") from error
     if wrench.shape != (6,) or not np.isfinite(wrench).all():
-        raise InputError(f"{name} must be six finite numbers fx fy fz mx my mz [N, N m]; got {value!r}")
+        raise InputError(f"{name} must be six finite numbers fx fy fz mx my mz [N, N m]; got {shortened(value)}")
     return wrench
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
+from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
@@ -13,6 +16,10 @@ from ..errors import PrupPinError
 from ..views.text import terminal
 
 __all__ = ["app", "main"]
+
+
+#: A full device, a closed pipe.
+_NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
 
 
 class _Group(TyperGroup):
@@ -59,4 +66,15 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal without µ prints a question mark
-    app()
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        if error.errno not in _NOT_WRITTEN:
+            raise
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - what was not written is not tried again at the end
+        with suppress(OSError):
+            typer.echo(f"Error: cannot write to standard output: {error.strerror}", err=True)
+        sys.exit(1 if error.errno == errno.EPIPE else 2)

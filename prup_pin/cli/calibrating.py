@@ -10,7 +10,7 @@ import typer
 from ..recordings import read_recording
 from ..views.text import terminal
 from . import progress
-from .files import list_written
+from .files import check_folder, list_written
 from .options import (
     Reading,
     RecordingFiles,
@@ -39,6 +39,7 @@ def calibrate(
     from ..simulation import CorrectedModel, as_recorded, write_model
     from ..views.text.calibration_text import print_calibration
 
+    check_folder(out, "--out", whole=True)
     read = [with_tolerances(read_recording(path), tolerances) for path in recordings]
     name = robot or robot_of_all(read)
     loaded, understood = reading.changed(name, set_parameters)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..errors import InputError
+from ..recordings.writer import writable, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,23 +36,45 @@ def file_name(name: str) -> str:
     return re.sub(r"[^\w.-]+", "_", name).strip("._-")[:80] or "robot"
 
 
-def check_folder(path: Path | None, option: str) -> None:
-    """Raise InputError, before anything is computed, where a file cannot be written."""
+def check_folder(path: Path | None, option: str, whole: bool = False) -> None:
+    """Raise InputError, before anything is computed, where a file cannot be written.
+
+    whole: nor may a pipe or a device stand there.
+    """
     if path is None:
         return
-    if path.is_dir():
-        raise InputError(f"{option}: '{path}' is a folder; give a file in it")
-    if not path.parent.is_dir():
-        raise InputError(f"{option}: cannot write '{path}': there is no folder '{path.parent}'")
+    try:
+        if path.is_dir():
+            raise InputError(f"'{path}' is a folder; give a file in it")
+        if not path.parent.is_dir():
+            raise InputError(f"cannot write '{path}': there is no folder '{path.parent}'")
+        if whole:
+            writable(path)
+    except (InputError, ValueError) as error:  # a NUL character
+        raise InputError(f"{option}: {error}") from error
+    except OSError as error:
+        raise InputError(f"{option}: cannot write '{path}': {error.strerror or error}") from error
 
 
 def check_csv(out: Path, source: Path | None, what: str) -> None:
-    """Raise InputError, before anything is computed, where the table cannot be written or would replace its source."""
-    check_folder(out, "--out")
+    """Raise InputError, before anything is computed, where the table cannot be written or would replace its source.
+
+    Without a source a whole recording is written, with its JSON beside.
+    """
+    check_folder(out, "--out", whole=True)
     if out.suffix.lower() == ".json":
         raise InputError(f"--out: '{out}' would be a table in a .json file; give a .csv file")
-    if source is not None and source.exists() and out.exists() and out.samefile(source):
+    if source is None:
+        check_folder(out.with_suffix(".json"), "--out", whole=True)
+    elif _same_file(out, source):
         raise InputError(f"--out: '{out}' is the {what} itself; give another file")
+
+
+def _same_file(out: Path, source: Path) -> bool:
+    try:
+        return source.exists() and out.exists() and out.samefile(source)
+    except (OSError, ValueError):  # a path that cannot be; who reads it says so
+        return False
 
 
 def folder_for(folder: Path | None, option: str) -> None:
@@ -80,22 +103,21 @@ def write_figures(folder: Path, figures: Mapping[str, Figure], option: str) -> l
 
 
 def write(path: Path, content: str, option: str) -> None:
-    """Write a file whole or not at all: another one that is there stays until the new one is complete."""
+    """Write a file whole or not at all: another one that is there stays until the new one is complete.
+
+    What is no file, a pipe or a device, is written into.
+    """
+    content.encode("utf-8")
     check_folder(path, option)
     try:
-        target = path.resolve()
-        if target.exists() and not target.is_file():  # a pipe, a device
+        if path.exists() and not path.is_file() and not path.is_dir():
             path.write_text(content, encoding="utf-8")
             return
-        part = target.with_name(f".{target.name[:80]}.{os.getpid()}.part")
-        try:
-            with part.open("x", encoding="utf-8") as file:
-                file.write(content)
-            part.replace(target)
-        finally:
-            part.unlink(missing_ok=True)
+        write_whole({path: (content,)})
+    except (InputError, ValueError) as error:
+        raise InputError(f"{option}: {error}") from error
     except OSError as error:
-        raise InputError(f"{option}: cannot write '{path}': {error.strerror}") from error
+        raise InputError(f"{option}: cannot write '{path}': {error.strerror or error}") from error
 
 
 def list_written(paths: Iterable[Path]) -> None:

@@ -16,6 +16,7 @@ from .. import loading
 from ..errors import InputError, UnknownNameError, nearest_names
 from ..recordings import TYPICAL, Recording, Tolerances, read_tolerances
 from ..robot import Robot
+from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
 from ..views.text.quantities import UNITS, parse_assignments, parse_quantity
 
@@ -176,9 +177,9 @@ def robot_beside(named: str | None, source: Path) -> str:
     """Return the robot that a file names; a path may be meant from that file's folder."""
     if named is None:
         raise InputError(f"which robot? '{source}' does not say; give --robot, for example --robot 3prup")
-    beside = source.parent / Path(named).expanduser()
+    beside = source.parent / as_path(named)
     is_path = Path(named).suffix or len(Path(named).parts) > 1
-    return str(beside) if is_path and beside.is_file() else named
+    return str(beside) if is_path and is_file(beside) else named
 
 
 def robot_of_all(recordings: Sequence[Recording]) -> str:
@@ -192,7 +193,7 @@ def tolerances_named(name: str) -> Tolerances:
     named = {"typical": TYPICAL, "none": Tolerances()}
     if name in named:
         return named[name]
-    if not Path(name).suffix and not Path(name).exists():
+    if not Path(name).suffix and not is_file(Path(name)):
         near = nearest_names(name, list(named))
         raise InputError(f"--tolerances '{name}': expected typical, none or a JSON file. {near}")
     return read_tolerances(name)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import InputError
+from ..recordings.writer import text_of
 from .files import check_folder, file_name, say_written, write
 from .options import Frame, Open, Scale
 from .question import Question
@@ -57,7 +58,7 @@ def view(
         _serve(shown, live if open_browser is None else open_browser)
         return
     path = html if html is not None else Path(f"{file_name(case.robot.name)}.html")
-    write(path, shown.static_html(), "--html")
+    write(path, text_of(shown.static_html()), "--html")
     say_written(path, bool(open_browser))
 
 
@@ -86,7 +87,7 @@ def report(
         notes=case.notes,
     )
     path = out if out is not None else Path(f"{file_name(case.robot.name)}_report.html")
-    write(path, page, "--out")
+    write(path, text_of(page), "--out")
     say_written(path, open_browser)
 
 

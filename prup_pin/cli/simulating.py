@@ -121,6 +121,14 @@ def predict(
     loaded = as_recorded(corrected.load(), read).robot
     if read.robot is not None and Path(read.robot).name not in (Path(corrected.robot).name, loaded.name):
         notes.append(f"The recording is of '{read.robot}', the model of '{corrected.robot}'.")
+    known = {
+        key: size
+        for key, size in vars(corrected.noise).items()
+        if size is not None and getattr(read.noise, key) is None
+    }
+    if known:
+        read = replace(read, noise=replace(read.noise, **known))
+        notes.append(f"The noise of {', '.join(known)} is that with which the model was found.")
     _predict(loaded, read, corrected.effects, out, workers, stop, notes)
 
 

@@ -40,6 +40,7 @@ from .criteria import (
     INDISTINCT,
     LARGE_MISJUDGED,
     LAST_STEPS,
+    LEAST_COUNTED,
     LEAST_GAIN,
     LEAST_PIECES,
     MEMORY_WORK,
@@ -101,7 +102,7 @@ class _Search:
         beside: Beside | None = None,
     ) -> tuple[float, Term, Array]:
         """Return what `Problem.quick` does."""
-        self.spent += len(fit.samples) * (MEMORY_WORK if candidate.remembers else 1.0)
+        self.spent += max(len(fit.samples), LEAST_COUNTED) * (MEMORY_WORK if candidate.remembers else 1.0)
         return self.problem.quick(fit, kept, candidate, starts, limit, beside)
 
     def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:

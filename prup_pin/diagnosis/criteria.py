@@ -163,6 +163,8 @@ MERGE_ROUNDS: Final = 5
 # Counted, never timed: the same recording is searched equally far on every machine. One unit is a candidate fitted to
 # first order on one sample, some 50 µs on one core.
 
+#: A candidate costs no less than on so many samples: 40 of them took as long as 400 do.
+LEAST_COUNTED: Final = 400
 #: A law with memory is followed through the samples one by one.
 MEMORY_WORK: Final = 2.0
 #: A refinement solves the whole simulation some ten times; with memory, each of them to and fro until it agrees.

@@ -65,7 +65,7 @@ from .next_experiment import next_experiment
 from .plausible import check_belongs, unused_columns, what_is_missing
 from .recovered import recovered, residuals
 from .sensor_noise import estimate_noise, scatter_of_repeats
-from .whiteness import compared, noise_of_the_rest
+from .whiteness import compared, could_show_structure, noise_of_the_rest
 
 __all__ = ["Asked", "asked", "diagnose"]
 
@@ -184,6 +184,7 @@ def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: T
     reach = beyond_tolerance(len(given.toleranced))
     problem = given.within_tolerances(given.problem, reach)
     selection = Selection.nothing(problem.first, library)
+    doubt: Finding | None = None
     if compared(problem, problem.first):
         selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
@@ -191,8 +192,11 @@ def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: T
             given.remarks.append(_noisier(problem.noise, larger))
             problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
+            doubt = _too_few(problem, selection, inputs.blocks)
     tell("the verdict", 0.9)
-    found = _verdict(problem, selection, inputs, labels, given.raw_linear, given.remarks, given.unused, robot, tell)
+    found = _verdict(
+        problem, selection, inputs, labels, given.raw_linear, given.remarks, given.unused, robot, tell, doubt
+    )
     seen = found.residuals
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
     return replace(found, recordings=by_recording(given.together, problem.noise, found.samples, residuals))
@@ -276,6 +280,7 @@ def _verdict(
     unused: tuple[str, ...],
     robot: Robot,
     tell: Tell,
+    doubt: Finding | None = None,
 ) -> Diagnosis:
     last, first = selection.last, selection.first
     samples = last.samples
@@ -289,11 +294,16 @@ def _verdict(
     final = last
     if not count:
         unknown = [_nothing_compared(problem, unused)]
+    elif doubt is not None:
+        unknown = [doubt]
     elif _unexplained(_without_laws(problem, first, last), last, count, curves, bool(findings)):
         findings, located, final = _with_unknown(findings, problem, selection, blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
         unknown = [located or _nowhere(problem, final, selection, count)]
     white_before = _rms(float((before**2).sum()), count)
+    white_after, white_held = _rms(final.chi2, count), _rms(held, count)
+    if doubt is not None:
+        white_before = white_after = white_held = float("nan")  # in multiples of a noise that nobody knows
     silent = not findings and not unknown and white_before > clean_bound(count)
     deflection = _finite_deflection(problem.drawn, last, before, silent)
     if deflection is not None:
@@ -329,7 +339,7 @@ def _verdict(
         verdict=verdict,
         noise=problem.noise,
         before={"fit": white_before, "heldout": white_before},
-        after={"fit": _rms(final.chi2, count), "heldout": _rms(held, count)},
+        after={"fit": white_after, "heldout": white_held},
         within=_within(problem, first, count),
         calibration=tuple(calibrated),
         by_channel=_channels(problem.stack, samples, before, final.residual, raw_linear, raw_after),
@@ -528,6 +538,24 @@ def _nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     )
     rest = f"; not used were {', '.join(unused)}" if unused else ""
     return _unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
+
+
+def _too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:
+    """Return the finding that nobody can know what is noise: it was taken from samples too few to show structure."""
+    samples = selection.last.samples
+    if selection.last.terms or could_show_structure(blocks[samples]):
+        return None
+    noise, poses = problem.noise, len(np.unique(blocks[samples]))
+    counted = f"{_counted(len(samples), 'sample')} of {_counted(poses, 'pose')}"
+    return _unknown_at_robot(
+        f"nothing can be said: the noise is not declared, and {counted} are too few to tell noise of "
+        f"{1e6 * noise.position:.3g} µm and {1e6 * noise.rotation:.3g} µrad from something left out. Declare "
+        "position_noise and rotation_noise beside the recording, or record more"
+    )
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' if count != 1 else ''}"
 
 
 def _unknown_at_robot(statement: str) -> Finding:

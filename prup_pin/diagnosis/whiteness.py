@@ -16,7 +16,7 @@ from .criteria import FEWEST_FOLLOWERS, FEWEST_POSES, STRUCTURE_CHANCE, chance_b
 from .fit import Fit, Problem
 from .local_curve import strongest_curve
 
-__all__ = ["compared", "is_white", "noise_of_the_rest"]
+__all__ = ["compared", "could_show_structure", "is_white", "noise_of_the_rest"]
 
 
 def compared(problem: Problem, fit: Fit) -> int:

@@ -16,14 +16,14 @@ import pinocchio as pin
 from eigenpy import PartialPivLU
 from numpy.typing import NDArray
 
-from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError
+from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError, shortened
 from ..kernel import NEGLIGIBLE, Configuration, LoopedTree, rank_of
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
 from .start import NoPlaceError, PolynomialStart
-from .task import TaskFrame
+from .task import TaskFrame, is_finite
 
 #: Residual at which the loops must be closed [m, rad].
 TOLERANCE = 1e-12
@@ -330,8 +330,8 @@ class LoopKinematics:
         names, dofs = mechanism.actuated, mechanism.actuated_dofs
         try:
             array = np.asarray(values, float).ravel()
-        except (TypeError, ValueError) as error:
-            raise InputError(f"actuator positions must be numbers; got {values!r}") from error
+        except (OverflowError, TypeError, ValueError) as error:
+            raise InputError(f"actuator positions must be numbers; got {shortened(values)}") from error
         if not np.isfinite(array).all():
             raise InputError(f"actuator positions must be finite; got {values!r}")
         start = self.home if near is None else near.q
@@ -362,11 +362,25 @@ class LoopKinematics:
 
         return self.reach(array, requested, goal, start, here)
 
+    def pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
+        """Return the pose of a tree with joints at given positions [m or rad], the others at home."""
+        q, requested = self.home.copy(), {}
+        for name, value in values.items():
+            joint = self.mechanism.joint(name)
+            if not is_finite(value):
+                raise InputError(f"{name} = {shortened(value)}: expected a finite number [{joint.unit}]")
+            self.mechanism.set_joint(q, name, float(value))
+            requested[name] = float(value)
+        return self._finish(q, self.evaluate(q), requested)
+
     def pose_from_configuration(self, q: Sequence[float] | Array) -> ClosedPose:
         """Return the pose at a full Pinocchio configuration that already closes the loops."""
-        array = np.array(q, float).ravel()
+        try:
+            array = np.array(q, float).ravel()
+        except (OverflowError, TypeError, ValueError):
+            array = np.zeros(0)
         if array.shape != (self.model.nq,) or not np.isfinite(array).all():
-            raise InputError(f"expected a configuration of {self.model.nq} finite numbers; got {q!r}")
+            raise InputError(f"expected a configuration of {self.model.nq} finite numbers; got {shortened(q)}")
         metres, radians = self._split(self.evaluate(array).residual)
         if max(metres, radians) > 1e-6:
             raise UnreachablePoseError(

@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError, UnknownNameError, shortened
 from ..mechanism import Frame
 from ..mechanism.description import TASK_COMPONENTS
 from ..spatial import Array
@@ -34,7 +34,7 @@ class TaskFrame:
         """Return the wanted values in order. Raises on unknown, missing or non-finite ones."""
         try:
             values = [float(wanted[name]) for name in self.names]
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, OverflowError, TypeError, ValueError):
             values = []
         if not values or len(values) != len(wanted) or not all(map(isfinite, values)):
             self._refuse(wanted)
@@ -53,8 +53,8 @@ class TaskFrame:
                 f"missing task coordinate{'s' if len(missing) > 1 else ''}: {', '.join(missing)}; "
                 f"give all of {', '.join(self.names)}"
             )
-        name = next(name for name in self.names if not _is_finite(wanted[name]))
-        raise InputError(f"{name} = {wanted[name]!r}: expected a finite number [{self.units[name]}]")
+        name = next(name for name in self.names if not is_finite(wanted[name]))
+        raise InputError(f"{name} = {shortened(wanted[name])}: expected a finite number [{self.units[name]}]")
 
     def pose_vector(self, placements: Array) -> tuple[float, ...]:
         """Return (x, y, z, rx, ry, rz) of the tool; of placements (nj, 4, 4), their upper three rows will do."""
@@ -143,8 +143,9 @@ class TaskFrame:
         return rows
 
 
-def _is_finite(value: object) -> bool:
+def is_finite(value: object) -> bool:
+    """Return True for what is a finite number."""
     try:
         return isfinite(float(value))  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         return False

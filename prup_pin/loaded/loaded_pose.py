@@ -259,7 +259,7 @@ def _gravity(given: ArrayLike, mechanism: Mechanism) -> Array | None:
         return mechanism.gravity if given else None
     try:
         vector = _frozen(np.asarray(given, float))
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         vector = np.zeros(0)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InputError(f"gravity = {given!r}: expected True, False or three numbers [m/s^2], base axes")

@@ -167,7 +167,7 @@ def _screws(structure: Structure, moving: Array, frames: ModuleFrames) -> Array:
         dof = structure.free[column] if column < nq else structure.drives[column - nq][1]
         screws[:, column] = cache[joint][..., dof - structure.first_dof[joint]]
     if ne:
-        block = screws[:, nq + nd :].reshape(len(moving), -1, 6, 6)
+        block = screws[:, nq + nd :].reshape(len(moving), ne // 6, 6, 6)
         axes = frames.inboard[..., :3, :3]
         block[:, :, :3, :3] = axes.mT
         block[:, :, :3, 3:] = 0.0

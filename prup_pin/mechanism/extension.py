@@ -11,7 +11,7 @@ import numpy as np
 from lxml import etree
 
 from ..errors import nearest_names
-from ..parameters import SMALLEST_TOLERANCE, Parameter, Tolerance
+from ..parameters import LARGEST_VALUE, SMALLEST_TOLERANCE, SMALLEST_VALUE, Parameter, Tolerance
 from .description import (
     KIND_BY_NAME,
     LOOP_AXES,
@@ -27,8 +27,6 @@ from .description import (
 from .xml_file import MAX_NUMBER, Document
 
 EXTENSION = "prup_pin"
-#: Products and fourth powers of values up to this size, and their inverses, stay finite.
-_MAX_VALUE = 1e50
 #: A joint that is further from its drawing than this [m] has none.
 _MAX_DISPLACEMENT = 0.1
 _TOLERANCE = re.compile(r"([^%]+?)\s*(%?)")
@@ -255,12 +253,12 @@ class ExtensionDocument(Document):
                 self.problem(item, f"{where} has a tolerance but no value; what follows from others is off with them")
                 return None
         label = f"module '{module}': parameter {short}=\"{text.strip()[:60]}\""
-        return self._physical(item, self.parse_numbers(item, text, count, label, _MAX_VALUE), label)
+        return self._physical(item, self.parse_numbers(item, text, count, label, LARGEST_VALUE), label)
 
     def _physical(self, item, values: tuple[float, ...] | None, label: str) -> tuple[float, ...] | None:
         """Return the values, or None after reporting one that is too small to be divided by."""
-        if values and any(0 < abs(value) < 1 / _MAX_VALUE for value in values):
-            self.problem(item, f"{label}: expected zero, or a size of at least {1 / _MAX_VALUE:g}")
+        if values and any(0 < abs(value) < SMALLEST_VALUE for value in values):
+            self.problem(item, f"{label}: expected zero, or a size of at least {SMALLEST_VALUE:g}")
             return None
         return values
 
@@ -277,7 +275,7 @@ class ExtensionDocument(Document):
                 kinds[target] = self.attribute(item, "type", f"variant '{name}'") or ""
             elif item.tag == "parameter":
                 label = f"variant '{name}', parameter '{target}'"
-                value = self._physical(item, self.numbers(item, "value", 1, label, largest=_MAX_VALUE), label)
+                value = self._physical(item, self.numbers(item, "value", 1, label, largest=LARGEST_VALUE), label)
                 if value:
                     values[target] = (value[0], item.get("source", f"variant {name}"))
                     tolerance = self._tolerance(item, label, "the parameter's unit")

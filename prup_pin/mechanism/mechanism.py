@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError
+from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError, named, shortened
 from ..modules import CompliantModule, WrenchModule
 from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement, rotation_exp
@@ -196,10 +196,7 @@ class Mechanism:
 
     def frame(self, name: str) -> Frame:
         """Return a frame by the name of a link, a joint or a site. Raises UnknownNameError."""
-        try:
-            return self._frames[name]
-        except KeyError:
-            raise UnknownNameError("frame", name, list(self._frames)) from None
+        return named("frame", name, self._frames)
 
     def need_tool(self) -> Frame:
         """Return the tool frame, or raise PrupPinError with the frames that could be meant."""
@@ -227,19 +224,13 @@ class Mechanism:
 
     def module(self, name: str) -> Module:
         """Return a compliant module by its name. Raises UnknownNameError."""
-        try:
-            return self._modules[name]
-        except KeyError:
-            raise UnknownNameError("module", name, list(self._modules)) from None
+        return named("module", name, self._modules)
 
     def joint(self, name: str | int) -> Joint:
         """Return a movable joint by its name, or by its Pinocchio id. Raises UnknownNameError."""
-        if not isinstance(name, str):
+        if isinstance(name, int | np.integer) and 0 < name < self.model.njoints:
             name = str(self.model.names[int(name)])
-        try:
-            return self._joints[name]
-        except KeyError:
-            raise UnknownNameError("movable joint", name, list(self._joints)) from None
+        return named("movable joint", name, self._joints)
 
     def joint_of_dof(self, dof: int) -> Joint:
         """Return the joint that a velocity index belongs to."""
@@ -443,13 +434,13 @@ class Mechanism:
                 lengths[name] = replace(
                     lengths[name], parameter=lengths[name].parameter.with_value(_number(name, value))
                 )
-            elif name in self.parameters:
-                owner, _, short = name.rpartition(".")
-                touched.setdefault(owner, {})[short] = value
-            else:
-                owner = name.rpartition(".")[0]
+            elif name not in self.parameters:
+                owner = str(name).rpartition(".")[0]
                 own = [key for key in self.parameters if key.startswith(f"{owner}.")]
                 raise UnknownNameError("parameter", name, own or list(self.parameters))
+            else:
+                owner, _, short = name.rpartition(".")
+                touched.setdefault(owner, {})[short] = value
         for owner, values in touched.items():
             modules[owner] = _with_values(modules[owner], values)
         description = replace(self.description, modules=tuple(modules.values()), lengths=tuple(lengths.values()))
@@ -489,18 +480,17 @@ class Mechanism:
 
     def with_variant(self, name: str) -> Mechanism:
         """Return a variant of the robot file."""
-        if name not in self.description.variants:
-            raise UnknownNameError(f"variant of '{self.description.name}'", name, list(self.description.variants))
+        named(f"variant of '{self.description.name}'", name, self.description.variants)
         return Mechanism(self.description.with_variant(name), self.locked, self.model)
 
 
 def _number(name: str, value: Any) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         number = np.nan
     if not np.isfinite(number):
-        raise InputError(f"{name} = {value!r}: expected a finite number")
+        raise InputError(f"{name} = {shortened(value)}: expected a finite number")
     return number
 
 
@@ -566,11 +556,14 @@ def _build_model(description: RobotDescription) -> pin.Model:
     if description.source == "MJCF":
         from .mjcf import build_tree
 
-        return _held(build_tree(description), description.held)
+        try:
+            return _held(build_tree(description), description.held)
+        except (RuntimeError, ValueError) as error:
+            raise _file_error(description, f"Pinocchio does not accept the tree: {error}") from error
     content = with_lengths(description.content, description.lengths)
     try:
         model = pin.buildModelFromXML(content.decode("utf-8", "replace"))
-    except ValueError as error:
+    except (RuntimeError, ValueError) as error:
         raise _file_error(description, f"Pinocchio does not accept the tree: {error}") from error
     return _held(model, description.held)
 

@@ -29,6 +29,8 @@ from .description import (
 from .mesh_paths import mesh_problem
 from .xml_file import MAX_JOINTS, MAX_NUMBER, Document, parse
 
+#: Share of the largest moment of inertia that rounding may leave below zero.
+_ROUNDING = 1e-9
 WORLD = "world"
 _JOINTS = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}  # entries of qpos
 #: Ways to give an orientation besides `quat`, which counts only where none of these is given, defaults included.
@@ -421,8 +423,13 @@ class MjcfDocument(Document):
         if mass[0] < 0:
             self.problem(element, f"{what}: mass is {mass[0]:g} kg; expected >= 0")
             return None
+        principal = np.linalg.eigvalsh(moments)
+        if principal[0] < -_ROUNDING * abs(principal[2]):
+            given = ", ".join(f"{value:g}" for value in principal)
+            self.problem(element, f"{what}: its principal moments of inertia are {given} kg m^2; expected >= 0")
+            return None
         rotation = placed[:3, :3]
-        return pin.Inertia(mass[0], placed[:3, 3], rotation @ moments @ rotation.T)
+        return pin.Inertia(mass[0], placed[:3, 3], rotation @ _positive(moments) @ rotation.T)
 
     def _solid(self, geom: etree._Element, body: Body, at: Array) -> None:
         """Add the mass of a geom of simple shape; MuJoCo uses it where a body has no <inertial>."""
@@ -622,6 +629,12 @@ def _filled(element: etree._Element, defaults: dict[str, str]) -> dict[str, str]
     if any(key in element.attrib for key in _ORIENTATIONS):
         values = {key: value for key, value in values.items() if key not in _ORIENTATIONS}
     return {**values, **element.attrib}
+
+
+def _positive(moments: Array) -> Array:
+    """Return moments of inertia without what rounding leaves below zero."""
+    values, axes = np.linalg.eigh(moments)
+    return moments if values[0] >= 0 else axes @ np.diag(np.maximum(values, 0.0)) @ axes.T
 
 
 def _unit(vector: Array) -> Array | None:

@@ -39,6 +39,13 @@ _LOOP_JOINTS = {
     "spherical": frozenset({"rx", "ry", "rz"}),
     "fixed": frozenset[str](),
 }
+#: What the shapes of a <geometry> need, and how many numbers that is.
+_SIZES: dict[str, dict[str, int]] = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
 #: Deeper trees exhaust the stack of Pinocchio's reader.
 _MAX_DEPTH = 1000
 #: Links that onshape-to-robot puts where a loop closes.
@@ -68,6 +75,7 @@ class UrdfDocument(ExtensionDocument):
         links = self._links()
         joints, fixed = self._joints(links)
         self._meshes()
+        self._shapes()
         extensions = self.root.findall(EXTENSION)
         for extra in extensions[1:]:
             self.problem(extra, f"a second <{EXTENSION}>; expected one")
@@ -302,6 +310,15 @@ class UrdfDocument(ExtensionDocument):
                     self.problem(mesh, message)
             elif mesh.tag == "mesh":
                 self.problem(mesh, '<mesh>: attribute filename="…" is missing')
+
+    def _shapes(self) -> None:
+        """Shapes have their sizes: urdfdom drops those without, and what it cannot draw nobody sees."""
+        for geometry in self.root.iter("geometry"):
+            for shape in geometry:
+                for key, count in _SIZES.get(shape.tag, {}).items():
+                    sizes = self.numbers(shape, key, count, f"<{shape.tag}>", largest=MAX_NUMBER)
+                    if sizes and min(sizes) < 0:
+                        self.problem(shape, f'<{shape.tag}>: {key}="{shape.get(key)[:60]}"; expected >= 0')
 
     def _mimics(self, movable: Sequence[str]) -> tuple[CouplingDescription, ...]:
         names = set(movable)

@@ -24,6 +24,12 @@ UNITS = {
 }
 #: Nothing on a bench falls faster [m/s^2].
 LARGEST_GRAVITY = 100.0
+#: Larger numbers are of no bench, and their squares of no computer: of time [s], and of all else in its SI unit.
+LARGEST_TIME = 1e12
+LARGEST_NUMBER = 1e9
+#: Sensors are neither finer nor coarser than this, in the SI unit of what they measure.
+FINEST_NOISE = 1e-15
+COARSEST_NOISE = 1e6
 #: Keys of the JSON beside a recording -> the field of Noise.
 NOISE_KEYS = {f"{name}_noise": name for name in ("position", "rotation", "force", "moment", "effort")}
 NOISE_UNITS = {"position": "m", "rotation": "rad", "force": "N", "moment": "N m", "effort": "N or N m"}
@@ -96,3 +102,8 @@ def candidates(header: Iterable[str]) -> list[str]:
     """Return names to compare a misspelt one with: the fixed ones and what the header's joints would give."""
     joints = {found[1] for name in header if (found := joint_of(name))}
     return [*UNITS, *(f"{prefix}.{joint}" for prefix in JOINT_GROUPS for joint in sorted(joints))]
+
+
+def largest(name: str) -> float:
+    """Return the largest size of a number in a column, in its SI unit."""
+    return LARGEST_TIME if name == "time" else LARGEST_NUMBER

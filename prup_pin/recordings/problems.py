@@ -161,10 +161,31 @@ def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any
     except ValueError as error:  # an integer of thousands of digits
         problems.add(KeyProblem(f"is not valid JSON: {shown(error)}", None, path.name))
     else:
-        if isinstance(value, dict):
+        if half := _half_characters(value):
+            message = f"holds half a character ('{shown(half)}'), which no file can hold; remove it"
+            problems.add(KeyProblem(message, None, path.name))
+        elif isinstance(value, dict):
             return value
-        problems.add(KeyProblem(f'holds {json_kind(value)}; expected an object {{"key": …}}', None, path.name))
+        else:
+            problems.add(KeyProblem(f'holds {json_kind(value)}; expected an object {{"key": …}}', None, path.name))
     return {}
+
+
+def _half_characters(value: object) -> str:
+    """Return the first text in a JSON value that has one half of a surrogate pair, or ''."""
+    left = [value]
+    while left:
+        item = left.pop()
+        if isinstance(item, str):
+            try:
+                item.encode("utf-8")
+            except UnicodeEncodeError:
+                return item.encode("ascii", "backslashreplace").decode()
+        elif isinstance(item, dict):
+            left += [*item.keys(), *item.values()]
+        elif isinstance(item, list):
+            left += item
+    return ""
 
 
 def json_kind(value: object) -> str:

@@ -18,6 +18,8 @@ from ..parameters import meant_otherwise
 from ..spatial import WRENCH_NAMES, Array
 from .columns import (
     AXES,
+    COARSEST_NOISE,
+    FINEST_NOISE,
     JOINT_GROUPS,
     LARGEST_GRAVITY,
     MARKER_GROUPS,
@@ -26,6 +28,7 @@ from .columns import (
     candidates,
     is_known,
     joint_of,
+    largest,
     marker_of,
     meant,
     unit_of,
@@ -41,6 +44,8 @@ KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "notes")
 _TOLERANCES = {kind.name: kind for kind in KINDS_OF_TOLERANCE}
 #: Rows that the careful reader holds as text at a time.
 _CHUNK = 20_000
+#: Columns that remarks name, of one kind.
+_REMARKED = 40
 _EXPECTED = "a table of comma-separated values (.csv) with one header row"
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 _DECIMAL_COMMA = re.compile(r"[+-]?[\d.]*\d,\d+(?:[eE][+-]?\d+)?")
@@ -208,14 +213,15 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
         raise problems.error(TableProblem("the first row holds numbers; expected the header: time, q.<joint>, …", 1))
     if not re.compile(rb"\S").search(content, max(content.find(b"\n"), 0) or len(content)):
         problems.add(TableProblem("holds a header but no rows; expected one row per sample", 1))
+    first = {name: index for index, name in reversed(list(enumerate(header)))}
     for index, name in enumerate(header):
         if not name:
             message = f"the name of column {index + 1} of {len(header)} is empty; name the column or remove it"
             problems.add(TableProblem(message, 1, column=""))
-        elif header.index(name) < index:
-            count = f"column {header.index(name) + 1} and column {index + 1}"
+        elif first[name] < index:
+            count = f"column {first[name] + 1} and column {index + 1}"
             problems.add(TableProblem(f"stands twice in the header ({count}); rename or remove one", 1, column=name))
-        elif name not in form.coordinates and (wanted := meant(name)) and wanted not in header:
+        elif name not in form.coordinates and (wanted := meant(name)) and wanted not in first:
             unit = f" in {unit_of(wanted)}" if unit_of(wanted) else ""
             message = f"is not a name of the format. Did you mean '{wanted}'? Expected exactly that{unit}"
             problems.add(TableProblem(message, 1, column=name))
@@ -239,7 +245,9 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
 
 def _used(header: Sequence[str], form: _Form) -> dict[int, str]:
     """Return index -> name of the columns that hold numbers of the format."""
-    return {i: name for i, name in enumerate(header) if name != "run" and form.knows(name) and header.index(name) == i}
+    first = {name: index for index, name in reversed(list(enumerate(header)))}
+    used = sorted(first.items(), key=lambda item: item[1])
+    return {index: name for name, index in used if name != "run" and form.knows(name)}
 
 
 def _label(table: dict[str, int], cell: str) -> int:
@@ -427,7 +435,14 @@ def _not_a_number(text: str) -> str:
 
 
 def _check(table: _Table, header: Sequence[str], problems: Problems) -> None:
-    """Add what is wrong with the numbers taken together: time that is empty or does not increase within a run."""
+    """Add what is wrong with the numbers: sizes of no bench, time that is empty or does not increase within a run."""
+    for name, values in table.numbers.items():
+        far = np.flatnonzero(np.abs(values) > largest(name))
+        places = [
+            (int(line), f"{value:.4g} is too large; expected at most {largest(name):g}, in {unit_of(name)}")
+            for line, value in zip(table.lines[far], values[far], strict=True)
+        ]
+        problems.cells(name, "too large", places)
     time = table.numbers.get("time")
     if time is None or not len(time):
         return
@@ -559,8 +574,9 @@ def noise_value(key: str, value: object, problems: Problems, file: str, at: str 
     """Return a declared standard deviation, or None where it is null or wrong; what is wrong is added."""
     if value is None:
         return None
-    if not is_number(value) or value <= 0:
-        unit = f"one standard deviation above 0 [{NOISE_UNITS[NOISE_KEYS[key]]}]"
+    if not is_number(value) or not FINEST_NOISE <= value <= COARSEST_NOISE:
+        span = "above 0" if not is_number(value) or value <= 0 else f"from {FINEST_NOISE:g} to {COARSEST_NOISE:g}"
+        unit = f"one standard deviation {span} [{NOISE_UNITS[NOISE_KEYS[key]]}]"
         message = f"is {json_kind(value)}; expected {unit}, or no such key where it is not known"
         problems.add(KeyProblem(message, None, file, key=f"{at}{key}"))
         return None
@@ -656,11 +672,14 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
 def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequence[int], form: _Form) -> list[str]:
     """Return sentences on what the table ignores, and on what it does not say of loads."""
     remarks = []
-    for name in header:
-        if name != "run" and not form.knows(name):
-            near = nearest_names(name, [*form.coordinates, *candidates(header)])
-            hint = f" {near}" if near.startswith("Did") else ""
-            remarks.append(f"The unknown column '{shown(name)}' is ignored.{hint}")
+    unknown = [name for name in header if name != "run" and not form.knows(name)]
+    known = [*form.coordinates, *candidates(header)]
+    for name in unknown[:_REMARKED]:
+        near = nearest_names(name, known)
+        hint = f" {near}" if near.startswith("Did") else ""
+        remarks.append(f"The unknown column '{shown(name)}' is ignored.{hint}")
+    if len(unknown) > _REMARKED:
+        remarks.append(f"{len(unknown) - _REMARKED} more columns are unknown, and ignored.")
     if blank:
         remarks.append(f"{len(blank)} blank lines within the table are skipped, the first is line {blank[0]}.")
     loads = [f"w.{name}" for name in WRENCH_NAMES if f"w.{name}" not in numbers]
@@ -680,7 +699,7 @@ def _unmeasured(numbers: Mapping[str, Array]) -> list[str]:
     for name in numbers:
         if marker := marker_of(name):
             triples[f"{name[0]}.{marker[1]}"] = f"{triples[name[0]]} of {marker[1]}"
-    for prefix, what in triples.items():
+    for prefix, what in itertools.islice(triples.items(), _REMARKED):
         missing = [f"{prefix}.{axis}" for axis in AXES if f"{prefix}.{axis}" not in numbers]
         if len(missing) == 3:
             remarks.append(f"There is no column {', '.join(missing)}: the {what} was not measured.")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UnknownNameError
 from ..spatial import WRENCH_NAMES, Array
-from .columns import LARGEST_GRAVITY, MARKER_GROUPS
+from .columns import COARSEST_NOISE, FINEST_NOISE, LARGEST_GRAVITY, MARKER_GROUPS, largest
 from .tolerances import SENSORS, Tolerances
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
@@ -33,8 +33,13 @@ class Noise:
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(f"noise {item.name} = {value!r}: expected a number above 0, or None")
+            if value is not None and not (
+                isinstance(value, float | int | np.number) and FINEST_NOISE <= value <= COARSEST_NOISE
+            ):
+                raise InputError(
+                    f"noise {item.name} = {value!r}: expected a number above 0, from {FINEST_NOISE:g} to "
+                    f"{COARSEST_NOISE:g}, or None"
+                )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -240,10 +245,12 @@ def _column(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return a read-only view of `value` as floats of one shape."""
     try:
         array = np.asarray(value, float).view()
-    except (TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError) as error:
         raise InputError(f"{name} must be numbers of shape {shape}") from error
     if array.shape != shape:
         raise InputError(f"{name} must have shape {shape}, one row per sample; got {array.shape}")
+    if (size := float(np.abs(array[np.isfinite(array)]).max(initial=0.0))) > largest(name):
+        raise InputError(f"{name} reaches {size:.4g}; expected at most {largest(name):g}, in SI units")
     array.flags.writeable = False
     return array
 

@@ -1,4 +1,4 @@
-"""Writes recordings and predictions: whole files or none."""
+"""Writes recordings and predictions, and text files of any kind: whole or not at all."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import io
 import json
 import os
 import secrets
+import shutil
+import stat
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +21,17 @@ from ..errors import InputError
 from ..spatial import WRENCH_NAMES, Array
 from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, NOISE_KEYS
 from .recording import Recording
+
+__all__ = [
+    "check_replaceable",
+    "json_lines",
+    "text_of",
+    "writable",
+    "write_folder",
+    "write_prediction",
+    "write_recording",
+    "write_whole",
+]
 
 #: Significant digits of all columns but the time.
 DIGITS = 9
@@ -158,27 +172,158 @@ def _quoted(text: str) -> str:
     return "" if not text else stream.getvalue()
 
 
+# -- whole files -------------------------------------------------------------------------------------------------------
+
+
 def json_lines(value: Any) -> Iterable[str]:
     """Return a JSON file in pieces."""
     return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n",)
 
 
-def write_whole(files: Mapping[Path, Iterable[str]]) -> None:
-    """Write text files so that each is there as a whole or as it was before. Raises InputError."""
-    written: list[tuple[Path, Path]] = []
+def text_of(text: str) -> str:
+    """Return a text that can be written: bytes of a file's name that are no UTF-8 become question marks."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
+def writable(path: Path) -> Path:
+    """Return the file that a path stands for, links followed, or raise InputError where none can be written there."""
     try:
-        for path, pieces in files.items():
-            if path.is_dir():
-                raise InputError(f"cannot write {path}: it is a folder")
-            partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-            written.append((partial, path))
-            with partial.open("x", encoding="utf-8", newline="") as stream:
-                for piece in pieces:
-                    stream.write(piece)
-        for partial, path in written:
-            os.replace(partial, path)
+        target = path.resolve()
+        if target.is_dir():
+            raise InputError(f"cannot write {path}: it is a folder")
+        if os.path.lexists(target) and not target.is_file():
+            raise InputError(f"cannot write {path}: it is a pipe or a device, not a file")
+        if not target.parent.is_dir():
+            raise InputError(f"cannot write {path}: No such file or directory: there is no folder {path.parent}")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    except (RuntimeError, ValueError) as error:  # links in a circle, a NUL character
+        raise InputError(f"cannot write {path}: {error}") from error
+    return target
+
+
+def write_whole(files: Mapping[Path, Iterable[str]]) -> None:
+    """Write text files so that each is there as a whole or as it was before.
+
+    Links are followed; a file that was there keeps its mode. Raises InputError.
+    """
+    staged: list[tuple[Path, Path]] = []
+    try:
+        for path, pieces in files.items():
+            target = writable(path)
+            part = target.with_name(f".{secrets.token_hex(6)}.part")
+            staged.append((part, target))
+            _fill(part, pieces, path, like=target)
+        for (part, target), path in zip(staged, files, strict=True):
+            try:
+                os.replace(part, target)
+            except OSError as error:
+                raise InputError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
-        for partial, _ in written:
-            partial.unlink(missing_ok=True)
+        for part, _ in staged:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+
+def write_folder(folder: Path, files: Mapping[str, Iterable[str]], known: Iterable[str]) -> None:
+    """Write text files of a folder, by their names: all of them are there, or all that were before.
+
+    Those of `known` that are not written are removed; other files stay. The folder is made anew beside the old one,
+    which it then replaces; where other files live in it, or it cannot be replaced, its first file goes first and comes
+    last: what is interrupted is seen to be so. Raises InputError.
+    """
+    known = tuple(known)
+    for name in {*known, *files}:
+        check_replaceable(folder / name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        target = folder.resolve()
+        others = {path.name for path in target.iterdir()} - {*known, *files}
+    except OSError as error:
+        raise InputError(f"cannot make the folder '{folder}': {error.strerror or error}") from error
+    if any((target / name).is_symlink() for name in known):
+        write_whole({folder / name: pieces for name, pieces in reversed(list(files.items()))})  # links are followed
+        return
+    here = Path.cwd()
+    inside = others or target == here or target in here.parents
+    new = _staging(target if inside else target.parent, target)
+    try:
+        for name, pieces in files.items():
+            _fill(new / name, pieces, folder / name, like=target / name)
+        if inside or not _swapped(new, target):
+            _moved(new, target, tuple(files), known)
+    except OSError as error:
+        raise InputError(f"cannot write to '{folder}': {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+def check_replaceable(path: Path) -> None:
+    """Raise InputError where something that is not a file stands where one is to be written."""
+    if os.path.lexists(path):
+        writable(path)
+
+
+def _staging(beside: Path, target: Path) -> Path:
+    """Return a new folder there, or in the target itself where nothing can be made beside it."""
+    for place in dict.fromkeys((beside, target)):
+        new = place / f".{secrets.token_hex(6)}.part"
+        try:
+            new.mkdir(mode=0o700)
+        except OSError as error:
+            wrong = error
+        else:
+            return new
+    raise InputError(f"cannot write to '{target}': {wrong.strerror or wrong}")
+
+
+def _fill(part: Path, pieces: Iterable[str], path: Path, like: Path) -> None:
+    """Write a new file with the mode of the one that it is to replace."""
+    try:
+        with part.open("x", encoding="utf-8", newline="") as stream:
+            for piece in pieces:
+                stream.write(piece)
+        with suppress(FileNotFoundError):
+            os.chmod(part, stat.S_IMODE(like.stat().st_mode))
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    except UnicodeEncodeError as error:
+        raise InputError(f"cannot write {path}: it would hold half a character ({error.reason})") from error
+
+
+def _swapped(new: Path, target: Path) -> bool:
+    """Put a folder in another one's place; False where that cannot be done and nothing has changed."""
+    if new.parent != target.parent:
+        return False
+    old = new.with_suffix(".old")
+    try:
+        os.chmod(new, stat.S_IMODE(target.stat().st_mode))
+        os.rename(target, old)
+    except OSError:  # where something is mounted, for one
+        return False
+    try:
+        os.rename(new, target)
+    except BaseException:
+        os.rename(old, target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+    return True
+
+
+def _moved(new: Path, target: Path, names: tuple[str, ...], known: tuple[str, ...]) -> None:
+    """Move files into a folder in which others live; where one of them cannot be, the old ones come back."""
+    kept = new / "old"
+    kept.mkdir()
+    try:
+        for name in dict.fromkeys((*names, *known)):
+            if os.path.lexists(target / name):
+                os.rename(target / name, kept / name)
+        for name in reversed(names):
+            os.rename(new / name, target / name)
+    except BaseException:
+        for name in names:
+            if not (new / name).exists():
+                (target / name).unlink(missing_ok=True)
+        for path in kept.iterdir():
+            os.rename(path, target / path.name)
+        raise

@@ -10,13 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from .. import robots
 from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
 from ..laws.target import of_markers
 from ..loading import Reading
 from ..mechanism import Mechanism
+from ..recordings import Noise
+from ..recordings.columns import NOISE_KEYS
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
+from ..recordings.reader import noise_value
 from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 
@@ -26,6 +30,7 @@ __all__ = [
     "CorrectedModel",
     "effect_named",
     "law_named",
+    "model_document",
     "place_named",
     "read_model",
     "write_model",
@@ -33,7 +38,7 @@ __all__ = [
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
-_KEYS = ("format", "version", "robot", "variant", "reading", "finite_deflection", "effects", "notes")
+_KEYS = ("format", "version", "robot", "variant", "reading", "finite_deflection", "effects", "noise", "notes")
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
 _EFFECT_KEYS = ("physics", "location", "aspect", "parameters")
 
@@ -43,6 +48,7 @@ class CorrectedModel:
     """A robot, by a name or a path that `load` takes and a variant of its file, and the effects added to it.
 
     reading: how its file is read beyond what it says, but for the variant.
+    noise: that of the sensors with which they were found, as far as it is known.
     """
 
     robot: str
@@ -50,6 +56,7 @@ class CorrectedModel:
     variant: str | None = None
     notes: str = ""
     reading: Reading = field(default_factory=Reading)
+    noise: Noise = field(default_factory=Noise)
 
     def load(self) -> Robot:
         """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
@@ -111,6 +118,11 @@ def write_model(model: CorrectedModel, path: str | Path) -> None:
     A path of a robot file is written relative to the model's folder. Raises InputError where the file cannot be written
     or an effect does not fit the robot.
     """
+    write_whole({Path(path): json_lines(model_document(model, path))})
+
+
+def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
+    """Return what the file `path` of a corrected model holds. Raises InputError as `write_model` does."""
     path = Path(path)
     mechanism = model.load().mechanism
     effects = []
@@ -126,8 +138,8 @@ def write_model(model: CorrectedModel, path: str | Path) -> None:
                 },
             }
         )
-    robot = Path(model.robot).expanduser()
-    is_file = robot.is_file()
+    robot = robots.as_path(model.robot)
+    is_file = robots.is_file(robot)
     beside = os.path.relpath(robot.resolve(), path.resolve().parent) if is_file else model.robot
     if is_file and os.sep not in beside:
         beside = os.path.join(os.curdir, beside)
@@ -141,9 +153,12 @@ def write_model(model: CorrectedModel, path: str | Path) -> None:
     if reading := _reading_as_json(model.reading):
         value["reading"] = reading
     value |= {"finite_deflection": True, "effects": effects}
+    known = {key: float(getattr(model.noise, name) or 0.0) for key, name in NOISE_KEYS.items()}
+    if any(known.values()):
+        value["noise"] = {key: size for key, size in known.items() if size}
     if model.notes:
         value["notes"] = model.notes
-    write_whole({path: json_lines(value)})
+    return value
 
 
 def _reading_as_json(reading: Reading) -> dict[str, Any]:
@@ -156,7 +171,7 @@ def _reading_as_json(reading: Reading) -> dict[str, Any]:
         if isinstance(value, Mapping):
             found[name] = {key: np.asarray(item, float).tolist() for key, item in value.items()}
         elif name == "package_folders":
-            found[name] = [str(Path(folder).expanduser().resolve()) for folder in value]
+            found[name] = [str(robots.as_path(folder).resolve()) for folder in value]
         else:
             found[name] = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
     return found
@@ -235,7 +250,17 @@ class _Reader:
                 effect = self.effect(entry, f"effects[{index}]", mechanism)
                 if effect is not None:
                     effects.append(effect)
-        return CorrectedModel(name, tuple(effects), variant, notes, reading)
+        return CorrectedModel(name, tuple(effects), variant, notes, reading, self.noise(values.get("noise")))
+
+    def noise(self, value: object) -> Noise:
+        """Return the declared noise; what is wrong with it is reported and left out."""
+        found = {}
+        for key, size in self.entries({} if value is None else value, "noise", tuple(NOISE_KEYS)).items():
+            if key in NOISE_KEYS:
+                checked = noise_value(key, size, self.problems, self.path.name, "noise.")
+                if checked is not None:
+                    found[NOISE_KEYS[key]] = checked
+        return Noise(**found)
 
     def reading(self, value: object) -> Reading:
         """Return how the robot's file is read."""
@@ -266,8 +291,8 @@ class _Reader:
         """Return the robot as `load` takes it from here, and its mechanism, or None after reporting."""
         if not name:
             return name, None
-        beside = self.path.parent / Path(name).expanduser()
-        if (Path(name).suffix or len(Path(name).parts) > 1) and beside.is_file():
+        beside = self.path.parent / robots.as_path(name)
+        if (Path(name).suffix or len(Path(name).parts) > 1) and robots.is_file(beside):
             name = str(beside)
         try:
             return name, reading.load(name).mechanism

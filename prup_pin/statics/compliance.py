@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from eigenpy import PartialPivLU
 
-from ..errors import InputError, NoStiffnessError, UnknownNameError, imported
+from ..errors import InputError, NoStiffnessError, imported, named
 from ..kernel import NEGLIGIBLE_ENERGY
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius
 from .castigliano import Statics
@@ -36,11 +36,7 @@ class _Named(Mapping):
         self._get = get
 
     def __getitem__(self, name: str) -> Array:
-        try:
-            index = self._index[name]
-        except KeyError:
-            raise UnknownNameError("module", name, list(self._index)) from None
-        return self._get(index)
+        return self._get(named("module", name, self._index))
 
     def __contains__(self, name: object) -> bool:
         return name in self._index

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, shortened
 from ..mechanism import Module
 from ..modules.flexibility import centre_line
 from ..spatial import Array
 from .castigliano import Statics
 
 __all__ = ["ElasticLine", "elastic_line"]
+
+#: Sections of a line: nobody draws more.
+MOST_SECTIONS = 100_000
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ def elastic_line(statics: Statics, name: str, wrench: Array, root: Array, count:
     is among that, too (or, loaded through a joint farther out, its root is not where it should be): the beam's own
     deformation, which the root's deflection then holds (or lacks), is taken off (or added).
     """
+    if not isinstance(count, Integral) or not 2 <= count <= MOST_SECTIONS:
+        raise InputError(f"count = {shortened(count)}: expected a whole number of sections from 2 to {MOST_SECTIONS}")
     layout = statics.layout
     module = layout.mechanism.module(name)
     if not module.kind.spans_frames:

@@ -226,3 +226,12 @@ def test_peace_has_no_residual_before_either(diagnosed, diagnosed_strange):
         assert diagnosis.verdict != "nothing_missing"
         assert diagnosis.findings
         assert (diagnosis.verdict == "unexplained") == any(item.physics == "unknown" for item in diagnosis.findings)
+
+
+@pytest.mark.parametrize("rows", [slice(20, 21), slice(0, 5)])
+def test_of_few_samples_without_declared_noise_nothing_can_be_said(bench, rows):
+    few = replace(read_recording(bench.path).select(rows), noise=Noise())
+    found = diagnose(prup_pin.load("3prup"), few)
+    assert found.verdict == "unexplained"
+    assert verdict_text(found).startswith("Nothing can be said: the noise is not declared")
+    assert np.isnan(found.after["heldout"])

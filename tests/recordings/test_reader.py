@@ -473,3 +473,45 @@ def test_real_recording():
     assert recording.position is None
     assert not recording.has_wrench
     assert len(np.unique(recording.blocks())) > 1000
+
+
+# -- sizes -------------------------------------------------------------------------------------------------------------
+
+
+def sized(tmp_path, column="w.fz", value="1", beside=None):
+    columns = {"time": "0", "q.a": "0.1", "w.fz": "1"}
+    columns[column] = value
+    path = tmp_path / "bench.csv"
+    path.write_text(f"{','.join(columns)}\n{','.join(columns.values())}\n")
+    if beside is not None:
+        path.with_suffix(".json").write_text(beside)
+    return path
+
+
+@pytest.mark.parametrize("column", ["time", "w.fz", "q.a"])
+def test_numbers_of_no_bench_are_refused(tmp_path, column):
+    with pytest.raises(RecordingFileError, match=f"column '{column}': 1e[+]300 is too large; expected at most"):
+        read_recording(sized(tmp_path, column, "1e300"))
+
+
+@pytest.mark.parametrize("noise", ["1e300", "1e-300", "1e7"])
+def test_noise_of_no_sensor_is_refused(tmp_path, noise):
+    with pytest.raises(
+        RecordingFileError, match=r"moment_noise: is the number .*; expected one standard deviation from"
+    ):
+        read_recording(sized(tmp_path, beside=f'{{"moment_noise": {noise}}}'))
+
+
+def test_half_a_character_in_the_json_is_refused(tmp_path):
+    with pytest.raises(RecordingFileError, match="holds half a character"):
+        read_recording(sized(tmp_path, beside='{"notes": "\\ud800"}'))
+
+
+def test_of_thousands_of_unknown_columns_the_first_are_named(tmp_path):
+    names = [f"c{index}" for index in range(3000)]
+    path = tmp_path / "wide.csv"
+    path.write_text(",".join(["time", "q.a", *names]) + "\n" + ",".join(["0"] * 3002) + "\n")
+    read = read_recording(path)
+    assert len(read.ignored) == 3000
+    assert len(read.remarks) < 60
+    assert "2960 more columns are unknown, and ignored." in read.remarks

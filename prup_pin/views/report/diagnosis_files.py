@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -18,11 +18,12 @@ from ...laws import Effect
 from ...laws.in_recording import lasting
 from ...loading import Reading
 from ...mechanism import Mechanism
-from ...recordings import Recording
+from ...recordings import Noise, Recording
 from ...recordings.columns import NOISE_KEYS
-from ...recordings.writer import json_lines, write_whole
+from ...recordings.writer import check_replaceable, json_lines, text_of, write_folder
 from ...robot import Robot
-from ...simulation import CorrectedModel, as_recorded, write_model
+from ...simulation import CorrectedModel, as_recorded
+from ...simulation.model_file import model_document
 from ..text.diagnosis_words import verdict_text
 from .as_json import dump
 from .diagnosis_json import diagnosis_as_json
@@ -30,6 +31,7 @@ from .diagnosis_json import diagnosis_as_json
 __all__ = ["MODEL", "PLAN", "REPORT", "VERDICT", "check_before", "missing_for_report", "write_diagnosis"]
 
 VERDICT, MODEL, REPORT, PLAN = "diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"
+FILES = (VERDICT, MODEL, REPORT, PLAN)
 
 
 def missing_for_report() -> str:
@@ -46,8 +48,15 @@ def missing_for_report() -> str:
 def check_before(folder: Path, recordings: Path | Sequence[Path]) -> None:
     """Raise InputError, before anything is computed, where the files cannot be written."""
     there = folder
-    while not there.exists() and there != there.parent:
-        there = there.parent
+    try:
+        while not there.exists() and there != there.parent:
+            there = there.parent
+        for name in FILES:
+            check_replaceable(folder / name)
+    except InputError as error:
+        raise InputError(f"--out: {error}") from error
+    except OSError as error:
+        raise InputError(f"--out: cannot write to '{folder}': {error.strerror or error}") from error
     if not there.is_dir():
         raise InputError(f"--out: '{there}' is not a folder; give a folder for {VERDICT}, {MODEL}, {REPORT}")
     if not os.access(there, os.W_OK | os.X_OK):
@@ -73,8 +82,8 @@ def write_diagnosis(
     """Write the files of a diagnosis and return their paths, the verdict's first.
 
     recording: the one that was diagnosed, or all of them. robot_name, reading: what this robot is loaded from, and how
-    it was read; the corrected model names both. Each file is replaced as a whole or not at all; a report or a plan of
-    an earlier diagnosis does not stay. Raises InputError where the folder cannot be written, MissingExtraError where
+    it was read; the corrected model names both. The files are all of this diagnosis or all as they were; a report or a
+    plan of an earlier one does not stay. Raises InputError where the folder cannot be written, MissingExtraError where
     what makes the report is not installed.
     """
     adapted = as_recorded(robot, recording)
@@ -84,30 +93,26 @@ def write_diagnosis(
         from .diagnosis_report import diagnosis_html
 
         text = diagnosis_html(diagnosis, robot, recording)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: cannot make the folder '{folder}': {error.strerror}") from error
     model = folder / MODEL
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
     names = ", ".join(Path(item.path).name for item in recordings)
-    notes = f"diagnosis of {names}: {verdict_text(diagnosis)}"
+    notes = text_of(f"diagnosis of {names}: {verdict_text(diagnosis)}")
     effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
-    write_model(CorrectedModel(robot_name, effects, understood.variant, notes, understood), model)
-    plan = _plan(diagnosis, recordings[0], json.loads(model.read_text(encoding="utf-8"))["robot"])
+    made = CorrectedModel(robot_name, effects, understood.variant, notes, understood, _noise(diagnosis))
+    corrected = model_document(made, model)
+    plan = _plan(diagnosis, recordings[0], corrected["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)
     document["next_experiment"] = {"why": diagnosis.next_experiment.get("why", ""), "plan": plan}
-    files: dict[Path, Iterable[str]] = {folder / VERDICT: (dump(document) + "\n",)}
+    files: dict[str, Iterable[str]] = {VERDICT: (dump(document) + "\n",), MODEL: json_lines(corrected)}
     if text is not None:
-        files[folder / REPORT] = (text,)
+        files[REPORT] = (text_of(text),)
     if plan:
-        files[folder / PLAN] = json_lines(plan)
-    write_whole(files)
-    for name in (REPORT, PLAN):
-        if folder / name not in files:
-            (folder / name).unlink(missing_ok=True)
-    verdict, *others = files
-    return [verdict, model, *others]
+        files[PLAN] = json_lines(plan)
+    try:
+        write_folder(folder, files, FILES)
+    except InputError as error:
+        raise InputError(f"--out: {error}") from error
+    return [folder / name for name in files]
 
 
 def _inside(effect: Effect, mechanism: Mechanism) -> Effect:
@@ -119,6 +124,14 @@ def _inside(effect: Effect, mechanism: Mechanism) -> Effect:
         low = np.nextafter(quantity.lower, np.inf) if quantity.positive else quantity.lower
         values[quantity.name] = float(np.clip(values[quantity.name], low, quantity.upper))
     return replace(effect, values=values)
+
+
+def _noise(diagnosis: Diagnosis) -> Noise:
+    """Return the noise that the diagnosis knew, declared or estimated; of what it did not, nothing."""
+    if math.isnan(diagnosis.after["fit"]):
+        return Noise()
+    found = diagnosis.noise
+    return Noise(found.position or None, found.rotation or None, found.force or None, found.moment or None)
 
 
 def _plan(diagnosis: Diagnosis, recording: Recording, robot: str) -> dict[str, Any]:

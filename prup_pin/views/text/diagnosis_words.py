@@ -49,6 +49,9 @@ def scaled(largest: float, unit: str) -> tuple[float, str]:
 def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     before, after = diagnosis.before["heldout"], diagnosis.after["heldout"]
+    if math.isnan(before) and diagnosis.by_channel:
+        statement = next(finding.statement for finding in diagnosis.findings if finding.physics == "unknown")
+        return f"{statement[0].upper()}{statement[1:]}."
     if math.isnan(before):
         return "Nothing can be said: this recording holds no measured pose that the robot could have taken."
     if diagnosis.verdict == "nothing_missing":
