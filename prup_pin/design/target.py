@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from ..spatial import Array, as_wrench
-from ..sweep.quantities import CORNERS
 
 __all__ = ["Cut", "Target", "targets_of"]
 
 #: A direction in which the tool yields by less than this share of the worst is never worst.
 _RIGID = 1e-6
+#: Corners of a box of wrenches, one of each opposite pair, (32, 6).
+_CORNERS = np.array([(1.0, *signs) for signs in product((1.0, -1.0), repeat=5)])
 _ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6)}
 
 
@@ -116,7 +118,7 @@ class Target:
         if self.wrench is not None:
             return as_wrench(self.wrench)[None]
         if self.force is not None and self.moment is not None:
-            return CORNERS * np.array(3 * [self.force] + 3 * [self.moment])
+            return _CORNERS * np.array(3 * [self.force] + 3 * [self.moment])
         return np.zeros((0, 6))
 
     def __str__(self) -> str:
