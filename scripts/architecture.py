@@ -73,6 +73,7 @@ BOXES = {
     "build": Box(11, (3.75, 5.05), STIFF, "new"),
     "laws": Box(7, _halves(RIGHT)[0], LEFT_OUT, "physics left out"),
     "recordings": Box(7, _halves(RIGHT)[1], LEFT_OUT, "bench tests"),
+    "imports": Box(8, (RIGHT[1] - 1.35, RIGHT[1]), LEFT_OUT, "logs"),
     "simulation": Box(12, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
     "compensation": Box(14, LEFT, LEFT_OUT, "commands that cancel what is wrong"),
     "channels": Box(13, RIGHT, LEFT_OUT, "measured less simulated, its noise"),

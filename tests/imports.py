@@ -24,6 +24,7 @@ LAYERS = [
     "kinematics",
     "statics",
     "recordings",
+    "imports",
     "loaded",
     "laws",
     "sensitivity",

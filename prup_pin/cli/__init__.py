@@ -1,5 +1,5 @@
-"""The command `prup-pin`: stiffness, view, report, info, robots, examples, kinds, simulate, predict, calibrate,
-diagnose, compensate, laws.
+"""The command `prup-pin`: stiffness, view, report, info, robots, examples, kinds, import, simulate, predict,
+calibrate, diagnose, compensate, laws.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. One file holds a group of commands, and
 `options` what several of them ask for. Every error of the package ends as one message on stderr and exit code 2; any
@@ -17,6 +17,7 @@ from .catalogue import info, kinds, laws, robots
 from .compensating import compensate
 from .diagnosing import diagnose
 from .examples import examples
+from .importing import import_
 from .options import taken_apart
 from .pages import report, view
 from .simulating import predict, simulate
@@ -32,6 +33,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     robots,
     examples,
     kinds,
+    import_,
     simulate,
     predict,
     calibrate,
@@ -41,4 +43,4 @@ COMMANDS: tuple[Callable[..., None], ...] = (
 )
 
 for _command in COMMANDS:
-    app.command(_command.__name__)(taken_apart(_command))
+    app.command(_command.__name__.strip("_"))(taken_apart(_command))

@@ -10,8 +10,7 @@ import pytest
 
 import prup_pin
 from prup_pin.recordings import Recording, read_recording
-from prup_pin.simulation import simulate
-from prup_pin.simulation.model_file import effect_named
+from prup_pin.simulation import effect_named, simulate
 from tests.reference.concealed.chain import GRAVITY
 from tests.reference.concealed.efforts import KINDS
 from tests.reference.concealed.markers import CAMERAS, PHYSICS, SPRUNG, draw_markers, options, write

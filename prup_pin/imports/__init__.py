@@ -1,0 +1,19 @@
+"""Logs of other people's controllers as recordings: readers, the map between, and a first guess of it."""
+
+from .convert import Conversion, convert
+from .guess import Guess, guess
+from .log import Log, Stream, read_log
+from .map import LogMap, read_map, robot_named
+
+__all__ = [
+    "Conversion",
+    "Guess",
+    "Log",
+    "LogMap",
+    "Stream",
+    "convert",
+    "guess",
+    "read_log",
+    "read_map",
+    "robot_named",
+]

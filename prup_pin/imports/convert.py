@@ -1,0 +1,250 @@
+"""From a log and its map to a recording: SI, one clock, joints instead of motors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import Problem, RecordingFileError
+from ..recordings import Recording
+from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, marker_of
+from ..spatial import WRENCH_NAMES, Array
+from .log import Log, Stream
+from .map import Clock, Column, LogMap, Motors, Rotation
+from .named import NamedRobot
+
+#: Where a stream is silent for longer than so many of its periods, nothing is made up.
+GAP = 5.0
+#: A stream that is so much faster than the clock it is put on is averaged over the clock's period.
+FASTER = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """A recording, the log's columns that were not used, and what was done on the way, for a person."""
+
+    recording: Recording
+    unused: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """Rows of a stream that have a time: `rows` are their indices, `time` (N,) [s] increases."""
+
+    rows: np.ndarray
+    time: Array
+
+
+def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conversion:
+    """Return the recording that a map makes of its log. Time begins at 0 s.
+
+    Raises RecordingFileError where a clock runs backwards or streams do not overlap.
+    """
+    remarks: list[str] = []
+    used = {log.stream_of(source).name for source in _sources(plan)}
+    streams = {stream.name: stream for stream in log.streams}
+    told = {name: _on_clock(log, streams[name], plan.clocks[name], remarks) for name in streams
+            if name in used or name == plan.resampling.clock}  # fmt: skip
+    begin = min(item.time[0] for item in told.values())
+    told = {name: _Told(item.rows, item.time - begin) for name, item in told.items()}
+    time = _common(log, plan, told, remarks)
+
+    def placed(name: str, values: Array) -> Array:
+        item = told[name]
+        return values if time is item.time else resampled(item.time, values, time)
+
+    columns = {}
+    for name, column in plan.columns.items():
+        stream = log.stream_of(column.source)
+        values = in_si(stream.columns[column.source][told[stream.name].rows], column)
+        columns[name] = placed(stream.name, values)
+    for name, rotation in plan.rotations.items():
+        stream = log.stream_of(rotation.sources[0])
+        vectors = _vectors(stream, rotation, told[stream.name], time)
+        columns |= {f"{name}.{axis}": vectors[:, k] for k, axis in enumerate(AXES)}
+    for group in plan.motors:
+        _to_joints(columns, group)
+    used_columns = plan.sources
+    unused = tuple(name for name in log.names if name not in used_columns)
+    recording = _recording(time - time[0], columns, log, plan, mechanism)
+    return Conversion(recording, unused, tuple(remarks))
+
+
+def in_si(values: Array, column: Column) -> Array:
+    """Return a column of the log (N,) in SI."""
+    si = values * column.unit.factor + column.unit.offset
+    if column.unwrap:
+        known = np.isfinite(si)
+        si[known] = np.unwrap(si[known])
+    return column.sign * column.scale * si + column.offset
+
+
+def resampled(at: Array, values: Array, time: Array) -> Array:
+    """Return values (N,) taken at times `at` as they are at `time` (M,): NaN in gaps and outside.
+
+    A straight line from sample to sample; where samples come faster than they are asked for, its mean over the asked
+    period about each time, so that nothing is folded down from frequencies that the new clock cannot show. Neither
+    shifts anything in time.
+    """
+    known = np.isfinite(values)
+    if known.sum() < 2:
+        return np.full(len(time), np.nan)
+    at, values = at[known], values[known]
+    period, wanted = float(np.median(np.diff(at))), float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if wanted > FASTER * period:
+        area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(at))])
+        low, high = np.clip(time - wanted / 2, at[0], at[-1]), np.clip(time + wanted / 2, at[0], at[-1])
+        width = np.maximum(high - low, 1e-12)
+        out = (_area(high, at, values, area) - _area(low, at, values, area)) / width
+    else:
+        out = np.interp(time, at, values)
+    after = np.clip(np.searchsorted(at, time, side="left"), 1, len(at) - 1)
+    silent = (at[after] - at[after - 1] > max(GAP * period, 2 * wanted)) & ~np.isin(time, at)
+    out[silent | (time < at[0] - 1e-9) | (time > at[-1] + 1e-9)] = np.nan
+    return out
+
+
+def _area(x: Array, at: Array, values: Array, area: Array) -> Array:
+    """Return the integral of the broken line up to x."""
+    k = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
+    step = x - at[k]
+    slope = (values[k + 1] - values[k]) / (at[k + 1] - at[k])
+    return area[k] + step * (values[k] + 0.5 * slope * step)
+
+
+def _sources(plan: LogMap) -> list[str]:
+    return [*(c.source for c in plan.columns.values()), *(s for r in plan.rotations.values() for s in r.sources)]
+
+
+def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str]) -> _Told:
+    """Return a stream's rows that have a time of their own, or raise where time runs backwards."""
+    raw = stream.clock if clock.source is None else stream.columns[clock.source]
+    assert raw is not None
+    source = f"column '{clock.source}'" if clock.source is not None else f"the stamps of {stream.name}"
+    known = np.flatnonzero(np.isfinite(raw))
+    if len(known) < 2:
+        raise RecordingFileError(log.path, [Problem(f"{source}: no times; expected one in each row")])
+    if len(known) < len(raw):
+        remarks.append(f"{len(raw) - len(known)} rows without a time in {source} were left out.")
+    stamps = raw[known]
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    if len(back):
+        row = int(known[back[0] + 1])
+        message = (
+            f"{source} runs backwards {len(back)} times, first in row {row + 1}: {stamps[back[0] + 1]:.9g} after "
+            f"{stamps[back[0]]:.9g}; is it the right column? Cut the log where it was started again"
+        )
+        raise RecordingFileError(log.path, [Problem(message)])
+    fresh = np.concatenate([[True], np.diff(stamps) > 0])
+    if not fresh.all():
+        share = 100 * float(np.mean(~fresh))
+        remarks.append(f"{int((~fresh).sum())} rows ({share:.2g} %) repeat the time before in {source}: left out.")
+    rows = known[fresh]
+    time = (stamps[fresh] - stamps[0]) * clock.unit.factor + stamps[0] * clock.unit.factor - clock.delay
+    return _Told(rows, time)
+
+
+def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str]) -> Array:
+    """Return the recording's times (N,), and say how streams come to them."""
+    if plan.resampling == type(plan.resampling)():
+        return next(iter(told.values())).time
+    begin, end = max(item.time[0] for item in told.values()), min(item.time[-1] for item in told.values())
+    if plan.resampling.clock is not None:
+        time = told[plan.resampling.clock].time
+        whose = f"the clock of {plan.resampling.clock}"
+    else:
+        assert plan.resampling.rate is not None
+        time = begin + np.arange(int((end - begin) * plan.resampling.rate + 1e-9) + 1) / plan.resampling.rate
+        whose = f"an even clock of {plan.resampling.rate:g}/s"
+    if len(time) < 2 or end <= begin:
+        spans = "; ".join(f"{name} {item.time[0]:.6g} to {item.time[-1]:.6g} s" for name, item in told.items())
+        message = f"the streams do not overlap in time: {spans}; is the unit of each time right?"
+        raise RecordingFileError(log.path, [Problem(message)])
+    wanted = float(np.median(np.diff(time)))
+    for name, item in told.items():
+        period = float(np.median(np.diff(item.time)))
+        how = f"averaged over {1e3 * wanted:.3g} ms" if wanted > FASTER * period else "along straight lines"
+        if time is not item.time and name != plan.resampling.clock:
+            remarks.append(f"{name} ({1 / period:.4g}/s) is put on {whose}, {how}.")
+    return time
+
+
+def _vectors(stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:
+    """Return rotation vectors (M, 3) [rad] at the recording's times."""
+    from scipy.spatial.transform import Rotation as Turn
+    from scipy.spatial.transform import Slerp
+
+    raw = np.column_stack([stream.columns[name][told.rows] for name in rotation.sources])
+    known = np.isfinite(raw).all(axis=1)
+    if rotation.manner == "rpy":
+        turns = Turn.from_euler("xyz", raw[known] * rotation.unit.factor)
+    else:
+        order = [1, 2, 3, 0] if rotation.manner == "quaternion_wxyz" else [0, 1, 2, 3]
+        known &= np.linalg.norm(raw, axis=1) > 1e-6
+        turns = Turn.from_quat(raw[known][:, order])
+    out = np.full((len(time), 3), np.nan)
+    at = told.time[known]
+    if time is told.time:
+        out[known] = turns.as_rotvec()
+    elif len(at) > 1:
+        inside = np.isfinite(resampled(told.time, np.where(known, 0.0, np.nan), time)) & (time >= at[0])
+        inside &= time <= at[-1]
+        out[inside] = Slerp(at, turns)(time[inside]).as_rotvec()
+    return out
+
+
+def _to_joints(columns: dict[str, Array], group: Motors) -> None:
+    """Put joints in the place of the motors that move them: by power, efforts by the inverse, transposed."""
+    for prefix in JOINT_GROUPS:
+        names = [f"{prefix}.{name}" for name in group.names]
+        if all(name in columns for name in names):
+            motors = np.column_stack([columns.pop(name) for name in names])
+            matrix = np.linalg.inv(group.matrix).T if prefix == "tau" else group.matrix
+            moved = motors @ matrix.T
+            columns |= {f"{prefix}.{joint}": moved[:, k] for k, joint in enumerate(group.joints)}
+
+
+def _recording(
+    time: Array, columns: Mapping[str, Array], log: Log, plan: LogMap, mechanism: NamedRobot | None
+) -> Recording:
+    """Return the recording of columns by their names."""
+    n = len(time)
+    order = list(mechanism.actuated) if mechanism is not None else []
+    fields: dict[str, Any] = {group: {} for group in JOINT_GROUPS.values()}
+    fields |= {"markers": {}, "marker_rotations": {}}
+    triples: dict[str, Array] = {}
+    wrench, loads = np.zeros((n, 6)), []
+    for name, values in columns.items():
+        joint, marker = joint_of(name), marker_of(name)
+        if joint is not None:
+            fields[joint[0]][joint[1]] = values
+        elif marker is not None:
+            fields[marker[0]].setdefault(marker[1], np.full((n, 3), np.nan))[:, marker[2]] = values
+        elif name.startswith("w."):
+            loads.append(name[2:])
+            wrench[:, WRENCH_NAMES.index(name[2:])] = values
+        elif name[:2] in ("p.", "r.", "g."):
+            triples.setdefault(name[0], np.full((n, 3), np.nan))[:, AXES.index(name[2])] = values
+        elif name == "run":
+            labels = [f"{x:g}" for x in values.tolist()]
+            known = list(dict.fromkeys(labels))
+            fields["run"], fields["run_names"] = np.array([known.index(x) for x in labels]), tuple(known)
+        else:
+            fields[name] = values
+    for group in JOINT_GROUPS.values():
+        fields[group] = dict(sorted(fields[group].items(), key=lambda item: _place(order, item[0])))
+    if loads:
+        fields |= {"wrench": wrench, "wrench_columns": tuple(name for name in WRENCH_NAMES if name in loads)}
+    called = {"p": "position", "r": "rotation", "g": "gravity"}
+    fields |= {called[key]: values for key, values in triples.items()}
+    notes = plan.notes or f"imported from {Path(log.path).name}"
+    return Recording(time=time, robot=plan.robot, notes=notes, **fields)
+
+
+def _place(order: list[str], joint: str) -> int:
+    return order.index(joint) if joint in order else len(order)

@@ -1,0 +1,115 @@
+"""A log as its file has it: columns of numbers by name, each on the clock of its stream. Nothing is understood yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from ..errors import Problem, RecordingFileError
+from ..spatial import Array
+
+#: Longer vectors in one message are pictures or clouds, not signals.
+MAX_VECTOR = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Columns that were sampled together: name -> (N,).
+
+    clock: (N,) stamps [s] that the format itself gives, or None where one of the columns is the time.
+    units: what the file says of a column's unit.
+    """
+
+    name: str
+    columns: Mapping[str, Array]
+    clock: Array | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        if self.clock is not None:
+            return len(self.clock)
+        return len(next(iter(self.columns.values()), ()))
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """The streams of a file. Names of columns are unique in it. `left_out` says what the file holds besides."""
+
+    path: str
+    streams: tuple[Stream, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All columns."""
+        return tuple(name for stream in self.streams for name in stream.columns)
+
+    def stream_of(self, column: str) -> Stream:
+        """Return the stream that a column belongs to. Raises KeyError."""
+        for stream in self.streams:
+            if column in stream.columns:
+                return stream
+        raise KeyError(column)
+
+
+def refuse(path: Path, message: str, line: int | None = None) -> RecordingFileError:
+    """Return the error that says what is wrong with a log."""
+    return RecordingFileError(path, [Problem(message, line)])
+
+
+def frozen(columns: Mapping[str, Iterable[float] | Array]) -> Mapping[str, Array]:
+    """Return columns as read-only arrays of floats."""
+    out = {}
+    for name, values in columns.items():
+        array = np.array(values, float)
+        array.flags.writeable = False
+        out[name] = array
+    return MappingProxyType(out)
+
+
+def spread(name: str, values: Array, first: int = 0) -> dict[str, Array]:
+    """Return the columns of an array (N,) or (N, k), numbered name[first] on."""
+    if values.ndim == 1:
+        return {name: values}
+    return {f"{name}[{first + k}]": values[:, k] for k in range(values.shape[1])}
+
+
+def read_log(path: str | Path) -> Log:
+    """Return a log by its ending: .csv .tsv .txt, .parquet, .mat, .mcap, .bag, .db3, or the folder of a ROS 2 bag.
+
+    Raises RecordingFileError for what cannot be read, MissingExtraError where its reader is not installed.
+    """
+    path = Path(path)
+    if not path.exists():
+        endings = tuple(ending for kinds in FORMATS for ending in kinds)
+        near = sorted(other.name for other in path.parent.glob("*") if other.suffix.lower() in endings)[:8]
+        raise refuse(path, "file not found." + (f" The folder holds: {', '.join(near)}." if near else ""))
+    kind = ".bag" if path.is_dir() else path.suffix.lower()
+    for endings, reader in FORMATS.items():
+        if kind in endings:
+            from importlib import import_module
+
+            module = import_module(f"{__package__}.{reader}")
+            log: Log = module.read(path)
+            if not any(stream.columns for stream in log.streams):
+                raise refuse(path, "holds no columns of numbers" + _besides(log.left_out))
+            return log
+    known = ", ".join(ending for endings in FORMATS for ending in endings)
+    raise refuse(path, f"has the ending '{path.suffix}'; expected one of {known}, or the folder of a ROS 2 bag")
+
+
+def _besides(left_out: Sequence[str]) -> str:
+    return f"; there are: {', '.join(left_out[:12])}" if left_out else ""
+
+
+#: Endings -> the file of this room that reads them; loaded when one is met.
+FORMATS: Mapping[tuple[str, ...], str] = {
+    (".csv", ".tsv", ".txt", ".dat"): "text_table",
+    (".parquet", ".pq"): "parquet",
+    (".mat",): "matlab",
+    (".mcap", ".bag", ".db3"): "bags",
+}

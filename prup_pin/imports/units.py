@@ -1,0 +1,104 @@
+"""Units as loggers write them, and what they are in SI."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+_TURN = 2 * math.pi
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "inch": 0.0254}
+_ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": _TURN / 360, "°": _TURN / 360, "rev": _TURN, "turn": _TURN}
+#: SI value of each unit, by what is measured.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
+    "angle": _ANGLE,
+    "length": _LENGTH,
+    "angular velocity": {
+        **{f"{unit}/s": value for unit, value in _ANGLE.items()},
+        "rpm": _TURN / 60,
+        "rev/min": _TURN / 60,
+        "rps": _TURN,
+    },
+    "velocity": {**{f"{unit}/s": value for unit, value in _LENGTH.items()}, "m/min": 1 / 60, "mm/min": 1e-3 / 60},
+    "angular acceleration": {f"{unit}/s^2": value for unit, value in _ANGLE.items()},
+    "acceleration": {**{f"{unit}/s^2": value for unit, value in _LENGTH.items()}, "g0": 9.80665},
+    "moment": {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3, "N cm": 1e-2, "N mm": 1e-3},
+    "force": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605},
+    "temperature": {"degC": 1.0, "K": 1.0},
+    "label": {"1": 1.0},
+}
+#: What a driver may say instead of an effort or a position; it takes a `scale` to SI.
+UNSCALED = ("A", "mA", "V", "%", "counts", "raw")
+#: What stands for no unit at all.
+SI_WORDS: Mapping[str, str] = {
+    "time": "s",
+    "angle": "rad",
+    "length": "m",
+    "angular velocity": "rad/s",
+    "velocity": "m/s",
+    "angular acceleration": "rad/s^2",
+    "acceleration": "m/s^2",
+    "moment": "N m",
+    "force": "N",
+    "temperature": "degC",
+    "label": "1",
+}
+_KELVIN = -273.15
+#: Other spellings, compared without case, spaces and dots.
+_SPELLED = {
+    "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "usec": "us", "micros": "us",
+    "nsec": "ns", "nanos": "ns", "radian": "rad", "radians": "rad", "degree": "deg", "degrees": "deg", "grad": "deg",
+    "deg/sec": "deg/s", "rad/sec": "rad/s", "dps": "deg/s", "°/s": "deg/s", "1/min": "rpm", "u/min": "rpm",
+    "nm": "N m", "n*m": "N m", "n·m": "N m", "n-m": "N m", "mnm": "mN m", "knm": "kN m", "ncm": "N cm", "nmm": "N mm",
+    "newton": "N", "percent": "%", "pct": "%", "ampere": "A", "amps": "A", "amp": "A", "volt": "V", "volts": "V",
+    "celsius": "degC", "°c": "degC", "kelvin": "K", "count": "counts", "inc": "counts", "ticks": "counts",
+    "rad/s2": "rad/s^2", "rad/s²": "rad/s^2", "deg/s2": "deg/s^2", "deg/s²": "deg/s^2", "m/s2": "m/s^2",
+    "m/s²": "m/s^2", "mm/s2": "mm/s^2", "mm/s²": "mm/s^2", "in": "inch", "-": "1", "μm": "um", "μs": "us", "c": "degC",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Unit:
+    """SI = factor x value + offset; `needs_scale` where the factor is only known with a scale."""
+
+    name: str
+    factor: float
+    offset: float = 0.0
+    needs_scale: bool = False
+
+
+def spelled(text: str) -> str | None:
+    """Return the unit that a text means, or None."""
+    plain = re.sub(r"\s+", " ", text.strip().strip("[]()").strip())
+    known = [unit for units in UNITS.values() for unit in units] + list(UNSCALED)
+    if plain in known:
+        return plain
+    flat = re.sub(r"[\s._]", "", plain).lower()
+    if flat in _SPELLED:
+        return _SPELLED[flat]
+    return next((unit for unit in known if re.sub(r"\s", "", unit).lower() == flat and len(flat) > 1), None)
+
+
+def dimension_of(unit: str) -> str | None:
+    """Return what a unit measures; None of those that take a scale."""
+    return next((dimension for dimension, units in UNITS.items() if unit in units), None)
+
+
+def unit_for(text: str, dimensions: tuple[str, ...]) -> Unit | None:
+    """Return the unit of one of some dimensions that a text means, or None."""
+    name = spelled(text)
+    if name in UNSCALED and not {"time", "label"} & set(dimensions):
+        return Unit(name, 1.0, needs_scale=True)
+    for dimension in dimensions:
+        if name is not None and name in UNITS[dimension]:
+            return Unit(name, UNITS[dimension][name], _KELVIN if name == "K" else 0.0)
+    return None
+
+
+def units_in_words(dimensions: tuple[str, ...]) -> str:
+    """Return the units that fit, for a message."""
+    fit = [unit for dimension in dimensions for unit in UNITS[dimension] if not unit.startswith(("µ", "°"))]
+    unscaled = [] if {"time", "label"} & set(dimensions) else [f"{', '.join(UNSCALED)} with a scale"]
+    return ", ".join(fit + unscaled)

@@ -1,0 +1,155 @@
+"""A first map is right where names or numbers prove it, and says where it is not sure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+
+import prup_pin
+from prup_pin.imports import Log, Stream, convert, guess, read_log, read_map
+from prup_pin.imports.guess import unit_in_name, words_of
+from prup_pin.imports.log import frozen
+from prup_pin.imports.units import spelled
+
+from . import logs
+
+Q, QD, TAU = logs.motion()
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return prup_pin.load("ur5").mechanism
+
+
+def log_of(columns):
+    return Log("log.csv", (Stream("table", frozen(columns)),))
+
+
+def imported(tmp_path, log, mechanism):
+    """Return the guess and the recording that it makes."""
+    first = guess(log, mechanism, "ur5")
+    (tmp_path / "map.yaml").write_text(first.text)
+    return first, convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism).recording
+
+
+def assert_motion(recording, velocities=True):
+    for k, joint in enumerate(logs.JOINTS):
+        assert np.abs(recording.positions[joint] - Q[: len(recording), k]).max() < 1e-6
+        assert np.abs(recording.efforts[joint] - TAU[: len(recording), k]).max() < 1e-6
+        if velocities:
+            assert np.abs(recording.velocities[joint] - QD[: len(recording), k]).max() < 1e-6
+
+
+CASES = {
+    "RTDE": ({"timestamp": 812.0 + logs.T}, "actual_q_{}", "target_q_{}", "actual_qd_{}", "actual_moment_{}", 1, 1, 0),
+    "PLC in degrees and rpm": (
+        {"Zeit [ms]": 1e3 * logs.T}, "J{}_pos[deg]", "J{}_setpoint_pos[deg]", "J{}_vel", "J{}_torque",
+        180 / np.pi, 30 / np.pi, 1),
+    "degrees that nothing tells": (
+        {"t": logs.T}, "q{}", "qd_des{}", "dq{}", "tau{}", 180 / np.pi, 180 / np.pi, 1),
+    "milliseconds that the numbers tell": (
+        {"time": 1e3 * logs.T}, "pos[{}]", "cmd_pos[{}]", "vel[{}]", "trq[{}]", 1, 1, 0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_logs_of_controllers(tmp_path, ur5, case):
+    time, q, wished, qd, tau, angle, speed, first = CASES[case]
+    log = log_of(
+        time
+        | logs.numbered(wished, angle * Q + 1e-3, first)
+        | logs.numbered(q, angle * Q, first)
+        | logs.numbered(qd, speed * QD, first)
+        | logs.numbered(tau, TAU, first)
+    )
+    made, recording = imported(tmp_path, log, ur5)
+    assert made.doubts == ()
+    assert_motion(recording)
+    assert np.abs(recording.time - logs.T).max() < 1e-9
+
+
+def test_joints_by_their_names_in_any_order(tmp_path, ur5):
+    names = list(reversed(logs.JOINTS))
+    columns = {"__time": 1.7e9 + logs.T}
+    columns |= {f"/joint_states/{joint}/position": Q[:, logs.JOINTS.index(joint)] for joint in names}
+    columns |= {f"/joint_states/{joint}/effort": TAU[:, logs.JOINTS.index(joint)] for joint in names}
+    made, recording = imported(tmp_path, log_of(columns), ur5)
+    assert made.doubts == ()
+    assert_motion(recording, velocities=False)
+    assert list(recording.positions) == list(logs.JOINTS)
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_bag_of_joint_states_and_a_wrench(tmp_path, ur5, storage):
+    log = read_log(logs.ros2_bag(tmp_path / "bag", logs.T, Q, QD, TAU, storage))
+    made, recording = imported(tmp_path, log, ur5)
+    assert_motion(recording)
+    assert all(doubt.startswith("w.") for doubt in made.doubts)
+    assert "resample: {clock: /joint_states}" in made.text
+    force = recording.wrench[:, 2]
+    inside = np.isfinite(force)
+    k = (recording.time[inside] - 0.003) / 0.004
+    assert np.abs(force[inside] - (3.0 + k)).max() < 1e-4
+
+
+def test_what_is_not_sure_says_so(ur5):
+    def doubts(columns, mechanism=ur5):
+        return "\n".join(guess(log_of({"t": logs.T} | columns), mechanism).doubts)
+
+    q = logs.numbered("q{}", Q)
+    assert doubts(q) == ""
+    assert "up to 0.016: rad or deg" in doubts(logs.numbered("q{}", 0.01 * Q))
+    assert "tau.elbow_joint: in A: write how much SI one A is" in doubts(q | logs.numbered("current_{}", TAU))
+    assert "qd.elbow_joint: falls where the position rises" in doubts(
+        q | logs.numbered("vel_{}", QD * [1, 1, -1, 1, 1, 1])
+    )
+    assert "the velocities are not the rate of the positions" in doubts(q | logs.numbered("vel_{}", 3.3 * QD))
+    assert "up to 0.05: rad or deg" in doubts(
+        logs.numbered("q{}", 0.05 * Q / np.abs(Q).max()) | logs.numbered("qd{}", 0.05 * QD / np.abs(Q).max())
+    )
+    assert "3 columns for 6 actuated joints" in doubts(logs.numbered("q{}", Q[:, :3]))
+    assert "up to 45.84, so not rad" in doubts(logs.numbered("q{}", np.degrees(Q[:, :6]) * 0.5))
+    assert "no column was found that is the position of a joint" in doubts({"voltage": logs.T**0})
+    assert "the joint's name is made up" in doubts(q, None)
+    assert "is it what acts on the tool point" in doubts(q | {"Fz": logs.T})
+    assert "named after a motor" in doubts(logs.numbered("motor_pos_{}", Q))
+    assert "no column of the log rises" in "\n".join(guess(log_of(q), ur5).doubts)
+
+
+def test_turns_of_an_endless_joint_are_seen(ur5):
+    wrapped = Q.copy()
+    wrapped[:, 5] = (3 * logs.T + np.pi) % (2 * np.pi) - np.pi
+    lines = yaml.safe_load(guess(log_of({"t": logs.T} | logs.numbered("q{}", wrapped)), ur5).text)["columns"]
+    assert [line.get("unwrap", False) for line in lines.values()] == [False] * 5 + [True]
+
+
+def test_names_that_yaml_would_misread_come_back(tmp_path, ur5):
+    odd = {f"pos: {{{k}}}, #[deg]": np.degrees(Q[:, k]) for k in range(6)}
+    made, recording = imported(tmp_path, log_of({"time, [s]": logs.T} | odd), ur5)
+    assert made.doubts == ()
+    assert np.abs(recording.positions["elbow_joint"] - Q[:, 2]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("TorqueJ3 [Nm]", ["torque", "j", "3"], "N m"),
+        ("actual_q_0", ["actual", "q", "0"], None),
+        ("q[2]", ["q", "2"], None),
+        ("jointVelocity5_deg_s", ["joint", "velocity", "5", "deg", "s"], "deg/s"),
+        ("Pos A1 (°)", ["pos", "a", "1"], "deg"),
+    ],
+)
+def test_names_are_read_word_by_word(name, words, unit):
+    assert words_of(name) == words
+    assert unit_in_name(name) in (unit, {"deg": "°"}.get(unit))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [("Nm", "N m"), ("[DEG]", "deg"), ("mm", "mm"), ("1/min", "rpm"), ("m", "m"), ("M", None), ("Nmm", "N mm"),
+     ("% ", "%"), ("furlong", None), ("rad/s", "rad/s"), ("°C", "degC")],
+)  # fmt: skip
+def test_units_are_known_as_people_spell_them(text, unit):
+    assert spelled(text) == unit

@@ -1,0 +1,164 @@
+"""What is in a log comes out of it, whatever wrote it: text, Parquet, MATLAB, MCAP and bags."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pyarrow
+import pytest
+import scipy.io
+from pyarrow import parquet
+
+from prup_pin.errors import RecordingFileError
+from prup_pin.imports import read_log
+
+from . import logs
+
+Q, QD, TAU = logs.motion()
+TABLE = {"t": logs.T, **logs.numbered("q{}", Q)}
+
+
+def only(log):
+    (stream,) = log.streams
+    return stream
+
+
+@pytest.mark.parametrize(
+    ("ending", "how"),
+    [
+        ("csv", {}),
+        ("csv", {"separator": ";", "decimal": ","}),
+        ("tsv", {"separator": "\t"}),
+        ("txt", {"separator": " "}),
+        ("csv", {"above": ["# a controller", "# of ours"]}),
+        ("csv", {"separator": ";", "below": ["s;deg;deg;deg;deg;deg;deg"]}),
+    ],
+)
+def test_tables_of_text(tmp_path, ending, how):
+    stream = only(read_log(logs.csv(tmp_path / f"log.{ending}", TABLE, **how)))
+    assert list(stream.columns) == list(TABLE)
+    assert np.abs(stream.columns["q4"] - Q[:, 3]).max() < 1e-9
+    assert stream.units == ({"t": "s"} | {f"q{k}": "deg" for k in range(1, 7)} if "below" in how else {})
+
+
+def test_names_that_stand_in_a_comment_and_cells_that_are_empty(tmp_path):
+    path = tmp_path / "log.dat"
+    path.write_text("% recorded on Monday\n% t, q1, note\n0, 1.5, a\n1, , b\n2, nan, c\n3, 2.5, d\n")
+    log = read_log(path)
+    assert np.array_equal(only(log).columns["q1"], [1.5, np.nan, np.nan, 2.5], equal_nan=True)
+    assert log.left_out == ("note (text)",)
+
+
+def test_cells_that_are_no_numbers_are_told_with_line_and_column(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,q1\n0,1\n1,1.2x\n2,3\n3\n4,5\n")
+    with pytest.raises(RecordingFileError) as raised:
+        read_log(path)
+    text = str(raised.value)
+    assert "log.csv:3: column 'q1': '1.2x' is not a number" in text
+    assert "log.csv:5: 1 cells; expected 2" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "text"),
+    [
+        ("log.xyz", b"1", "has the ending '.xyz'; expected one of .csv"),
+        ("log.mat", b"not a matlab file" * 20, "cannot be read as a MATLAB file"),
+        ("log.parquet", b"PAR", "cannot be read as Parquet"),
+        ("log.mcap", b"no mcap at all here", "cannot be read as MCAP"),
+        ("log.bag", b"no bag at all", "cannot be read as a ROS bag"),
+        ("log.db3", b"", "no metadata.yaml"),
+        ("log.csv", b"", "is empty"),
+        ("log.csv", b"t,q1\n", "no rows"),
+        ("log.csv", b"t,q1\na,b\nc,d\n", "holds no columns of numbers"),
+    ],
+)
+def test_files_that_are_no_logs(tmp_path, name, content, text):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingFileError, match=text):
+        read_log(tmp_path / name)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    logs.csv(tmp_path / "log.csv", TABLE)
+    with pytest.raises(RecordingFileError, match=r"file not found. The folder holds: log.csv"):
+        read_log(tmp_path / "lag.csv")
+
+
+def test_parquet_with_lists_and_stamps(tmp_path):
+    stamps = pyarrow.array((1.7e18 + logs.T * 1e9).astype("int64"), pyarrow.timestamp("ns"))
+    table = pyarrow.table({"stamp": stamps, "q": list(Q), "tau1": TAU[:, 0], "state": ["ok"] * len(Q)})
+    parquet.write_table(table, tmp_path / "log.parquet")
+    log = read_log(tmp_path / "log.parquet")
+    columns = only(log).columns
+    assert np.abs(columns["stamp"] - logs.T).max() < 1e-6
+    assert np.array_equal(columns["q[2]"], Q[:, 2])
+    assert np.array_equal(columns["tau1"], TAU[:, 0])
+    assert log.left_out == ("state (string)",)
+
+
+def test_matlab_structures(tmp_path):
+    data = {"t": logs.T, "q": Q, "tau": TAU.T, "name": "ur5"}
+    scipy.io.savemat(tmp_path / "log.mat", {"data": data, "fs": 250.0})
+    log = read_log(tmp_path / "log.mat")
+    columns = only(log).columns
+    assert np.array_equal(columns["data.t"], logs.T)
+    assert np.array_equal(columns["data.q[3]"], Q[:, 2])
+    assert np.array_equal(columns["data.tau[6]"], TAU[:, 5])
+
+
+def test_matlab_of_version_7_3(tmp_path):
+    with h5py.File(tmp_path / "log.mat", "w", userblock_size=512) as file:
+        group = file.create_group("data")
+        for name, values in (("t", logs.T[:, None]), ("q", Q)):
+            group.create_dataset(name, data=values.T).attrs["MATLAB_class"] = np.bytes_("double")
+        label = group.create_dataset("name", data=np.array([[117], [114]], np.uint16))
+        label.attrs["MATLAB_class"] = np.bytes_("char")
+    with (tmp_path / "log.mat").open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+    log = read_log(tmp_path / "log.mat")
+    columns = only(log).columns
+    assert np.array_equal(columns["data.t"], logs.T)
+    assert np.array_equal(columns["data.q[3]"], Q[:, 2])
+    assert len(columns) == 7
+
+
+def test_matlab_streams_of_several_lengths(tmp_path):
+    slow = logs.T[::5]
+    scipy.io.savemat(tmp_path / "log.mat", {"arm": {"time": logs.T, "q": Q}, "ft": {"time": slow, "fz": 3 * slow}})
+    arm, ft = read_log(tmp_path / "log.mat").streams
+    assert (arm.name, len(arm), ft.name, len(ft)) == ("arm", len(logs.T), "ft", len(slow))
+    assert np.array_equal(ft.columns["ft.fz"], 3 * slow)
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_ros_2_bag_tells_joints_by_their_names_and_stamps_by_their_headers(tmp_path, storage):
+    log = read_log(logs.ros2_bag(tmp_path / "bag", logs.T, Q, QD, TAU, storage))
+    by_name = {stream.name: stream for stream in log.streams}
+    states, forces = by_name["/joint_states"], by_name["/ft"]
+    assert np.abs(states.clock - logs.T).max() < 1e-8
+    assert np.abs(forces.clock - logs.T[::5] - 0.003).max() < 1e-8
+    for k, joint in enumerate(logs.JOINTS):
+        assert np.array_equal(states.columns[f"/joint_states.position.{joint}"], Q[:, k])
+        assert np.array_equal(states.columns[f"/joint_states.effort.{joint}"], TAU[:, k])
+    assert len(states.columns) == 18
+    assert forces.columns["/ft.wrench.force.z"][1] == 8.0
+    assert "/log (no numbers)" in log.left_out
+
+
+@pytest.mark.parametrize("encoding", ["ros2msg", "json"])
+def test_an_mcap_file(tmp_path, encoding):
+    log = read_log(logs.mcap_file(tmp_path / "log.mcap", logs.T, Q, QD, TAU, encoding))
+    states = only(log)
+    assert np.abs(states.clock - logs.T).max() < 1e-8
+    assert np.array_equal(states.columns["/joint_states.velocity.elbow_joint"], QD[:, 2])
+    assert log.left_out == ("/camera (protobuf)",)
+
+
+def test_a_reader_that_is_not_installed_says_what_to_install(tmp_path, monkeypatch):
+    from prup_pin.errors import MissingExtraError
+
+    logs.mcap_file(tmp_path / "log.mcap", logs.T[:5], Q, QD, TAU)
+    monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
+    with pytest.raises(MissingExtraError, match=r"pip install mcap.*extra 'bags'"):
+        read_log(tmp_path / "log.mcap")

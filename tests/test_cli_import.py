@@ -1,0 +1,92 @@
+"""`prup-pin import`, as a user meets it: a map is guessed, corrected, and a recording made by it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from prup_pin.cli import app
+from prup_pin.recordings import read_recording
+
+from .importing import logs
+
+Q, QD, TAU = logs.motion()
+RECORDED = {"t_ms": 1e3 * logs.T, **logs.numbered("q{}_deg", np.degrees(Q)), **logs.numbered("i{}_current", TAU / 5)}
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, ["import", *map(str, arguments)])
+
+
+def test_a_map_is_guessed_corrected_and_carried_out(run):
+    logs.csv(Path("run.csv"), RECORDED | {"note": ["x"] * len(Q)})
+    first = run("run.csv", "--robot", "ur5")
+    assert first.exit_code == 0, first.output
+    assert "6 lines must be looked at" in first.output
+    assert "run.map.yaml" in first.output
+    text = Path("run.map.yaml").read_text()
+    assert text.count("CHECK") == 7
+    assert "q.elbow_joint: {from: q3_deg, unit: deg}" in text
+    assert "#   note (text)" in text
+    lines = [line.replace("unit: A}", "unit: A, scale: 5}") for line in text.splitlines()]
+    Path("run.map.yaml").write_text("\n".join(lines))
+    second = run("run.csv", "--map", "run.map.yaml", "--out", "bench.csv")
+    assert second.exit_code == 0, second.output
+    recording = read_recording("bench.csv")
+    assert recording.robot == "ur5"
+    assert list(recording.positions) == list(recording.efforts) == list(logs.JOINTS)
+    assert np.abs(recording.positions["elbow_joint"] - Q[:, 2]).max() < 1e-8
+    assert np.abs(recording.efforts["elbow_joint"] - TAU[:, 2]).max() < 1e-6
+    assert np.abs(recording.time - logs.T).max() < 1e-9
+    flat = " ".join(second.output.split())
+    assert "1500 rows, 5.996 s, 250 rows a second" in flat
+    assert "tau.elbow_joint i3_current A x 5" in flat
+    assert "Not used note (text)" in flat
+
+
+def test_where_nothing_is_doubtful_one_command_does(run):
+    columns = {"time": logs.T, **logs.numbered("actual_q_{}", Q, 0), **logs.numbered("actual_torque_{}", TAU, 0)}
+    logs.csv(Path("run.csv"), columns)
+    done = run("run.csv", "--robot", "ur5", "--map", "m.yaml", "--out", "bench.csv")
+    assert done.exit_code == 0, done.output
+    assert "The map was guessed" in done.output
+    assert Path("m.yaml").exists()
+    assert np.abs(read_recording("bench.csv").efforts["wrist_3_joint"] - TAU[:, 5]).max() < 1e-6
+
+
+def test_where_something_is_doubtful_no_recording_is_made_of_it(run):
+    logs.csv(Path("run.csv"), RECORDED)
+    done = run("run.csv", "--robot", "ur5", "--map", "m.yaml", "--out", "bench.csv")
+    assert done.exit_code == 2
+    assert "a map was guessed and written: m.yaml. 6 lines in it must be looked at" in " ".join(done.stderr.split())
+    assert Path("m.yaml").exists()
+    assert not Path("bench.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("nothing.csv",), "file not found. The folder holds: run.csv"),
+        (("run.csv", "--map", "m.txt"), "has the ending '.txt'; expected .yaml"),
+        (("run.csv", "--out", "run.csv"), "is the log itself"),
+        (("run.csv", "--out", "run.parquet"), "has the ending '.parquet'; expected .csv"),
+        (("run.csv", "--out", "nowhere/run.csv"), "there is no folder 'nowhere'"),
+        (("run.csv", "--robot", "ur55"), "no robot named 'ur55'"),
+        (("run.csv", "--map", "there.yaml"), "give --out RECORDING.csv"),
+        (("run.csv", "--map", "wrong.yaml", "--out", "b.csv"), "wrong.yaml:1: columns: q.j: the log has no column 'x'"),
+    ],
+)
+def test_what_cannot_be_done_is_said_before_anything_is_written(run, arguments, text):
+    logs.csv(Path("run.csv"), RECORDED)
+    Path("there.yaml").write_text("time: {from: t_ms, unit: ms}\ncolumns: {q.j: {from: q1_deg, unit: deg}}\n")
+    Path("wrong.yaml").write_text("columns: {q.j: {from: x, unit: deg}}\ntime: {from: t_ms, unit: ms}\n")
+    before = set(Path().iterdir())
+    done = run(*arguments)
+    assert done.exit_code == 2, done.output
+    assert text in " ".join(done.stderr.split())
+    assert set(Path().iterdir()) == before
