@@ -25,7 +25,7 @@ from .recordings.writer import write_whole
 from .sensitivity import Sensitivity, sensitivity_of
 from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, dimensionless, solve_statics
-from .sweep import Engines, SweepResult, sweep
+from .sweep import Engines, SweepFile, SweepResult, sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -204,9 +204,10 @@ class Robot:
         seed: int = 0,
         compiled: bool = False,
         executor: Executor | None = None,
+        out: str | Path | None = None,
         progress: Callable[[int, int], None] | None = None,
         **axes: ArrayLike,
-    ) -> SweepResult:
+    ) -> SweepResult | SweepFile:
         """Return `quantities` (names: `prup_pin.sweep.QUANTITIES`) at many poses, each with a status.
 
         Where: task coordinates as numbers, which are fixed, and rising arrays, which span a grid in the order given
@@ -216,7 +217,9 @@ class Robot:
 
         `force` [N] and `moment` [N m] are half the sides of the box of wrenches, `wrench` (6,) a load for shares.
         `compiled` runs the same equations as machine code (extra: compiled), which pays from some ten thousand poses
-        on. An `executor` of concurrent.futures solves parts anywhere; the bits are the same. `progress(done, poses)` is
+        on. An `executor` of concurrent.futures solves parts anywhere; the bits are the same. `out` streams
+        everything to a Parquet table, for more poses than memory holds; the same call goes on where it was interrupted
+        (extra: tables). `progress(done, poses)` is
         called now and then. Raises InputError for what cannot be meant; a pose that fails gets a status, never an
         error.
         """
@@ -231,6 +234,7 @@ class Robot:
             seed=seed,
             compiled=compiled,
             executor=executor,
+            out=out,
             progress=progress,
             engines=self._engines,
             axes=axes,

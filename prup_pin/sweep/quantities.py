@@ -17,11 +17,13 @@ from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
 from ..statics import Statics, StaticsLayout, solve_statics
 
-__all__ = ["QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
+__all__ = ["CORNERS", "QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
 
 #: Which component turns about from one corner of the box of wrenches to the next, so that 32 are visited: one of each
 #: opposite pair (Gray's code). Norms are convex: they are largest at corners.
-_TURNED = [1 + (step & -step).bit_length() - 1 for step in range(1, 32)]
+_TURNED = [(step & -step).bit_length() for step in range(1, 32)]
+#: Those corners in units of the box's half sides, (32, 6).
+CORNERS = np.cumprod([np.ones(6), *(np.where(np.arange(6) == turned, -1.0, 1.0) for turned in _TURNED)], axis=0)
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,13 @@ from .engine import Answer, Engine
 from .places import Places
 from .quantities import QUANTITIES
 from .status import REASONS, STATUSES
+from .table import read_columns, write_table
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-__all__ = ["SweepResult"]
+__all__ = ["SweepFile", "SweepResult"]
 
 
 class SweepResult(Mapping[str, Array]):
@@ -161,8 +162,6 @@ class SweepResult(Mapping[str, Array]):
 
     def to_parquet(self, path: str | Path) -> None:
         """Write the table of `to_dataframe` to a Parquet file, whole or not at all (needs pyarrow)."""
-        from .table import write_table
-
         write_table(Path(path), self.columns(), self._engine.about())
 
     def columns(self) -> dict[str, NDArray]:
@@ -177,6 +176,84 @@ class SweepResult(Mapping[str, Array]):
         size = " x ".join(f"{name} {count}" for name, count in zip(self.dims, self.shape, strict=True)) or "one pose"
         said = ", ".join(f"{number} {word}" for word, number in self.counts.items())
         return f"<SweepResult of {self.mechanism.name}: {size}; {', '.join(self._values)}; {said}>"
+
+
+class SweepFile(Mapping[str, Array]):
+    """The table of a sweep on disk: `s["extremes"]` reads what it names, (*shape, …), and nothing else.
+
+    `path` is a Parquet file that any reader of such tables takes; `status`, `counts`, `coordinates` as of a
+    `SweepResult`.
+    """
+
+    def __init__(self, engine: Engine, places: Places, path: Path, remarks: tuple[str, ...] = ()):
+        self._engine, self._places = engine, places
+        self.path, self.remarks = path, remarks
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self:
+            raise UnknownNameError("quantity of this sweep", name, list(self))
+        quantity = QUANTITIES[name]
+        columns = quantity.columns(self._engine.mechanism)
+        table = read_columns(self.path, [column for column, _ in columns])
+        values = np.empty((len(self._places), *quantity.shape(self._engine.mechanism)))
+        for column, index in columns:
+            values.transpose(*range(1, values.ndim), 0)[index] = table[column]
+            if quantity.symmetric:
+                values.transpose(*range(1, values.ndim), 0)[index[::-1]] = table[column]
+        return _frozen(values.reshape(*self.shape, *values.shape[1:]))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._engine.asked.quantities)
+
+    def __len__(self) -> int:
+        return len(self._engine.asked.quantities)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._engine.asked.quantities
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The robot's mechanism."""
+        return self._engine.mechanism
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of poses along each axis."""
+        return self._places.shape
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return self._places.dims
+
+    @property
+    def status(self) -> NDArray[np.str_]:
+        """'ok', or what is wrong, (*shape)."""
+        return np.asarray(read_columns(self.path, ["status"])["status"]).astype(str).reshape(self.shape)
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many poses have each status that occurs."""
+        words, numbers = np.unique(self.status, return_counts=True)
+        found = dict(zip(words.tolist(), numbers.tolist(), strict=True))
+        return {word: found[word] for word in STATUSES if word in found}
+
+    @property
+    def reasons(self) -> Mapping[str, str]:
+        """What each status that occurs means."""
+        return {word: REASONS[word] for word in self.counts}
+
+    @property
+    def coordinates(self) -> Array:
+        """All coordinates of every pose, (*shape, t)."""
+        return self._places.rows().reshape(*self.shape, len(self._places.names))
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return the whole table (needs pandas)."""
+        return imported("pandas", "tables").read_parquet(self.path)
+
+    def __repr__(self) -> str:
+        return f"<SweepFile of {self.mechanism.name}: {len(self._places)} poses; {', '.join(self)}; in {self.path}>"
 
 
 def table_columns(engine: Engine, rows: Array, answer: Answer) -> dict[str, NDArray]:

@@ -15,7 +15,7 @@ from .places import Places
 __all__ = ["PART", "solved_parts"]
 
 #: Poses of one part.
-PART = 4096
+PART = 8192
 #: So many parts are handed out before the first one is asked for.
 _AHEAD = 64
 
@@ -38,10 +38,10 @@ def solved_parts(
     if progress is not None:
         progress(finished, total)
     for start, answer in _answers(engine, places, starts, executor, remarks):
+        yield start, answer
         finished += len(answer.status)
         if progress is not None:
             progress(finished, total)
-        yield start, answer
 
 
 def _answers(

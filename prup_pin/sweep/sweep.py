@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from math import prod
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from ..spatial import as_wrench
 from .engine import Engine
 from .places import Coordinates, Places, drawn, grid, scattered
 from .quantities import Asked, chosen
-from .result import SweepResult
+from .result import SweepFile, SweepResult
 from .running import solved_parts
+from .stream import Parts
 
 __all__ = ["Engines", "sweep"]
 
@@ -58,10 +60,11 @@ def sweep(
     seed: int = 0,
     compiled: bool = False,
     executor: Executor | None = None,
+    out: str | Path | None = None,
     progress: Callable[[int, int], None] | None = None,
     engines: Engines,
     axes: Mapping[str, Any],
-) -> SweepResult:
+) -> SweepResult | SweepFile:
     """Return what is asked for at every pose; see `Robot.sweep`."""
     asked = _asked(quantities, force, moment, wrench)
     engine = engines.of(asked, compiled)
@@ -72,13 +75,20 @@ def sweep(
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or ask for joints and positions alone"
         )
-    _check_memory(engine, len(places))
-    whole = engine.empty(len(places))
     remarks: list[str] = []
     if compiled and engine.written is None:
         remarks.append(
             f"'{mechanism.name}' and what was asked cannot be compiled (docs/sweep.md says what can); solved by arrays"
         )
+    if out is not None:
+        parts = Parts(Path(out), engine, places)
+        remarks += parts.remarks
+        for start, part in solved_parts(engine, places, executor, remarks, progress, parts.done):
+            parts.write(start, part)
+        parts.finish()
+        return SweepFile(engine, places, parts.out, tuple(remarks))
+    _check_memory(engine, len(places))
+    whole = engine.empty(len(places))
     for start, part in solved_parts(engine, places, executor, remarks, progress):
         rows = slice(start, start + len(part.status))
         whole.status[rows] = part.status

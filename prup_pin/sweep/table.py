@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from ..errors import InputError, imported
 if TYPE_CHECKING:
     import pyarrow
 
-__all__ = ["arrow", "as_table", "write_table"]
+__all__ = ["ABOUT", "arrow", "as_table", "read_columns", "write_table", "write_whole"]
 
 #: The key of a table's metadata under which it says what it holds.
 ABOUT = b"prup_pin"
@@ -53,3 +53,13 @@ def write_whole(path: Path, table: pyarrow.Table) -> None:
             part.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"cannot write '{path}': {error.strerror or error}") from error
+
+
+def read_columns(path: Path, names: Sequence[str]) -> dict[str, NDArray]:
+    """Return columns of a table by name. Raises InputError where the file is gone or damaged."""
+    pa = arrow()
+    try:
+        table = pa.parquet.read_table(path, columns=list(names))
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(f"cannot read '{path}': {error}") from error
+    return {name: table[name].to_numpy() for name in names}

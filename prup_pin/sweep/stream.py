@@ -1,0 +1,170 @@
+"""A sweep larger than memory: parts on disk while it runs, one Parquet table in the end.
+
+Parts stand in a folder beside the table, FILE.parts, each written whole. A sweep that was interrupted finds them there
+and goes on; what does not belong to it, it refuses, and what is damaged, it solves again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..kernel import NEGLIGIBLE
+from .engine import Answer, Engine
+from .places import Places
+from .result import table_columns
+from .running import PART
+from .table import ABOUT, arrow, as_table, write_whole
+
+__all__ = ["Parts"]
+
+_ABOUT = "about.json"
+#: Of the format of parts; another one is not read.
+_VERSION = 1
+
+
+class Parts:
+    """The parts of one sweep on disk."""
+
+    def __init__(self, out: Path, engine: Engine, places: Places):
+        """Begin, or take up what is there. Raises InputError where nothing can be written or others' parts stand."""
+        arrow()
+        if out.is_dir():
+            raise InputError(f"out: '{out}' is a folder; give a file in it, such as sweep.parquet")
+        if out.suffix != ".parquet":
+            raise InputError(f"out: '{out}' would be a Parquet table; give a name that ends in .parquet")
+        if not out.parent.is_dir():
+            raise InputError(f"out: cannot write '{out}': there is no folder '{out.parent}'")
+        self.out, self.folder = out, out.with_name(f"{out.name}.parts")
+        self._engine, self._places = engine, places
+        self._asked = {**engine.about(), **_fingerprint(engine, places)}
+        self.remarks: list[str] = []
+        try:
+            self.folder.mkdir(exist_ok=True)
+            self._check_asked()
+        except OSError as error:
+            raise InputError(f"out: cannot write '{self.folder}': {error.strerror or error}") from error
+        self.done = self._found()
+
+    def _check_asked(self) -> None:
+        path = self.folder / _ABOUT
+        if not path.exists():
+            if any(self.folder.iterdir()):
+                raise InputError(
+                    f"'{self.folder}' holds files, but not what they are of; remove it, or give another file"
+                )
+            part = path.with_suffix(".part")
+            part.write_text(json.dumps(self._asked, sort_keys=True), encoding="utf-8")
+            part.replace(path)
+            return
+        try:
+            there = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            raise InputError(f"'{path}' is damaged; remove '{self.folder}' to begin anew") from None
+        differs = [key for key in self._asked if there.get(key) != json.loads(json.dumps(self._asked[key]))]
+        if differs:
+            raise InputError(
+                f"'{self.folder}' holds parts of another sweep (other {', '.join(differs)}); finish that one, remove "
+                "the folder, or give another file"
+            )
+
+    def _found(self) -> frozenset[int]:
+        """Return where the parts begin that are whole; the others are removed."""
+        done = set()
+        for path in sorted(self.folder.iterdir()):
+            if path.name == _ABOUT:
+                continue
+            start = int(path.stem.partition("-")[2]) if path.stem.startswith("part-") else -1
+            if start >= 0 and path.suffix == ".parquet" and self._is_whole(path, start):
+                done.add(start)
+            else:
+                path.unlink()
+                self.remarks.append(f"{path.name} was not written to its end; solved again")
+        return frozenset(done)
+
+    def _is_whole(self, path: Path, start: int) -> bool:
+        expected = min(PART, len(self._places) - start)
+        try:
+            return arrow().parquet.read_metadata(path).num_rows == expected
+        except (OSError, arrow().ArrowInvalid):
+            return False
+
+    def write(self, start: int, answer: Answer) -> None:
+        """Write the part that begins at a pose."""
+        rows = self._places.rows(start, start + len(answer.status))
+        columns = table_columns(self._engine, rows, answer)
+        write_whole(self._path(start), as_table(columns, self._engine.about()))
+
+    def finish(self) -> None:
+        """Put all parts into one table, and remove them once it is whole."""
+        parquet = arrow().parquet
+        part = self.out.with_name(f".{self.out.name[:80]}.part")
+        try:
+            writer = None
+            try:
+                for start in range(0, len(self._places), PART):
+                    table = parquet.read_table(self._path(start))
+                    if writer is None:
+                        about = {ABOUT: json.dumps(self.about(), sort_keys=True).encode()}
+                        schema = _plain(table).schema.with_metadata(about)
+                        writer = parquet.ParquetWriter(part, schema, compression="zstd")
+                    writer.write_table(_plain(table).cast(schema))
+            finally:
+                if writer is not None:
+                    writer.close()
+            part.replace(self.out)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise InputError(
+                f"out: cannot write '{self.out}': {error.strerror or error}; the parts are in '{self.folder}'"
+            ) from error
+        shutil.rmtree(self.folder)
+
+    def about(self) -> dict[str, Any]:
+        """Return what the table says of itself, its axes included."""
+        places = self._places
+        axes = {name: axis.tolist() for name, axis in places.axes.items()}
+        return {**self._engine.about(), "shape": places.shape, "axes": axes, "fixed": places.fixed}
+
+    def _path(self, start: int) -> Path:
+        return self.folder / f"part-{start:012d}.parquet"
+
+
+def _plain(table: Any) -> Any:
+    """Return a table whose words are words: every part has a dictionary of its own."""
+    pa = arrow()
+    at = table.schema.get_field_index("status")
+    return table.set_column(at, "status", table.column(at).cast(pa.string()))
+
+
+def _fingerprint(engine: Engine, places: Places) -> dict[str, Any]:
+    """Return what tells sweeps apart: the robot, where it is asked, and how."""
+    mechanism = engine.mechanism
+    description = mechanism.description
+    robot = hashlib.sha256(description.content)
+    said = [
+        sorted(mechanism.locked),
+        description.tool,
+        description.actuated,
+        sorted(description.home.items()),
+        [(name, np.asarray(item.value).tolist()) for name, item in sorted(mechanism.parameters.items())],
+        [(module.name, module.kind.kind) for module in mechanism.modules],
+    ]
+    robot.update(repr(said).encode())
+    where = hashlib.sha256(repr((places.names, places.shape, sorted(places.fixed.items()))).encode())
+    for name, axis in places.axes.items():
+        where.update(name.encode() + axis.tobytes())
+    if not places.axes and places.dims == ("pose",):
+        where.update(np.ascontiguousarray(places.rows()).tobytes())
+    return {
+        "version": [_VERSION, PART, NEGLIGIBLE],
+        "compiled": engine.compiled,
+        "robot file and values": robot.hexdigest(),
+        "poses": where.hexdigest(),
+    }
