@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.text import Text
 
 from ... import robots
-from ...errors import PrupPinError
+from ...errors import MissingExtraError, PrupPinError
+from ...mechanism.second_reader import second_opinion
 from ...mechanism.tolerances import value_tolerances
 from ...modules import KINDS, CompliantModule
 from ...parameters import Parameter, Quantity
@@ -51,6 +52,20 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     heading(out, "Assumed")
     for note in robot.assumptions or ("nothing besides small deflections",):
         paragraph(out, note, "- ")
+    _print_other_readers(out, robot)
+
+
+def _print_other_readers(out: Console, robot: Robot) -> None:
+    """Print whether the tools around a robot, which read its file by themselves, see the same."""
+    if robot.mechanism.description.source != "URDF":
+        return
+    heading(out, "Other readers")
+    try:
+        told = second_opinion(robot.mechanism)
+    except MissingExtraError as error:
+        told = (f"not asked: {error}",)
+    for line in told or ("yourdfpy reads the same links and joints, at the same places",):
+        paragraph(out, line, "- ")
 
 
 def _print_joints(out: Console, robot: Robot) -> None:
