@@ -105,7 +105,7 @@ def test_diagnose_takes_a_named_set_or_a_file_instead(run, bench, asked, tmp_pat
 @pytest.mark.parametrize(
     ("name", "content", "expected"),
     [
-        ("typcal", None, "--tolerances 'typcal': expected typical, none or a JSON file. Did you mean 'typical'?"),
+        ("typcal", None, "--tolerances 'typcal': expected typical, arm, none or a JSON file. Did you mean 'typical'?"),
         ("shop.json", None, "shop.json: file not found"),
         (
             "shop.json",

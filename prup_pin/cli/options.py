@@ -14,7 +14,7 @@ import typer
 
 from .. import loading
 from ..errors import InputError, UnknownNameError, nearest_names
-from ..recordings import TYPICAL, Recording, Tolerances, read_tolerances
+from ..recordings import ARM, TYPICAL, Recording, Tolerances, read_tolerances
 from ..robot import Robot
 from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
@@ -68,7 +68,7 @@ TolerancesOption = Annotated[
     str | None,
     typer.Option(
         "--tolerances",
-        metavar="typical|none|FILE.json",
+        metavar="typical|arm|none|FILE.json",
         help="What is a little off, instead of what the recording declares; docs/tolerances.md.",
     ),
 ]
@@ -190,12 +190,12 @@ def robot_of_all(recordings: Sequence[Recording]) -> str:
 
 def tolerances_named(name: str) -> Tolerances:
     """Return the tolerances of that name or file."""
-    named = {"typical": TYPICAL, "none": Tolerances()}
+    named = {"typical": TYPICAL, "arm": ARM, "none": Tolerances()}
     if name in named:
         return named[name]
     if not Path(name).suffix and not is_file(Path(name)):
         near = nearest_names(name, list(named))
-        raise InputError(f"--tolerances '{name}': expected typical, none or a JSON file. {near}")
+        raise InputError(f"--tolerances '{name}': expected typical, arm, none or a JSON file. {near}")
     return read_tolerances(name)
 
 

@@ -75,7 +75,7 @@ def calibrated(
             calibrated=float(np.sqrt(first.chi2 / count)),
             parameters=tuple(calibrated_parameters(problem, first)),
             twins=problem.tolerances.start.twins,
-            effects=tuple(problem.tolerances.at(first.x)),
+            effects=(*problem.tolerances.at(first.x), *given.placed.every),
             samples=len(first.samples),
             remarks=tuple(dict.fromkeys((*given.remarks, *beyond))),
         )

@@ -503,7 +503,9 @@ def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candida
 
 
 def _loads_alone(problem: Problem, term: Term) -> bool:
-    """Return True for weight where no wrench acts: all that yields does so by this term."""
+    """Return True for weight where no wrench acts, and for a joint that is else rigid: what yields does so by it."""
+    if term.candidate.law.physics == "joint_compliance":
+        return True
     return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 
 

@@ -244,8 +244,17 @@ LEAST_MOMENT: Final = 10.0
 
 #: Positions farther apart than this share of the robot's reach are neither deflections nor errors of a calibration.
 FAR: Final = 0.1
+#: ... and, where these are declared, so many tolerances of markers, zeros and links.
+ALLOWED_TOLERANCES: Final = 4.0
 #: A robot smaller than this is compared as if it were so large [m].
 LEAST_REACH: Final = 0.1
+#: A frame's tolerance beyond which its sensor stands anywhere [m], a turn counted at this lever [m]; and a target's.
+OPEN_FRAME: Final = 0.05
+LEVER: Final = 1.0
+OPEN_TARGET: Final = 5e-3
+#: Points without which no rigid motion is told, and the share of the distance that it must leave to be taken.
+FEWEST_REGISTERED: Final = 6
+REGISTERED: Final = 0.5
 #: Orientations farther apart than this are no deflections either [rad].
 TURNED: Final = 0.2
 #: How far a ratio of loads may be from a power of ten to be one of units, and one of positions, which vary less.

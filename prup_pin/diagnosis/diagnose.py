@@ -62,8 +62,9 @@ from .limits import limits_heard
 from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
-from .plausible import check_belongs, unused_columns, what_is_missing
+from .plausible import beside_allowed, check_belongs, unused_columns, what_is_missing
 from .recovered import recovered, residuals
+from .registration import Registered, registered
 from .sensor_noise import estimate_noise, scatter_of_repeats
 from .whiteness import compared, could_show_structure, noise_of_the_rest
 
@@ -108,17 +109,21 @@ def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: 
 class Asked:
     """Recordings as a problem, checked and thinned, with what may compete for them and what may be off.
 
-    raw_linear (n, K): what it leaves of the simulation that a user starts from. `remarks` grow as it is looked at.
+    raw_linear (n, K): what it leaves of the simulation that a user starts from; raw_registered: the same with sensors
+    where they stand. `remarks` grow as it is looked at.
+    `placed`: what was measured, and where its sensors stand.
     """
 
     together: Together
     problem: Problem
     inputs: Inputs
     raw_linear: Array
+    raw_registered: Array
     library: Sequence[Candidate]
     toleranced: Toleranced
     unused: tuple[str, ...]
     remarks: list[str]
+    placed: Registered
 
     def within_tolerances(self, problem: Problem, reach: float = np.inf) -> Problem:
         """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare.
@@ -146,13 +151,17 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     together = _thinned(together, remarks)
     recording = together.recording
     inputs = _inputs(robot, together)
-    stack = Stack(channels_of(recording, robot.mechanism))
-    remarks += what_is_missing(inputs, stack, robot.mechanism)
+    measured = Stack(channels_of(recording, robot.mechanism))
+    remarks += what_is_missing(inputs, measured, robot.mechanism)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
+    allowed = beside_allowed(recording.tolerances.declared, robot.mechanism)
+    placed = registered(measured, linear, together, robot.mechanism, allowed)
+    stack = placed.stack
+    remarks += placed.remarks
     for source, here in together.each():
         try:
-            check_belongs(stack, linear, inputs, here, together.rows)
+            check_belongs(stack, linear, inputs, here, together.rows, allowed)
         except InputError as error:
             raise InputError(together.told(source, str(error))) from error
     tell("the nominal simulation", 0.0)
@@ -167,11 +176,13 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
         remarks += [together.told(source, text) for text in quieter]
     noise = Noise.of_several(noises, together.which)
     problem = Problem.of(simulator, stack, noise, nominal)
-    raw_linear = stack.residual_of_start(linear)[problem.first.samples]
+    raw_linear = (measured if placed.found else stack).residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups)
-    toleranced = toleranced_of(recording, robot.mechanism, together.groups)
+    toleranced = toleranced_of(placed.open(recording), robot.mechanism, together.groups)
     remarks += without_effect(recording.tolerances.declared)
-    return Asked(together, problem, inputs, raw_linear, library, toleranced, tuple(dict.fromkeys(unused)), remarks)
+    every = tuple(dict.fromkeys(unused))
+    raw = stack.residual_of_start(linear)[problem.first.samples]
+    return Asked(together, problem, inputs, raw_linear, raw, library, toleranced, every, remarks, placed)
 
 
 def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:
@@ -194,9 +205,7 @@ def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: T
             selection = select(problem, library, labels, problem.first, tell)
             doubt = _too_few(problem, selection, inputs.blocks)
     tell("the verdict", 0.9)
-    found = _verdict(
-        problem, selection, inputs, labels, given.raw_linear, given.remarks, given.unused, robot, tell, doubt
-    )
+    found = _verdict(problem, selection, given, labels, robot, tell, doubt)
     seen = found.residuals
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
     return replace(found, recordings=by_recording(given.together, problem.noise, found.samples, residuals))
@@ -273,15 +282,13 @@ def _noisier(noise: Noise, larger: Noise) -> str:
 def _verdict(
     problem: Problem,
     selection: Selection,
-    inputs: Inputs,
+    given: Asked,
     blocks: np.ndarray,
-    raw_linear: Array,
-    remarks: list[str],
-    unused: tuple[str, ...],
     robot: Robot,
     tell: Tell,
     doubt: Finding | None = None,
 ) -> Diagnosis:
+    raw_linear, remarks, unused = given.raw_linear, given.remarks, given.unused
     last, first = selection.last, selection.first
     samples = last.samples
     before = problem.whitened(first.influence, raw_linear)
@@ -305,10 +312,13 @@ def _verdict(
     if doubt is not None:
         white_before = white_after = white_held = float("nan")  # in multiples of a noise that nobody knows
     silent = not findings and not unknown and white_before > clean_bound(count)
-    deflection = _finite_deflection(problem.drawn, last, before, silent)
+    began = problem.whitened(first.influence, given.raw_registered)
+    deflection = _finite_deflection(problem.drawn, last, began, silent)
     if deflection is not None:
         findings.append(deflection)
     findings.sort(key=lambda finding: -finding.heldout_gain)
+    moved = zip(given.placed.found, given.placed.deviations, strict=True)
+    findings = [*(_elsewhere(*each, first, before, robot) for each in moved), *findings]
     findings += unknown
     named = "explained" if findings else "nothing_missing"
     verdict = "unexplained" if unknown else named
@@ -324,6 +334,8 @@ def _verdict(
         beyond = []
     findings += [_beyond_tolerance(item, final, held) for item in beyond]
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
+    # a sensor reports what all the others have left
+    effects = (*(effect for effect in effects if effect not in given.placed.found), *given.placed.every)
     if problem.tolerances is not None:
         acting = problem.tolerances.effects if _shows(problem, final) else ()
         findings += [_acting(effect, robot) for effect in acting]
@@ -357,6 +369,28 @@ def _verdict(
         final=final.run,
     )
     return diagnosis
+
+
+def _elsewhere(effect: Effect, deviation: Array, first: Fit, before: Array, robot: Robot) -> Finding:
+    """Return the finding that a pose sensor stands elsewhere than believed, seen before anything was simulated.
+
+    deviation (6,) of its parameters.
+    """
+    units = {quantity.name: quantity.unit for quantity in effect.law.quantities}
+    parameters = {
+        name: FittedParameter(value, units[name], (value - 1.96 * size, value + 1.96 * size))
+        for (name, value), size in zip(effect.values.items(), deviation.tolist(), strict=True)
+    }
+    return Finding(
+        physics=effect.law.physics,
+        location=effect.place.name,
+        candidates=(effect.place.name,),
+        parameters=parameters,
+        heldout_gain=float(1 - (first.residual**2).sum() / max(float((before**2).sum()), 1e-300)),
+        statement=f"{effect.statement(robot.mechanism)}; where it just stands there, declare it "
+        "(tolerances frame_position and frame_rotation)",
+        effect=effect,
+    )
 
 
 def _shows(problem: Problem, fit: Fit) -> bool:
@@ -657,7 +691,7 @@ def _finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = Fals
     worse = float((with_linear**2).sum())
     gained = worse - last.chi2
     least = max(DEFLECTION_OF_ITSELF * size, DEFLECTION_GAIN, DEFLECTION_SHARE * worse)
-    if not silent and (size < DEFLECTION_GAIN or gained < least):
+    if size < DEFLECTION_GAIN or (not silent and gained < least):
         return None
     return Finding(
         physics="finite_deflection",

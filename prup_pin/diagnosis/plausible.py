@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..channels import Linear, PoseChannel, Stack
@@ -12,6 +14,7 @@ from ..recordings import Recording
 from ..recordings.columns import AXES, MARKER_GROUPS
 from ..spatial import Array, turn_between
 from .criteria import (
+    ALLOWED_TOLERANCES,
     COARSE,
     FAR,
     LEAST_REACH,
@@ -25,7 +28,7 @@ from .criteria import (
     UPSIDE_DOWN,
 )
 
-__all__ = ["check_belongs", "unused_columns", "what_is_missing"]
+__all__ = ["beside_allowed", "check_belongs", "unused_columns", "what_is_missing"]
 
 
 def what_is_missing(inputs: Inputs, stack: Stack, mechanism: Mechanism) -> list[str]:
@@ -110,10 +113,26 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
     return tuple(name for names in found.values() for name in names), told
 
 
-def check_belongs(stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray, rows: np.ndarray) -> None:
+def beside_allowed(kinds: Mapping[str, float], mechanism: Mechanism) -> tuple[float, float]:
+    """Return how far tolerances let a marker be off: a length [m], and a share of its distance from the base."""
+    joints = float(np.sqrt(len(mechanism.actuated)))
+    length = kinds.get("target_position", 0.0) + joints * kinds.get("position", 0.0)
+    turn = joints * (kinds.get("encoder_offset", 0.0) + kinds.get("direction", 0.0))
+    return ALLOWED_TOLERANCES * length, FAR + ALLOWED_TOLERANCES * turn
+
+
+def check_belongs(
+    stack: Stack,
+    linear: Linear,
+    inputs: Inputs,
+    here: np.ndarray,
+    rows: np.ndarray,
+    allowed: tuple[float, float] = (0.0, FAR),
+) -> None:
     """Raise InputError where recording and robot are worlds apart, with the likely reason.
 
-    here (N,): the samples of the recording that is asked; rows (N,): where each stands in its table, from 0.
+    here (N,): the samples of the recording that is asked; rows (N,): where each stands in its table, from 0; `allowed`:
+    what `beside_allowed` says.
     """
     for name, values in (("q", inputs.actuators[here]), ("w", inputs.wrench[here])):
         if len(values) and np.isnan(values).all(axis=0).any():
@@ -130,14 +149,14 @@ def check_belongs(stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray
         )
     for measured in stack.channels:
         if isinstance(measured, PoseChannel):
-            _check_channel(measured, linear, here)
+            _check_channel(measured, linear, here, allowed)
     mainly = next((channel for channel in stack.poses if channel.exists[here].any()), stack.mainly)
     placed = here & linear.samples & mainly.exists[:, :3].all(axis=1)
     if placed.any():
         _check_loads(mainly, linear, inputs, placed)
 
 
-def _check_channel(measured: PoseChannel, linear: Linear, here: np.ndarray) -> None:
+def _check_channel(measured: PoseChannel, linear: Linear, here: np.ndarray, allowed: tuple[float, float]) -> None:
     """Raise InputError where a frame is measured worlds apart from where it is simulated."""
     placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
     turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
@@ -146,7 +165,7 @@ def _check_channel(measured: PoseChannel, linear: Linear, here: np.ndarray) -> N
         of, column = f" of {measured.name}", f".{measured.frame.name}"
     if placed.any():
         rigid, loaded = linear.rigid(measured.frame)[0], linear.pose_of(measured.frame)[0]
-        _check_positions(measured.position[placed], rigid[placed], loaded[placed], of, column)
+        _check_positions(measured.position[placed], rigid[placed], loaded[placed], of, column, allowed)
     if turned.any():
         _check_rotations(measured.rotation[turned], linear.rigid(measured.frame)[1][turned], of, column)
 
@@ -161,11 +180,14 @@ def _check_rotations(measured: Array, rigid: Array, of: str, column: str) -> Non
         )
 
 
-def _check_positions(measured: Array, rigid: Array, loaded: Array, of: str, column: str) -> None:
+def _check_positions(
+    measured: Array, rigid: Array, loaded: Array, of: str, column: str, allowed: tuple[float, float]
+) -> None:
     distance = float(np.median(np.linalg.norm(measured - rigid, axis=1)))
     size = float(np.median(np.linalg.norm(rigid, axis=1)))
     reach = max(size, LEAST_REACH)
-    if distance < FAR * reach or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < FAR * reach:
+    near = allowed[0] + allowed[1] * reach
+    if distance < near or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < near:
         return
     ratio = float(np.median(np.linalg.norm(measured, axis=1))) / max(size, 1e-12)
     for factor, unit in ((1e3, "mm"), (1e-3, "km"), (1e6, "um")):

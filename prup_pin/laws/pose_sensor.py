@@ -22,8 +22,11 @@ class PoseSensorMisalignment(Law):
     physics = "pose_sensor_misalignment"
     summary = "a pose sensor whose frame is turned or shifted"
     quantities = (
-        *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-0.5, upper=0.5) for name in ("rx", "ry", "rz")),
-        *(Quantity(name, "m", f"shift along {name[1]}", 1e-4, lower=-1.0, upper=1.0) for name in ("tx", "ty", "tz")),
+        *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-3.2, upper=3.2) for name in ("rx", "ry", "rz")),
+        *(
+            Quantity(name, "m", f"shift along {name[1]}", 1e-4, lower=-100.0, upper=100.0)
+            for name in ("tx", "ty", "tz")
+        ),
     )
     neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities}
 

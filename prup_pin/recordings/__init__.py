@@ -15,11 +15,12 @@ from .reader import read_path, read_recording, read_tolerances, robot_named_besi
 from .recording import Noise, Recording
 from .suspicions import suspicions
 from .together import Group, Source, Together
-from .tolerances import KINDS_OF_TOLERANCE, SENSORS, TYPICAL, KindOfTolerance, Tolerances
+from .tolerances import ARM, KINDS_OF_TOLERANCE, SENSORS, TYPICAL, KindOfTolerance, Tolerances
 from .tool_path import ToolPath
 from .writer import write_prediction, write_recording
 
 __all__ = [
+    "ARM",
     "KINDS_OF_TOLERANCE",
     "SENSORS",
     "TYPICAL",

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..parameters import SMALLEST_TOLERANCE
 from .problems import is_number
 
-__all__ = ["KINDS_OF_TOLERANCE", "SENSORS", "TYPICAL", "KindOfTolerance", "Tolerances"]
+__all__ = ["ARM", "KINDS_OF_TOLERANCE", "SENSORS", "TYPICAL", "KindOfTolerance", "Tolerances"]
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,8 @@ class KindOfTolerance:
 
 
 _RELATIVE, _METRES, _RADIANS, _LOADS = 1.0, 0.1, 0.5, 1000.0
+#: A tracker may stand anywhere in a hall and be turned anyhow, a marker sit anywhere on a link.
+_ANYWHERE, _ANY_WAY, _ON_A_LINK = 100.0, 3.2, 1.0
 
 #: Every key, in the order of the documentation. Each member of a kind is off for itself.
 KINDS_OF_TOLERANCE = (
@@ -62,10 +64,10 @@ KINDS_OF_TOLERANCE = (
     KindOfTolerance(
         "encoder_slope", "relative", "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE
     ),
-    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _METRES),
-    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _RADIANS),
+    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _ANYWHERE),
+    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _ANY_WAY),
     KindOfTolerance(
-        "target_position", "m", "measured target against the tool frame, and each marker against its frame", _METRES
+        "target_position", "m", "measured target against the tool frame, and each marker against its frame", _ON_A_LINK
     ),
     KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _RADIANS),
     KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE),
@@ -128,6 +130,20 @@ class Tolerances:
         return {name: value for name, value in values.items() if value is not None}
 
 
+#: What light arms and torsos are off whose zeros were set by eye, seen by a tracker that stands somewhere;
+#: docs/tolerances.md.
+ARM = Tolerances(
+    stiffness=0.2,
+    mass=0.1,
+    position=1e-3,
+    direction=3e-3,
+    encoder_offset=0.01,
+    encoder_slope=1e-3,
+    frame_position=5.0,
+    frame_rotation=3.0,
+    target_position=0.01,
+    target_rotation=0.05,
+)
 #: What machine-shop robots are ordinarily off; docs/tolerances.md gives the reason of each value.
 TYPICAL = Tolerances(
     stiffness=0.1,

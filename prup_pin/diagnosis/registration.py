@@ -1,0 +1,213 @@
+"""Where the pose sensor stands: the rigid motion between its frame and the robot's base, in closed form.
+
+Calibration steps from what is nearly right; a tracker may stand anywhere. With simulated positions a_i and measured
+ones b_i the motion b = M a + t of least squares follows from the singular values of sum (b - mean b)(a - mean a)^T
+(Arun, Huang and Blostein, IEEE Trans. Pattern Anal. Mach. Intell. 9, 1987). Where a marker sits beside its frame is
+looked for in turns with it, where its tolerance leaves that open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..channels import Channel, Linear, PoseChannel, Stack
+from ..laws import Effect, Law
+from ..laws.deviations import Sharing
+from ..laws.in_recording import InRecording
+from ..laws.pose_sensor import PoseSensorMisalignment
+from ..mechanism import Mechanism
+from ..recordings import ARM, Recording, Together
+from ..spatial import Array, rotation_log, skew, turn_between
+from .criteria import FEWEST_REGISTERED, LEAST_REACH, LEVER, OPEN_FRAME, OPEN_TARGET, REGISTERED, TURNED
+
+__all__ = ["Registered", "registered"]
+
+_ROUNDS, _STILL = 200, 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """What was measured, seen from the robot's base; for each sensor that stands elsewhere an effect and a sentence.
+
+    `found` are those that nothing declared: findings. The others are what tolerances left open.
+    """
+
+    stack: Stack
+    effects: tuple[Effect, ...] = ()
+    found: tuple[Effect, ...] = ()
+    deviations: tuple[Array, ...] = ()  # (6,) of each one found
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def every(self) -> tuple[Effect, ...]:
+        """All effects, whether declared or found."""
+        return (*self.effects, *self.found)
+
+    def open(self, recording: Recording) -> Recording:
+        """Return a recording whose tolerances leave open where a sensor stands that was found elsewhere.
+
+        What was left out has bent the closed form a little, and must not stay in it.
+        """
+        if not self.found:
+            return recording
+        frame = {"frame_position": ARM.frame_position, "frame_rotation": ARM.frame_rotation}
+        return replace(recording, tolerances=replace(recording.tolerances, **frame))
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """b = turn a + shift, and the root mean squares of the distances (all points) before and after [m].
+
+    deviation (6,): standard deviations of turn and shift [rad, m].
+    """
+
+    turn: Array
+    shift: Array
+    deviation: Array
+    before: float
+    after: float
+
+
+def registered(
+    stack: Stack, linear: Linear, together: Together, mechanism: Mechanism, allowed: tuple[float, float]
+) -> Registered:
+    """Return what was measured with every pose sensor's frame put where the robot's base is.
+
+    allowed: how far markers may be off anyway, as `plausible.beside_allowed` says.
+
+    One whose frame has a wide tolerance stands wherever it fits. One without is moved only where it is worlds apart and
+    a single rigid motion explains that: then it is a finding.
+    """
+    out = Registered(stack)
+    groups: Sequence[Sharing | None] = together.groups.get("pose_sensor") or (None,)
+    for group in groups:
+        here = np.ones(len(together.which), bool) if group is None else np.isin(together.which, group.sources)
+        kinds = together.recording.tolerances.declared if group is None else group.tolerances
+        is_open = max(kinds.get("frame_position", 0.0), LEVER * kinds.get("frame_rotation", 0.0)) > OPEN_FRAME
+        if not is_open and not any(_worlds_apart(channel, linear, here, allowed) for channel in out.stack.poses):
+            continue
+        beside = together.recording.tolerances.target_position or 0.0
+        motion = _motion(out.stack.poses, linear, here, beside > OPEN_TARGET)
+        if motion is None or (not is_open and not motion.after < REGISTERED * motion.before):
+            continue
+        stack = _seen_from_base(out.stack, motion, here)
+        if not is_open and any(_worlds_apart(channel, linear, here, allowed) for channel in stack.poses):
+            continue
+        effect = _effect(motion, group, mechanism)
+        label = f"{group.label}: " if group is not None and group.label else ""
+        where = effect.statement(mechanism)
+        fits = f"so that measured and simulated positions are {_length(motion.after)} apart instead of " + _length(
+            motion.before
+        )
+        if is_open:
+            text = f"{label}{where}, {fits}: within the tolerances frame_position and frame_rotation it stands anywhere"
+            out = replace(out, stack=stack, effects=(*out.effects, effect), remarks=(*out.remarks, text))
+        else:
+            text = (
+                f"{label}all poses are off by one rigid motion: {where}, {fits}. Where the sensor just stands there, "
+                'declare it: "tolerances": {"frame_position": 5, "frame_rotation": 3}'
+            )
+            out = replace(out, stack=stack, found=(*out.found, effect), remarks=(*out.remarks, text))
+            out = replace(out, deviations=(*out.deviations, motion.deviation))
+    return out
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.3g} m" if metres >= 1 else f"{1e3 * metres:.3g} mm"
+
+
+def _worlds_apart(measured: PoseChannel, linear: Linear, here: np.ndarray, allowed: tuple[float, float]) -> bool:
+    """Return True where a frame is measured elsewhere than any deflection or calibration would put it."""
+    placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
+    turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
+    position, rotation = linear.pose_of(measured.frame)
+    if placed.any():
+        reach = max(float(np.median(np.linalg.norm(position[placed], axis=1))), LEAST_REACH)
+        if (
+            float(np.median(np.linalg.norm(measured.position[placed] - position[placed], axis=1)))
+            > allowed[0] + allowed[1] * reach
+        ):
+            return True
+    if not turned.any():
+        return False
+    apart = np.linalg.norm(turn_between(rotation[turned], measured.rotation[turned]), axis=1)
+    return float(np.median(apart)) > TURNED
+
+
+def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, beside: bool) -> _Motion | None:
+    """Return the rigid motion that fits best, None where too little was measured to tell.
+
+    `beside`: markers may sit anywhere on their bodies.
+    """
+    parts = []
+    for channel in channels:
+        rows = here & linear.samples & channel.exists[:, :3].all(axis=1)
+        position, rotation = linear.pose_of(channel.frame)
+        if rows.any():
+            parts.append((position[rows], rotation[rows], channel.position[rows]))
+    points = sum(len(part[0]) for part in parts)
+    if points < FEWEST_REGISTERED:
+        return None
+    shifts = [np.zeros(3) for _ in parts]
+    measured = np.concatenate([part[2] for part in parts])
+    drawn = np.concatenate([part[0] for part in parts])
+    turn, shift = np.eye(3), np.zeros(3)
+    for _ in range(_ROUNDS if beside else 1):
+        own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
+        fit = _rigid(own, measured)
+        if fit is None:
+            return None
+        moved = max(np.abs(fit[0] - turn).max(), np.abs(fit[1] - shift).max())
+        turn, shift = fit
+        if moved < _STILL or not beside:
+            break
+        for index, (at, turned, seen) in enumerate(parts):
+            left = (seen - shift) @ turn - at  # in the base's axes
+            shifts[index] = (turned.mT @ left[..., None])[..., 0].mean(axis=0)
+    own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
+    before = np.sqrt(((measured - drawn) ** 2).sum(axis=1).mean())
+    after = np.sqrt(((measured - own @ turn.T - shift) ** 2).sum(axis=1).mean())
+    by = np.concatenate((-skew(own @ turn.T), np.broadcast_to(np.eye(3), (len(own), 3, 3))), axis=2).reshape(-1, 6)
+    deviation = after / np.sqrt(3) * np.sqrt(np.diag(np.linalg.pinv(by.T @ by)))
+    return _Motion(turn, shift, deviation, float(before), float(after))
+
+
+def _rigid(points: Array, measured: Array) -> tuple[Array, Array] | None:
+    """Return rotation (3, 3) and shift (3,) that take points (n, 3) to measured ones; None where they are on a line."""
+    middle, aim = points.mean(axis=0), measured.mean(axis=0)
+    left, sizes, right = np.linalg.svd((measured - aim).T @ (points - middle))
+    if sizes[1] < 1e-6 * max(float(sizes[0]), 1e-300):
+        return None
+    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    return turn, aim - turn @ middle
+
+
+def _seen_from_base(stack: Stack, motion: _Motion, here: np.ndarray) -> Stack:
+    """Return the stack with poses as a sensor reports them that stands at the base, where `here` (N,) it does not."""
+
+    def seen(channel: Channel) -> Channel:
+        if not isinstance(channel, PoseChannel):
+            return channel
+        # what was measured along one axis alone is along none of the base's
+        placed = (here & np.all(channel.exists[:, :3], axis=1))[:, None]
+        turned = (here & np.all(channel.exists[:, 3:], axis=1))[:, None, None]
+        exists = channel.exists.copy()
+        exists[here, :3] = placed[here]
+        return replace(
+            channel,
+            position=np.where(placed, (channel.position - motion.shift) @ motion.turn, channel.position),
+            rotation=np.where(turned, motion.turn.T @ channel.rotation, channel.rotation),
+            exists=exists,
+        )
+
+    return Stack(tuple(seen(channel) for channel in stack.channels))
+
+
+def _effect(motion: _Motion, group: Sharing | None, mechanism: Mechanism) -> Effect:
+    law: Law = PoseSensorMisalignment() if group is None else InRecording(PoseSensorMisalignment(), group)
+    numbers = map(float, (*rotation_log(motion.turn[None])[0], *motion.shift))
+    names = (quantity.name for quantity in law.quantities)
+    return Effect(law, law.places(mechanism)[0], dict(zip(names, numbers, strict=True)))

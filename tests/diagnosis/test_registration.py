@@ -1,0 +1,80 @@
+"""A tracker that stands somewhere: declared it is registered, undeclared it is found, with the number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.calibration import calibrated
+from prup_pin.errors import InputError
+from prup_pin.recordings import ARM, Tolerances
+from prup_pin.simulation import compare, simulate
+from prup_pin.spatial import rotation_log
+
+from ..reference.posed_tree import PosedTree, placed, turned
+from .test_joint_compliance import JOINTS, NOISE, TORSO, bench, named
+
+SOMEWHERE = placed(turned([0.4, -0.3, 2.1]), [3.0, -2.0, 0.8])
+OPEN = Tolerances(frame_position=5.0, frame_rotation=3.0)
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return bench(PosedTree(TORSO, about={"bend": 4e-4}, tracker=SOMEWHERE))
+
+
+@pytest.fixture(scope="module")
+def undeclared(recorded):
+    return diagnose(prup_pin.load(TORSO), recorded)
+
+
+def test_a_declared_tracker_stands_anywhere_and_is_no_finding(recorded):
+    found = diagnose(prup_pin.load(TORSO), replace(recorded, tolerances=OPEN))
+    assert named(found) == [("joint_compliance", "bend")]
+    assert any("3.75 m" in text or "stands anywhere" in text for text in found.remarks)
+    again = compare(recorded, simulate(prup_pin.load(TORSO), recorded, found.effects))
+    assert max(item.in_noise for item in again) < 1.15
+
+
+def test_an_undeclared_one_is_found_with_its_numbers_and_what_to_declare(undeclared):
+    assert named(undeclared) == [("pose_sensor_misalignment", "pose_sensor"), ("joint_compliance", "bend")]
+    values = {name: item.value for name, item in undeclared.findings[0].parameters.items()}
+    assert [values["tx"], values["ty"], values["tz"]] == pytest.approx(SOMEWHERE[:3, 3], abs=0.02)
+    assert [values["rx"], values["ry"], values["rz"]] == pytest.approx(rotation_log(SOMEWHERE[:3, :3]), abs=0.02)
+    assert any("one rigid motion" in text and "frame_position" in text for text in undeclared.remarks)
+    assert undeclared.before["fit"] > 1000
+    assert undeclared.after["fit"] < 1.15
+
+
+def test_what_it_found_predicts_another_recording_in_the_trackers_frame(undeclared):
+    other = bench(PosedTree(TORSO, about={"bend": 4e-4}, tracker=SOMEWHERE), 30, seed=9)
+    again = compare(other, simulate(prup_pin.load(TORSO), other, undeclared.effects))
+    assert max(item.in_noise for item in again) < 1.3
+
+
+def test_another_robot_is_no_tracker_that_stands_somewhere(recorded):
+    draw = np.random.default_rng(0)
+    strange = {name: draw.uniform(-2, 2, values.shape) for name, values in recorded.markers.items()}
+    with pytest.raises(InputError, match="another"):
+        diagnose(prup_pin.load(TORSO), replace(recorded, markers=strange))
+
+
+def test_markers_beside_their_frames_and_zeros_set_by_eye_are_calibrated_with_it():
+    draw = np.random.default_rng(8)
+    offsets = dict(zip(JOINTS, 0.01 * draw.standard_normal(len(JOINTS)), strict=True))
+    targets = {name: 0.03 * draw.standard_normal(3) for name in ("left_ball", "right_ball", "chest")}
+    tree = PosedTree(TORSO, offsets=offsets, targets=targets, tracker=SOMEWHERE)
+    tolerances = replace(ARM, target_position=0.03, position=None, direction=None, encoder_slope=None, mass=None)
+    recording = replace(bench(tree, 80, noise=NOISE), tolerances=tolerances)
+    found = calibrated(prup_pin.load(TORSO), recording)
+    assert found.nominal > 20
+    assert found.calibrated < 1.05
+    known = {item.name: item for item in found.parameters}
+    for joint in ("bend", "left_elbow", "right_lift"):
+        item = known[f"{joint}.encoder_offset"]
+        assert abs(item.value - offsets[joint]) < 4 * item.sd
+        assert item.learned > 0.5
