@@ -320,7 +320,11 @@ def _verdict(
     moved = zip(given.placed.found, given.placed.deviations, strict=True)
     findings = [*(_elsewhere(*each, first, before, robot) for each in moved), *findings]
     findings += unknown
-    named = "explained" if findings else "nothing_missing"
+    acting: tuple[Effect, ...] = ()
+    if problem.tolerances is not None and count and _shows(problem, final):
+        acting = problem.tolerances.effects
+    # what acts within tolerances is part of these; without any it is what was left out
+    named = "explained" if findings or (acting and not len(final.x)) else "nothing_missing"
     verdict = "unexplained" if unknown else named
     calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
     beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
@@ -337,7 +341,6 @@ def _verdict(
     # a sensor reports what all the others have left
     effects = (*(effect for effect in effects if effect not in given.placed.found), *given.placed.every)
     if problem.tolerances is not None:
-        acting = problem.tolerances.effects if _shows(problem, final) else ()
         findings += [_acting(effect, robot) for effect in acting]
         effects = (*problem.tolerances.at(final.x), *effects)
     raw_after = problem.stack.residual(final.run)[samples]
