@@ -19,6 +19,9 @@ from _project import ROOT
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
+from prup_pin.views.drawing.diagnosis_figures import AFTER, BEFORE
+from prup_pin.views.drawing.drawing import FAINT, INK
+from prup_pin.views.drawing.plotting import Figure, FigureCanvasAgg
 from tests.reference.concealed.draw import draw, write
 
 
@@ -47,37 +50,46 @@ def main() -> None:
 
 
 def picture(printed, found, path: Path) -> None:
-    """Draw residuals before and after, and a rod's turn about x by the printed and by the correct equation."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), constrained_layout=True)
+    """Draw residuals before and after, and a rod's bending by the printed and by the correct equation."""
+    figure = Figure(figsize=(11, 4.6), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    left, right = figure.add_axes((0.075, 0.13, 0.4, 0.66)), figure.add_axes((0.575, 0.13, 0.4, 0.66))
     for residual, colour, label in (
-        (found.residual_before, "#c0504d", "as printed"),
-        (found.residual_after, "#2f6db3", "term corrected"),
+        (found.residual_before, BEFORE, "printed sign"),
+        (found.residual_after, AFTER, "sign corrected"),
     ):
-        left.plot(1e6 * np.linalg.norm(residual[:, :3], axis=1), color=colour, linewidth=1, label=label)
-    left.set(xlabel="sample", ylabel="measured less simulated position, um", title="A correct robot against the model")
+        left.plot(1e6 * np.linalg.norm(residual[:, :3], axis=1), ".", color=colour, ms=3.2, label=label)
+    noise = 1e6 * found.noise.position * np.sqrt(3)
+    left.axhline(noise, color=FAINT, lw=1.0, ls=(0, (4, 3)))
+    left.text(1.0, noise, " noise", color=FAINT, fontsize=9, va="center", transform=left.get_yaxis_transform())
     left.set_yscale("log")
-    left.legend(frameon=False)
+    _frame(left, "sample", "measured less simulated position [µm]")
     loads = found.final.equilibria.evaluation.loads[:, found.final.equilibria.chain.names.index("leg1/linear_rod")]
     correct = prup_pin.load("3prup")
     pose = correct.home
-    matrices = {}
-    for name, robot in (("printed", printed), ("correct", correct)):
-        compliance = robot.compliance(robot.pose(**dict(pose.coordinates)))
-        matrices[name] = compliance.module_compliances["leg1/linear_rod"]
     force = np.linspace(loads[:, 1].min(), loads[:, 1].max(), 50)
     offset = 0.1  # the tip's moment is d f_y, Eq. (89)
-    for name, colour in (("printed", "#c0504d"), ("correct", "#2f6db3")):
-        turn = [matrices[name] @ np.array([0, f, 0, -offset * f, 0, 0]) for f in force]
-        right.plot(force, 1e6 * np.array(turn)[:, 1], color=colour, label=f"{name} sign")
-    right.set(xlabel="f_y at the tip of rod 1, N", ylabel="tip deflection along y, um")
-    right.set_title("Bending about x, Eq. (90)")
-    right.legend(frameon=False)
-    figure.savefig(path, dpi=130)
+    for name, robot, colour in (("printed sign", printed, BEFORE), ("correct sign", correct, AFTER)):
+        compliance = robot.compliance(robot.pose(**dict(pose.coordinates)))
+        matrix = compliance.module_compliances["leg1/linear_rod"]
+        moved = [(matrix @ np.array([0, f, 0, -offset * f, 0, 0]))[1] for f in force]
+        right.plot(force, 1e6 * np.array(moved), color=colour, lw=2.2, label=name)
+    _frame(right, "$f_y$ at the tip of rod 1 [N]", "deflection of the tip along y [µm]")
+    for axes, title in ((left, "A correct robot against the model"), (right, "A rod's bending, Eq. (90)")):
+        axes.set_title(title, fontsize=11, loc="left", color=INK, pad=10)
+        axes.legend(frameon=False, fontsize=9.5, markerscale=2.5, handlelength=1.2)
+    figure.text(0.075, 0.93, "The sign that the paper misprints", fontsize=14, weight="bold", va="center")
+    figure.savefig(path)
+
+
+def _frame(axes, x: str, y: str) -> None:
+    axes.set_xlabel(x, fontsize=10)
+    axes.set_ylabel(y, fontsize=10)
+    axes.tick_params(labelsize=9)
+    axes.grid(color="#EDF0F2", zorder=0)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,17 @@ from prup_pin.views.scene.colours import MAP, map_colour, rgb_of
 from prup_pin.views.scene.elastic import Deflections
 from prup_pin.views.scene.motions import load_ramp, path_motion, vibration, workspace_cloud
 from prup_pin.views.scene.painter import pose_scene
-from prup_pin.views.scene.shapes import Box, Ellipsoid, Mesh, Tube, ball_mesh, belt_mesh, box_mesh, thread_mesh
+from prup_pin.views.scene.shapes import (
+    Box,
+    Ellipsoid,
+    Mesh,
+    Tube,
+    ball_mesh,
+    belt_mesh,
+    box_mesh,
+    clustered,
+    thread_mesh,
+)
 from prup_pin.views.scene.skeleton import skeleton
 
 from ..statics import cranks
@@ -526,3 +536,38 @@ def test_scenes_need_no_renderer():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+# -- heavy meshes ------------------------------------------------------------------------------------------------------
+
+
+def test_a_coarser_mesh_keeps_its_shape():
+    ball = ball_mesh(5)
+    coarse = clustered(Mesh(0.3 * ball.vertices, ball.faces), 0.04)
+    assert len(coarse.faces) < 0.1 * len(ball.faces)
+    assert volume(coarse) == pytest.approx(4 / 3 * np.pi * 0.027, rel=0.03)
+    radii = np.linalg.norm(coarse.vertices, axis=1)
+    assert np.abs(radii - 0.3).max() < 0.01
+    a, b, c = np.moveaxis(coarse.vertices[coarse.faces], 1, 0)
+    outwards = np.einsum("ni,ni->n", np.cross(b - a, c - a), (a + b + c) / 3)
+    assert (outwards > 0).mean() > 0.99
+    tiny = clustered(Mesh(1e-3 * ball.vertices + 0.5, ball.faces), 1.0)
+    assert len(tiny.faces) == 0
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_a_page_with_heavy_meshes_stays_below_5_mb(name, monkeypatch):
+    """Drawn with and without load; and the robot is as large as its files say."""
+    robot = prup_pin.load(name, joint_stiffness=1e4, tool="panda_hand" if name == "panda" else None)
+    shown = view(robot, None, {"fz": -50})
+    assert 2e6 < len(shown.static_html()) < 5e6
+    monkeypatch.setattr("prup_pin.views.scene.visuals.PAGE_BYTES", np.inf)
+    whole = pose_scene(robot, None, {"fz": -50})
+    ends, faces = [], []
+    for scene in (shown.scene, whole):
+        parts = [part for part in scene.parts if part.path.startswith("robot/ghost/links")]
+        points = [part.shape.vertices @ part.placement[:3, :3].T + part.placement[:3, 3] for part in parts]
+        ends.append(np.concatenate([np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)]))
+        faces.append(sum(len(part.shape.faces) for part in parts))
+    np.testing.assert_allclose(*ends, atol=0.004)
+    assert 10_000 < faces[0] < 0.6 * faces[1]

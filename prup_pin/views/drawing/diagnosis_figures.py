@@ -22,9 +22,10 @@ from .drawing import AXES, INK, Drawing, Labels
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
 from .plotting import Figure, FigureCanvasAgg, plain_words
 
-__all__ = ["Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
+__all__ = ["AFTER", "BEFORE", "Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
 
-_BEFORE, _AFTER = "#9AA3AD", "#0B6AA8"
+#: What is measured less simulated before a diagnosis, and after it.
+BEFORE, AFTER = "#9AA3AD", "#0B6AA8"
 _BAND = "#DCE3EA"
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
@@ -215,8 +216,8 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
     axes.scatter(x, y, s=30 if response.path else 9, color=colours, linewidths=0, zorder=2, label="each measured pose")
     means = "their means, 95 %" if size < 9 else "means over neighbours, 95 %"
     if not response.path:
-        axes.fill_between(knots, curve - 1.96 * band, curve + 1.96 * band, color=_AFTER, alpha=0.18, lw=0, zorder=3)
-        axes.plot(knots, curve, "o-", color=_AFTER, lw=1.4, ms=4, zorder=4, label=means)
+        axes.fill_between(knots, curve - 1.96 * band, curve + 1.96 * band, color=AFTER, alpha=0.18, lw=0, zorder=3)
+        axes.plot(knots, curve, "o-", color=AFTER, lw=1.4, ms=4, zorder=4, label=means)
     if response.law is not None:
         law = y_factor * response.law
         name = physics.replace("_", " ")
@@ -305,8 +306,8 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
             axes.axhspan(-2 * factor * noise, 2 * factor * noise, color=_BAND, zorder=0, label="noise, ± 2 σ")
         for edge in edges[1:]:
             axes.axvline(edge - 0.5, color="#C3C9D0", lw=0.8, zorder=1)
-        axes.plot(samples, factor * before, ".", color=_BEFORE, ms=3.2, zorder=2, label="before")
-        axes.plot(samples, factor * after, ".", color=_AFTER, ms=2.6, zorder=3, label="after")
+        axes.plot(samples, factor * before, ".", color=BEFORE, ms=3.2, zorder=2, label="before")
+        axes.plot(samples, factor * after, ".", color=AFTER, ms=2.6, zorder=3, label="after")
         axes.set_ylabel(f"{kind}\n{_AXIS_NAMES[si][channel - block.start]} [{unit}]", fontsize=8.5)
         axes.tick_params(labelsize=8)
         axes.margins(x=0.005)
@@ -345,8 +346,8 @@ def histogram_figure(found: Residuals) -> Figure:
         axes = figure.add_axes((0.1 + 0.46 * (index % 2), (line + 0.18) / lines, 0.41, 0.64 / lines))
         there = found.exists[:, block]
         clipped = [np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after)]
-        axes.hist(clipped[0], color=_BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)
-        axes.hist(clipped[1], histtype="step", color=_AFTER, lw=1.8, label="after", zorder=3, bins=edges, density=True)
+        axes.hist(clipped[0], color=BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)
+        axes.hist(clipped[1], histtype="step", color=AFTER, lw=1.8, label="after", zorder=3, bins=edges, density=True)
         normal = np.exp(-0.5 * grid**2) / np.sqrt(2 * np.pi)
         axes.plot(grid, normal, "--", color=INK, lw=1.2, label="noise alone", zorder=4)
         axes.set_xlim(-6, 6)

@@ -23,6 +23,7 @@ from ...kinematics import ClosedPose
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
+from ..scene.colours import share_colours
 from ..text.answer import Answer, ranked
 from ..text.joints import clean, pose_text
 from ..text.quantities import fixed, length_text, number, workshop_text
@@ -231,6 +232,7 @@ def _softest(robot: Robot, answer: Answer) -> list[dict[str, Any]]:
     shares = answer.shares
     modules = {module.name: module for module in answer.mechanism.modules}
     names = _softest_names(answer)
+    colours, _ = share_colours(shares)
     largest = max(shares[name] for name in names)
     unit = "µrad" if answer.load.turns else "µm"
     amounts = fixed([answer.contributions[name] * 1e6 for name in names])
@@ -247,6 +249,7 @@ def _softest(robot: Robot, answer: Answer) -> list[dict[str, Any]]:
                 "kind": _words(modules[name].kind.kind),
                 "summary": modules[name].kind.summary,
                 "percent": percent_text(shares[name]),
+                "colour": colours[name],
                 "bar": f"{100 * max(shares[name], 0.0) / largest:.1f}",
                 "amount": f"{amount} {unit}",
                 "without": _moved(answer, rest) if _adds_up(answer) else None,

@@ -9,7 +9,20 @@ import numpy as np
 
 from ...spatial import Array
 
-__all__ = ["Ball", "Box", "Cone", "Cylinder", "Ellipsoid", "Lines", "Mesh", "Ring", "Shape", "Tube", "box_mesh"]
+__all__ = [
+    "Ball",
+    "Box",
+    "Cone",
+    "Cylinder",
+    "Ellipsoid",
+    "Lines",
+    "Mesh",
+    "Ring",
+    "Shape",
+    "Tube",
+    "box_mesh",
+    "clustered",
+]
 
 
 def frozen(values, shape: tuple[int, ...], kind=float) -> np.ndarray:
@@ -89,6 +102,31 @@ class Mesh:
         for name in ("normals", "colours"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, frozen(getattr(self, name), (-1, 3)))
+
+
+def clustered(mesh: Mesh, cell: float) -> Mesh:
+    """Return a coarser mesh: vertices in one cell of a grid [m] become one at their mean, triangles without area go.
+
+    Normals and colours are left out; a vertex moves by less than the cell's diagonal.
+    """
+    cells = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
+    _, place, count = np.unique(_numbered(cells), return_inverse=True, return_counts=True)
+    sums = [np.bincount(place, mesh.vertices[:, axis], len(count)) for axis in range(3)]
+    faces = place[mesh.faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(_numbered(np.sort(faces, axis=1)), return_index=True)
+    faces = faces[np.sort(first)]
+    used, faces = np.unique(faces, return_inverse=True)
+    return Mesh((np.array(sums) / count).T[used], faces.reshape(-1, 3))
+
+
+def _numbered(rows: np.ndarray) -> np.ndarray:
+    """Return one whole number for each row (n, 3) of whole numbers, equal for equal rows alone."""
+    span = rows.max(axis=0, initial=0).astype(object) + 1
+    if span[0] * span[1] * span[2] >= 2**62:
+        return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+    return (rows[:, 0] * int(span[1]) + rows[:, 1]) * int(span[2]) + rows[:, 2]
 
 
 @dataclass(frozen=True, eq=False)

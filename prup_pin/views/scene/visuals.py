@@ -6,7 +6,7 @@ import io
 import os.path
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,16 @@ from ...mechanism.mesh_paths import mesh_problem
 from ...robots import example_folder
 from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
-from .shapes import Ball, Box, Cylinder, Mesh, Shape
+from .shapes import Ball, Box, Cylinder, Mesh, Shape, clustered
 
 __all__ = ["Visual", "visuals"]
 
 _PLAIN = "#9aa3ad"
 #: Larger mesh files are not drawn.
 MAX_BYTES = 100_000_000
+#: What all meshes of a robot may take on a page; heavier ones are drawn coarser. A page shows them twice (with load and
+#: without), in base 64, beside a viewer of 0.9 MB: it stays under 5 MB.
+PAGE_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,42 @@ def visuals(mechanism: Mechanism) -> tuple[dict[str, list[Visual]], tuple[str, .
                 found.setdefault(name, []).extend(_read(name, element, named, description.path.parent, folders))
             except (ValueError, OSError) as error:
                 notes.append(f"link '{name}': {error}")
-    return {name: shapes for name, shapes in found.items() if shapes}, tuple(notes)
+    return _lightened({name: shapes for name, shapes in found.items() if shapes}), tuple(notes)
+
+
+def _lightened(found: dict[str, list[Visual]]) -> dict[str, list[Visual]]:
+    """Return the visuals with all meshes on a grid just so coarse that a page can hold them; light ones as they are."""
+    meshes = {id(v.shape): v.shape for shapes in found.values() for v in shapes if isinstance(v.shape, Mesh)}
+    coarse = meshes
+    cell = max((float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes.values()), default=0.0) / 600
+    while sum(map(_bytes, coarse.values())) > PAGE_BYTES:
+        fewer = {key: clustered(mesh, cell) for key, mesh in meshes.items()}
+        heavier = sum(29 * len(mesh.faces) for mesh in fewer.values()) / PAGE_BYTES  # about what shading makes of them
+        cell *= max(1.1, 0.95 * heavier**0.5)  # half as many cells along each edge, a quarter of the triangles
+        if heavier <= 1:
+            coarse = {key: _shaded(mesh) for key, mesh in fewer.items() if len(mesh.faces)}
+    shown = {id(mesh): coarse.get(key) for key, mesh in meshes.items()}
+    return {
+        name: [
+            replace(visual, shape=shown.get(id(visual.shape)) or visual.shape)
+            for visual in shapes
+            if shown.get(id(visual.shape), visual.shape) is not None  # a screw smaller than a cell is not seen
+        ]
+        for name, shapes in found.items()
+    }
+
+
+def _bytes(mesh: Mesh) -> int:
+    """Return what a mesh takes: positions and normals in single precision, and three corners a triangle."""
+    return 24 * len(mesh.vertices) + 12 * len(mesh.faces)
+
+
+def _shaded(mesh: Mesh) -> Mesh:
+    """Return a mesh with normals: smooth where it is, its sharp edges sharp."""
+    import trimesh
+
+    piece = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).smooth_shaded
+    return Mesh(piece.vertices, piece.faces, np.array(piece.vertex_normals))
 
 
 def _example_folders(path: Path) -> tuple[Path, ...]:
