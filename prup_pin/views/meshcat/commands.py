@@ -279,9 +279,9 @@ def _tracks(parts: Sequence[Part | None], rate: float) -> tuple[tuple, list, lis
         if any(other is not vertices[0] and not np.array_equal(other, vertices[0]) for other in vertices):
             if any(other.shape != vertices[0].shape for other in vertices):
                 raise InputError(f"part '{drawn.path}' changes its number of vertices")
-            targets = vertices
+            targets, which = _distinct(vertices)
             for index in range(len(targets)):
-                on_object.append(_influence(index, len(targets), rate))
+                on_object.append(_influence(index, which == index, rate))
     elif any(shape is not shapes[0] and shape != shapes[0] for shape in shapes):
         # the largest is drawn, the others are stretched copies of it
         drawn = max(filled, key=lambda part: float(np.prod(_extent(part.shape))))
@@ -298,11 +298,25 @@ def _tracks(parts: Sequence[Part | None], rate: float) -> tuple[tuple, list, lis
     return (drawn, targets), tracks, on_object
 
 
-def _influence(index: int, count: int, rate: float) -> dict[str, Any]:
-    """Return the track of one morph target: full at its own frame, nothing at the others."""
-    times = sorted({0, max(index - 1, 0), index, min(index + 1, count - 1), count - 1})
+def _distinct(vertices: Sequence[Array]) -> tuple[list[Array], np.ndarray]:
+    """Return the different ones of many surfaces, and which of these each of them is: a load that falls has risen."""
+    targets: list[Array] = []
+    which = np.zeros(len(vertices), int)
+    for frame, surface in enumerate(vertices):
+        size = float(np.ptp(surface, axis=0).max())
+        alike = (k for k, known in enumerate(targets) if np.abs(known - surface).max() <= 1e-6 * size)
+        which[frame] = next(alike, len(targets))
+        if which[frame] == len(targets):
+            targets.append(surface)
+    return targets, which
+
+
+def _influence(index: int, shown: np.ndarray, rate: float) -> dict[str, Any]:
+    """Return the track of one morph target: full at the frames that show it, nothing at the others."""
+    turns = np.flatnonzero(np.diff(shown.astype(int)))
+    times = sorted({0, len(shown) - 1, *turns.tolist(), *(turns + 1).tolist()})
     stretch = 30.0 / rate
-    keys = [{"time": time * stretch, "value": 1.0 if time == index else 0.0} for time in times]
+    keys = [{"time": time * stretch, "value": float(shown[time])} for time in times]
     return {"name": f".morphTargetInfluences[{index}]", "type": "number", "keys": keys}
 
 

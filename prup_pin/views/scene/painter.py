@@ -476,10 +476,15 @@ class Painter:
             ]
         elif any(not module.kind.spans_frames for module in pose.mechanism.modules):
             signs.append(Row(SYMBOL, "drives, bearings and springs, as symbols"))
-        if "translation" in balls:
-            signs.append(Row(ELLIPSOIDS["translation"], "displacement by 1 N in every direction"))
-        if "rotation" in balls:
-            signs.append(Row(ELLIPSOIDS["rotation"], "rotation by 1 N m about every axis"))
+        for name, words, factor, unit in (
+            ("translation", "displacement by 1 N in every direction", 1e6, "µm/N"),
+            ("rotation", "rotation by 1 N m about every axis", 1e3, "mrad/(N m)"),
+        ):
+            if name in balls:
+                ends = [
+                    number(value * factor, 3) for value in balls[name].values if value > 1e-9 * balls[name].values[0]
+                ]
+                signs.append(Row(ELLIPSOIDS[name], f"{words}: {', '.join(ends)} {unit}"))
         return Legend(
             title=self.robot.name,
             lines=tuple(lines),
