@@ -106,12 +106,14 @@ def test_title_states_pose_load_and_scale(robot, compliance):
         assert f"{value:.3g} µm/N" in said
 
 
+@pytest.mark.parametrize("narrow", [False, True])
 @pytest.mark.parametrize("wrench", [None, WRENCH, [0, 0, 500, 0, 0, 0], [0, 0, 0, 20, 0, 0]])
-def test_labels_do_not_overlap(robot, wrench):
+def test_labels_do_not_overlap(robot, wrench, narrow):
     for pose in (robot.home, robot.pose(z=0.4, theta=0.436, phi=0.262), robot.pose(z=0.3, theta=-0.3, phi=0.2)):
-        figure = pose_figure(robot, pose, robot.compliance(pose), wrench)
+        figure = pose_figure(robot, pose, robot.compliance(pose), wrench, narrow=narrow)
         figure.canvas.draw()
         renderer = figure.canvas.get_renderer()
+        assert figure.get_size_inches()[0] == (5.2 if narrow else 11)
         boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in texts(figure)]
         for index, (one, box) in enumerate(boxes):
             assert box.x0 >= 0
@@ -157,6 +159,23 @@ def test_shares_are_bars_in_order(compliance):
     said = " ".join(text.get_text() for text in texts(figure))
     for word in ("leg3/linear_rod", "others", "µm", "35.1 %"):
         assert word in said
+
+
+def test_pictures_for_a_phone_say_the_same(robot, compliance):
+    """All words, in letters that can be read where 5.2 inches are 390 pixels wide, none cut off."""
+    for draw in (
+        lambda narrow: pose_figure(robot, compliance.pose, compliance, WRENCH, narrow=narrow),
+        lambda narrow: shares_figure(compliance, WRENCH, narrow=narrow),
+    ):
+        wide, narrow = draw(False), draw(True)
+        words = [" ".join(text.get_text() for text in texts(figure)).split() for figure in (wide, narrow)]
+        assert set(words[0]) - set(words[1]) <= {"in", "every", "direction"}
+        narrow.canvas.draw()
+        for text in texts(narrow):
+            assert text.get_fontsize() * 390 / (72 * 5.2) >= 8.5, text.get_text()
+            box = text.get_window_extent(narrow.canvas.get_renderer())
+            assert box.x0 >= 0, text.get_text()
+            assert box.x1 <= narrow.bbox.width, text.get_text()
 
 
 def test_shares_without_wrench_and_without_legs():

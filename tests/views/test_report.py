@@ -406,6 +406,8 @@ def test_a_browser_shows_it_and_asks_no_other_host(page, asked, tmp_path, width)
         tab.open_report(file)
         assert tab.evaluate("document.documentElement.scrollWidth") == width, "the page is wider than the screen"
         assert tab.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 100)")
+        tall = tab.evaluate("document.images[0].naturalHeight > document.images[0].naturalWidth")
+        assert tall == (width < 600), "a phone has pictures of its own"
         tab.evaluate("document.getElementById('scene').scrollIntoView()")
         session = tab.wait_for_scene()
         assert tab.value(session, "Object.keys(viewer.scene_tree.children).length") > 5

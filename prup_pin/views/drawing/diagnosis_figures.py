@@ -18,7 +18,7 @@ from ..scene.camera import camera_of
 from ..scene.colours import FOUND
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text, scaled
-from .drawing import AXES, INK, Drawing, Labels
+from .drawing import AXES, INK, Drawing, Labels, Layout
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
 from .plotting import Figure, FigureCanvasAgg, plain_words
 
@@ -27,6 +27,13 @@ __all__ = ["AFTER", "BEFORE", "Mark", "histogram_figure", "marks", "place_figure
 #: What is measured less simulated before a diagnosis, and after it.
 BEFORE, AFTER = "#9AA3AD", "#0B6AA8"
 _BAND = "#DCE3EA"
+_WIDE = Layout(
+    (11, 6.6), (0.02, 0.02, 0.62, 0.86), (0.725, 0.49, 0.255, 0.34), (0.015, 0.02, 0.13, 0.19), (0.715, 0.39),
+    (0, 0, 0, 0), 40,
+)  # fmt: skip
+_NARROW = Layout(
+    (5.2, 8.2), (0.02, 0.37, 0.96, 0.54), (0, 0, 0, 0), (0.0, 0.35, 0.24, 0.13), (0.5, 0.2), (0, 0, 0, 0), 50
+)
 _AXIS_NAMES = {"m": ("x", "y", "z"), "rad": ("about x", "about y", "about z")}
 
 
@@ -86,24 +93,29 @@ def _points(robot: Robot, pose: ClosedPose, parts: Skeleton, name: str) -> Array
 
 
 @plain_words
-def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = None) -> Figure:
-    """Return a picture of the robot with the places of the findings marked; one's local response is drawn beside it."""
+def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = None, *, narrow: bool = False) -> Figure:
+    """Return a picture of the robot with the places of the findings marked; one's local response is drawn beside it.
+
+    `narrow`: for a phone.
+    """
     response = None if beside is None else beside.recovered
     run = diagnosis.final
     poses = [] if run is None else run.geometry.poses
     pose = poses[len(poses) // 2] if poses else robot.home
     parts = skeleton(pose)
     camera = camera_of(robot, pose)
-    figure = Figure(figsize=(11, 6.6), dpi=130, facecolor="white")
+    layout = _NARROW if narrow else _WIDE
+    figure = Figure(figsize=layout.size, dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.02, 0.02, 0.62, 0.86))
+    axes = figure.add_axes(layout.drawing)
     axes.set_aspect("equal")
     axes.axis("off")
     flat, size = camera.flat(parts.points), parts.size
     low, high = flat.min(axis=0) - 0.1 * size, flat.max(axis=0) + 0.1 * size
     # a tall robot leaves room at its sides, where labels may go
     middle, half = (low + high) / 2, (high - low) / 2
-    half[0] = max(half[0], half[1] * (0.62 * 11) / (0.86 * 6.6))
+    _, _, wide, high_ = layout.drawing
+    half[0] = max(half[0], half[1] * (wide * layout.size[0]) / (high_ * layout.size[1]))
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
     figure.canvas.draw()
@@ -121,11 +133,12 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     for leg, point in parts.legs.items():
         at = camera.flat(point)
         labels.put(leg, at, INK, at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
-    draw_compass(figure, camera, robot.mechanism.gravity)
-    draw_legend(figure, parts, False, None)
-    _draw_list(figure, diagnosis, found, (0.655, 0.87 if response is None else 0.965))
-    if beside is not None and isinstance(response, Recovered):
-        small = figure.add_axes((0.725, 0.49, 0.255, 0.34))
+    draw_compass(figure, camera, robot.mechanism.gravity, layout)
+    draw_legend(figure, parts, False, None, layout)
+    place = (0.06, 0.33) if narrow else (0.655, 0.87 if response is None else 0.965)
+    _draw_list(figure, diagnosis, found, place, layout.line)
+    if beside is not None and isinstance(response, Recovered) and not narrow:
+        small = figure.add_axes(layout.beside)
         _draw_response(small, response, beside.physics, 8.0)
     figure.text(0.025, 0.95, robot.name, fontsize=16, weight="bold", va="center")
     return figure
@@ -166,11 +179,13 @@ def _mark_texts(drawing: Drawing, found: Sequence[Mark]) -> list[tuple[str, Arra
     return [(", ".join(str(mark.number) for mark in marks), point) for point, marks in at.values()]
 
 
-def _draw_list(figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], place: tuple[float, float]) -> None:
+def _draw_list(
+    figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], place: tuple[float, float], line: int
+) -> None:
     """Write the findings beside the drawing, by the numbers that it shows."""
     lines = []
     for index, finding in enumerate(diagnosis.findings, 1):
-        lines += wrap(f"{index}  {finding_text(finding)}", 40, subsequent_indent="    ", break_on_hyphens=False)
+        lines += wrap(f"{index}  {finding_text(finding)}", line, subsequent_indent="    ", break_on_hyphens=False)
     if any(not mark.number for mark in found):
         lines.append("dashed: these data cannot tell them apart")
     text = "\n".join(lines[:9]) if lines else "nothing is missing"
@@ -181,21 +196,26 @@ def _draw_list(figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], plac
 
 
 @plain_words
-def response_figure(finding: Finding) -> Figure:
+def response_figure(finding: Finding, *, narrow: bool = False) -> Figure:
     """Return a finding's local response: estimates of every sample, the curve that knows no law, and the law.
 
     Of what hangs on no single load: what the recording asks for at the tool against what the law gives.
     """
     response = finding.recovered
     if isinstance(response, Agreement):
-        return _agreement_figure(finding, response)
-    figure = Figure(figsize=(9.5, 4.6), dpi=130, facecolor="white")
+        return _agreement_figure(finding, response, narrow)
+    figure = Figure(figsize=(5.2, 4.2) if narrow else (9.5, 4.6), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.1, 0.13, 0.87, 0.75))
+    axes = figure.add_axes((0.15, 0.14, 0.81, 0.72) if narrow else (0.1, 0.13, 0.87, 0.75))
     if response is not None:
-        _draw_response(axes, response, finding.physics, 10)
-    figure.text(0.1, 0.94, finding_text(finding), fontsize=13, weight="bold", va="center")
+        _draw_response(axes, response, finding.physics, 9.5 if narrow else 10)
+    _title(figure, finding, narrow)
     return figure
+
+
+def _title(figure: Figure, finding: Finding, narrow: bool) -> None:
+    size = 11.5 if narrow else 13
+    figure.text(0.04 if narrow else 0.1, 0.94, finding_text(finding), fontsize=size, weight="bold", va="center")
 
 
 def _draw_response(axes, response: Recovered, physics: str, size: float) -> None:
@@ -243,13 +263,14 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
     axes.legend(frameon=False, fontsize=size - 1, loc="best", handlelength=1.2)
 
 
-def _agreement_figure(finding: Finding, response: Agreement) -> Figure:
-    figure = Figure(figsize=(9.5, 4.6), dpi=130, facecolor="white")
+def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Figure:
+    figure = Figure(figsize=(5.2, 8.0) if narrow else (9.5, 4.6), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    figure.text(0.1, 0.94, finding_text(finding), fontsize=13, weight="bold", va="center")
+    _title(figure, finding, narrow)
     shown = [group for group in response.columns if np.any(response.asked[:, group.where])][:2]
     for index, (kind, si, block) in enumerate(shown):
-        axes = figure.add_axes((0.1 + 0.47 * index, 0.13, 0.38, 0.73))
+        below = (0.16, 0.53 - 0.46 * index, 0.8, 0.36)
+        axes = figure.add_axes(below if narrow else (0.1 + 0.47 * index, 0.13, 0.38, 0.73))
         asked, law = response.asked[:, block], response.law[:, block]
         largest = float(np.abs(law).max(initial=0.0)) or float(np.abs(asked).max(initial=0.0))
         factor, unit = scaled(largest, si)
@@ -280,11 +301,14 @@ def _agreement_figure(finding: Finding, response: Agreement) -> Figure:
 
 
 @plain_words
-def sample_figure(diagnosis: Diagnosis) -> Figure:
-    """Return the residual of each channel over the samples, before and after, with the band of the noise."""
+def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
+    """Return the residual of each channel over the samples, before and after, with the band of the noise.
+
+    `narrow`: for a phone.
+    """
     every = [(group, column) for group in diagnosis.columns for column in range(group.where.start, group.where.stop)]
     rows = [(group, column) for group, column in every if np.any(diagnosis.residual_before[:, column])]
-    figure = Figure(figsize=(11, 1.0 + 1.35 * max(len(rows), 1)), dpi=130, facecolor="white")
+    figure = Figure(figsize=(5.2 if narrow else 11, 1.0 + 1.35 * max(len(rows), 1)), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     height = figure.get_size_inches()[1]
     each = (height - 1.0) / max(len(rows), 1)
@@ -293,7 +317,8 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
     edges = [samples[part.used[0]] for part in parts]
     for row, ((kind, si, block), channel) in enumerate(rows):
         bottom = (height - 0.45 - (row + 1) * each + 0.12) / height
-        axes = figure.add_axes((0.1, bottom, 0.88, (each - 0.18) / height))
+        left = 0.17 if narrow else 0.1
+        axes = figure.add_axes((left, bottom, 0.98 - left, (each - 0.18) / height))
         noise = diagnosis.noise.of_unit(si)
         before, after = diagnosis.residual_before[:, channel], diagnosis.residual_after[:, channel]
         factor, unit = scaled(float(np.quantile(np.abs(before), 0.98)), si)
@@ -328,22 +353,28 @@ def sample_figure(diagnosis: Diagnosis) -> Figure:
                 handles, texts, loc="upper right", ncols=3, frameon=False, fontsize=9.5, markerscale=2.5,
                 bbox_to_anchor=(0.985, 1.0), borderaxespad=0.2,
             )  # fmt: skip
-    figure.text(0.1, 1 - 0.2 / height, "Measured less simulated", fontsize=12, weight="bold", va="center")
+    title = "Residual" if narrow else "Measured less simulated"
+    figure.text(0.04 if narrow else 0.1, 1 - 0.2 / height, title, fontsize=12, weight="bold", va="center")
     return figure
 
 
 @plain_words
-def histogram_figure(found: Residuals) -> Figure:
-    """Return histograms of the residuals in multiples of the noise, before and after, against the normal curve."""
+def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
+    """Return histograms of the residuals in multiples of the noise, before and after, against the normal curve.
+
+    `narrow`: for a phone.
+    """
     groups = [(name, block) for name, _, block in found.columns if found.exists[:, block].any()]
-    lines = max((len(groups) + 1) // 2, 1)
-    figure = Figure(figsize=(11, 3.3 * lines), dpi=130, facecolor="white")
+    across = 1 if narrow else 2
+    lines = max(-(-len(groups) // across), 1)
+    figure = Figure(figsize=(5.2 if narrow else 11, 3.3 * lines), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     edges = np.linspace(-6, 6, 49).tolist()
     grid = np.linspace(-6, 6, 200)
     for index, (name, block) in enumerate(groups):
-        line = lines - 1 - index // 2
-        axes = figure.add_axes((0.1 + 0.46 * (index % 2), (line + 0.18) / lines, 0.41, 0.64 / lines))
+        line = lines - 1 - index // across
+        left, width = (0.06, 0.88) if narrow else (0.1 + 0.46 * (index % 2), 0.41)
+        axes = figure.add_axes((left, (line + 0.18) / lines, width, 0.64 / lines))
         there = found.exists[:, block]
         clipped = [np.clip(values[:, block][there], -5.99, 5.99) for values in (found.before, found.after)]
         axes.hist(clipped[0], color=BEFORE, alpha=0.55, label="before", zorder=2, bins=edges, density=True)

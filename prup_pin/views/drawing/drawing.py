@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,30 @@ from ..scene.camera import Camera
 from ..scene.colours import AXES, FAINT, INK
 from .plotting import Bbox, Figure
 
-__all__ = ["AXES", "FAINT", "INK", "Drawing", "Labels"]
+__all__ = ["AXES", "FAINT", "INK", "NARROW", "WIDE", "Drawing", "Labels", "Layout"]
+
+
+class Layout(NamedTuple):
+    """Where the pieces of a drawing stand, in shares of its width and height; `size` in inches, `line` in letters."""
+
+    size: tuple[float, float]
+    drawing: tuple[float, float, float, float]
+    beside: tuple[float, float, float, float]  # what explains it: an ellipsoid, a small chart
+    compass: tuple[float, float, float, float]
+    legend: tuple[float, float]
+    scale: tuple[float, float, float, float]
+    line: int
+
+
+#: For paper and screens, and for a phone, on which letters keep their size.
+WIDE = Layout(
+    (11, 7.2), (0.02, 0.02, 0.67, 0.83), (0.70, 0.42, 0.29, 0.42), (0.015, 0.02, 0.13, 0.19), (0.715, 0.39),
+    (0.725, 0.035, 0.16, 0.02), 130,
+)  # fmt: skip
+NARROW = Layout(
+    (5.2, 9.2), (0.02, 0.39, 0.96, 0.49), (0.03, 0.045, 0.42, 0.27), (0.0, 0.36, 0.24, 0.13), (0.46, 0.35),
+    (0.50, 0.045, 0.38, 0.014), 58,
+)  # fmt: skip
 
 
 class Labels:

@@ -9,7 +9,7 @@ from ...statics import Compliance
 from ..scene.camera import Camera
 from ..scene.colours import ELLIPSOIDS, rgb_of
 from ..text.quantities import number
-from .drawing import FAINT, Drawing, Labels
+from .drawing import FAINT, WIDE, Drawing, Labels, Layout
 from .plotting import Figure, PolyCollection, Polygon
 
 __all__ = ["draw_ellipsoid", "draw_small_ellipsoid"]
@@ -40,17 +40,17 @@ def draw_small_ellipsoid(drawing: Drawing, compliance: Compliance, at: Array, si
     drawing.axes.add_patch(Polygon(outline, facecolor=SOFT, alpha=0.35, edgecolor=SOFT, lw=1.0, zorder=9.0))
 
 
-def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance) -> None:
+def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layout: Layout) -> None:
     """Draw the ellipsoid large, in the same view, with its semi-axes in µm/N."""
     values, vectors = _principal(compliance)
-    axes = figure.add_axes((0.70, 0.42, 0.29, 0.42))
+    axes = figure.add_axes(layout.beside)
     axes.set_aspect("equal")
     axes.axis("off")
     axes.set_title("Compliance at the tool", fontsize=11, weight="bold", loc="center", pad=14)
     axes.text(
         0.5,
         1.0,
-        "displacement by 1 N in every direction",
+        "displacement by 1 N in every direction" if layout is WIDE else "displacement by 1 N",
         transform=axes.transAxes,
         ha="center",
         fontsize=9,

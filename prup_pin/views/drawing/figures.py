@@ -7,6 +7,7 @@ labels are placed where nothing else is.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import wrap
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text, number
-from .drawing import AXES, FAINT, INK, Drawing, Labels
+from .drawing import AXES, FAINT, INK, NARROW, WIDE, Drawing, Labels, Layout
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words
 
@@ -49,12 +50,15 @@ def pose_figure(
     compliance: Compliance | None = None,
     wrench=None,
     scale: float | None = None,
+    *,
+    narrow: bool = False,
 ) -> Figure:
     """Return a picture of the mechanism, its deflection under a wrench, and the compliance at its tool.
 
     Under a wrench the mechanism is drawn pale, and over it deflected, `scale` times larger than life (None: a round
     number that shows it, as in the 3-D scene), with beams and joints coloured by their shares. The ellipsoid is the
-    displacement of the tool under unit forces in all directions. Save it with `figure.savefig("pose.png")`.
+    displacement of the tool under unit forces in all directions. Save it with `figure.savefig("pose.png")`. `narrow`:
+    for a phone.
     """
     if compliance is not None and compliance.pose is not pose:
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
@@ -64,9 +68,10 @@ def pose_figure(
     parts = skeleton(pose)
     size = parts.size
     camera = camera_of(robot, pose)
-    figure = Figure(figsize=(11, 7.2), dpi=130, facecolor="white")
+    layout = NARROW if narrow else WIDE
+    figure = Figure(figsize=layout.size, dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.02, 0.02, 0.67, 0.83))
+    axes = figure.add_axes(layout.drawing)
     axes.set_aspect("equal")
     axes.axis("off")
     moved = Deflections(compliance, load) if load is not None and compliance is not None else None
@@ -105,13 +110,13 @@ def pose_figure(
     for leg, point in parts.legs.items():
         at = camera.flat(point)
         labels.put(leg, at, INK, at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
-    draw_compass(figure, camera, robot.mechanism.gravity)
+    draw_compass(figure, camera, robot.mechanism.gravity, layout)
     if compliance is not None:
-        draw_ellipsoid(figure, camera, compliance)
-    draw_legend(figure, parts, load is not None and bool(load.any()), scale if ghost is not None else None)
+        draw_ellipsoid(figure, camera, compliance, layout)
+    draw_legend(figure, parts, load is not None and bool(load.any()), scale if ghost is not None else None, layout)
     if ghost is not None and top:
-        _draw_scale(figure, top)
-    _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None)
+        _draw_scale(figure, top, layout)
+    _write_title(figure, robot, pose, compliance, load, scale if ghost is not None else None, layout)
     return figure
 
 
@@ -259,9 +264,9 @@ def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[
 # -- around the drawing ------------------------------------------------------------------------------------------------
 
 
-def draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
+def draw_compass(figure: Figure, camera: Camera, gravity: Array, layout: Layout) -> None:
     """Draw the base's axes and gravity in the corner."""
-    axes = figure.add_axes((0.015, 0.02, 0.13, 0.19))
+    axes = figure.add_axes(layout.compass)
     axes.set_aspect("equal")
     axes.axis("off")
     axes.set_xlim(-2.0, 2.3)
@@ -289,7 +294,7 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array) -> None:
     labels.put("base", np.zeros(2), FAINT, np.array([-1, -1]), 8.5)
 
 
-def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | None) -> None:
+def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | None, layout: Layout) -> None:
     """Explain every sign that occurs; `scale`: how many times larger the deflection is drawn, where it is."""
     kinds = {segment.kind for segment in parts.segments}
     roles = {word.strip() for joint in parts.joints for word in joint.role.split(",")}
@@ -331,7 +336,7 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
     figure.legend(
         handles=handles,
         loc="upper left",
-        bbox_to_anchor=(0.715, 0.39),
+        bbox_to_anchor=layout.legend,
         frameon=False,
         fontsize=9.5,
         handlelength=2.4,
@@ -339,23 +344,29 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
     )
 
 
-def _write_title(figure: Figure, robot: Robot, pose: ClosedPose, compliance, load, scale: float | None) -> None:
+def _write_title(
+    figure: Figure, robot: Robot, pose: ClosedPose, compliance, load, scale: float | None, layout: Layout
+) -> None:
     at = ", ".join(text.replace(" deg", "°") for text in pose_text(robot, pose.coordinates or pose.actuators, 4))
     if len(at) > 90:
         at = f"{at[:88].rpartition(',')[0]}, …"
-    figure.text(0.025, 0.955, robot.name, fontsize=16, weight="bold", va="center")
-    figure.text(0.025, 0.915, at, fontsize=11, color=INK, va="center")
+    lines = wrap(at, layout.line)
     if load is not None and load.any() and compliance is not None:
         moved = float(np.linalg.norm(compliance.deflection(load)[:3]))
         line = f"under {wrench_text(load)} the tool moves by {length_text(moved)}"
         if scale:
             line += f"; deflection drawn × {number(scale)}"
-        figure.text(0.025, 0.878, line, fontsize=11, color=INK, va="center")
+        lines += wrap(line, layout.line)
+    size, height = (11, layout.size[1]) if layout is WIDE else (9.5, layout.size[1])
+    figure.text(0.025, 1 - 0.32 / height, robot.name, fontsize=16, weight="bold", va="center")
+    for index, line in enumerate(lines):
+        place = 1 - (0.61 + 0.265 * (size / 11) * index) / height
+        figure.text(0.025, place, line, fontsize=size, color=INK, va="center")
 
 
-def _draw_scale(figure: Figure, top: float) -> None:
+def _draw_scale(figure: Figure, top: float, layout: Layout) -> None:
     """Draw the map of shares with its ends."""
-    axes = figure.add_axes((0.725, 0.035, 0.16, 0.02))
+    axes = figure.add_axes(layout.scale)
     axes.imshow(np.linspace(0, 1, 256)[None], cmap=ListedColormap(map_rgb(np.linspace(0, 1, 256))), aspect="auto")
     axes.set_yticks([])
     axes.set_xticks([0, 255], ["0", f"{number(100 * top, 3)} %"], fontsize=9)
@@ -371,10 +382,11 @@ def _percent(share: float) -> str:
 
 
 @plain_words
-def shares_figure(compliance: Compliance, wrench=None) -> Figure:
+def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) -> Figure:
     """Return horizontal bars of each module's share in the work of a wrench, in % and µm, in the colours of the scene.
 
-    Without a wrench: a unit force along the softest direction. Raises InputError where the wrench deflects nothing.
+    Without a wrench: a unit force along the softest direction. `narrow`: for a phone. Raises InputError where the
+    wrench deflects nothing.
     """
     answer = Answer(compliance, wrench)
     if answer.shares is None:
@@ -389,42 +401,42 @@ def shares_figure(compliance: Compliance, wrench=None) -> Figure:
         label = rest[0] if len(rest) == 1 else f"{len(rest)} others"
         rows.append((label, sum(shares[name] for name in rest), sum(answer.contributions[name] for name in rest)))
     colours, _ = share_colours(answer.shares)
-    height = 2.0 + 0.33 * len(rows)
-    figure = Figure(figsize=(9.5, height), dpi=130, facecolor="white")
+    what = "tool turns" if answer.load.turns else "tool moves"
+    per = "" if answer.load.given else " (softest direction)"
+    told = (
+        f"under {wrench_text(np.round(answer.load.wrench, 3))}{per} the {what} by "
+        f"{number(answer.amount * 1e6, 4)} {unit}; {unit}: the part of each module in this"
+    )
+    width, size, letter, room = (5.2, 8.5, 0.07, 1.75) if narrow else (9.5, 9.5, 0.081, 1.32)
+    lines = wrap(told, 58 if narrow else 130)
+    head = 1.1 + 0.22 * (len(lines) - 1)
+    height = head + 0.9 + 0.33 * len(rows)
+    figure = Figure(figsize=(width, height), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    longest = max(len(row[0]) for row in rows)
-    left = min(0.45, 0.04 + 0.0085 * longest)
-    axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - 1.65 / height))
+    left = min(0.45, (0.38 + letter * max(len(row[0]) for row in rows)) / width)
+    axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - (head + 0.55) / height))
     largest = max(share for _, share, _ in rows)
     for row, (name, share, amount) in enumerate(rows):
         axes.barh(row, 100 * share, height=0.68, color=colours.get(name, _PALE), zorder=2)
         text = f"{_percent(share)} %   {number(amount * 1e6, 3)} {unit}"
-        axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=9.5, color="#222222")
-    axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9.5)
+        axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=size, color="#222222")
+    axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=size)
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlim(0, 132 * largest)
-    axes.set_xlabel("share of the work done by the load [%]", fontsize=9.5)
+    axes.set_xlim(0, 100 * room * largest)
+    axes.set_xlabel("share of the work done by the load [%]", fontsize=size)
     axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="x", labelsize=size)
     axes.grid(axis="x", color="#E3E6EA", zorder=0)
     axes.set_axisbelow(True)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     if compliance.legs:
-        lines = [f"{leg}  {_percent(answer.share_of(part) or 0.0)} %" for leg, part in compliance.legs.items()]
-        text = "\n".join(["all of a leg", *lines[:12]])
-        axes.text(0.98, 0.03, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=10, linespacing=1.5)
-    what = "tool turns" if answer.load.turns else "tool moves"
-    per = "" if answer.load.given else " (softest direction)"
-    figure.text(
-        0.025, 1 - 0.35 / height, f"{answer.mechanism.name}: which part yields", fontsize=14, weight="bold", va="center"
-    )
-    figure.text(
-        0.025,
-        1 - 0.72 / height,
-        f"under {wrench_text(np.round(answer.load.wrench, 3))}{per} the {what} by "
-        f"{number(answer.amount * 1e6, 4)} {unit}; {unit}: the part of each module in this",
-        fontsize=10,
-        color=INK,
-        va="center",
-    )
+        legs = [f"{leg}  {_percent(answer.share_of(part) or 0.0)} %" for leg, part in compliance.legs.items()]
+        text = "\n".join(["all of a leg", *legs[:12]])
+        axes.text(0.98, 0.03, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=size, linespacing=1.5)
+    title = f"{answer.mechanism.name}: which part yields"
+    figure.text(0.025, 1 - 0.35 / height, title, fontsize=14, weight="bold", va="center")
+    for index, line in enumerate(lines):
+        place = 1 - (0.72 + 0.22 * index) / height
+        figure.text(0.025, place, line, fontsize=size + 0.5, color=INK, va="center")
     return figure

@@ -30,7 +30,7 @@ from ..text.diagnosis_words import (
 )
 from ..text.joints import dimension
 from ..text.quantities import number
-from .pose_report import page_template, svg
+from .pose_report import page_template, picture
 
 __all__ = ["diagnosis_html", "page"]
 
@@ -44,6 +44,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
     template = page()
     white = diagnosis.residuals
     drawn = white is not None and bool(white.exists.any())
+    many = len(diagnosis.samples) > _MOST_DRAWN
     plan = diagnosis.next_experiment.get("plan") or {}
     return template.render(
         name=robot.name,
@@ -54,11 +55,13 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         sentence=verdict_text(diagnosis),
         facts=_facts(diagnosis),
         measured=_measured(diagnosis, robot, recordings),
-        place=svg(lambda: figures.place_figure(robot, diagnosis)),
+        place=picture(lambda narrow: figures.place_figure(robot, diagnosis, narrow=narrow)),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.findings],
         channels=channel_rows(diagnosis),
-        samples=svg(lambda: figures.sample_figure(diagnosis), len(diagnosis.samples) > _MOST_DRAWN) if drawn else "",
-        histogram=svg(lambda: figures.histogram_figure(white)) if drawn else "",  # type: ignore[arg-type]
+        samples=picture(lambda narrow: figures.sample_figure(diagnosis, narrow=narrow), many) if drawn else None,
+        histogram=None
+        if white is None or not drawn
+        else picture(lambda narrow: figures.histogram_figure(white, narrow=narrow)),
         hidden=hidden_rows(diagnosis.not_detectable),
         remarks=list(diagnosis.remarks),
         why=_sentence(str(diagnosis.next_experiment.get("why", ""))),
@@ -125,7 +128,9 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "gain": gain_text(finding),
         "unknown": finding.physics == "unknown",
         "parameters": parameter_texts(finding.parameters),
-        "response": "" if finding.recovered is None else svg(lambda: figures.response_figure(finding), many),
+        "response": None
+        if finding.recovered is None
+        else picture(lambda narrow: figures.response_figure(finding, narrow=narrow), many),
         "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
     }
 

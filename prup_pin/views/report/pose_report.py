@@ -13,7 +13,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,7 @@ from ..text.tables import (
 )
 from .levers import STEP, Lever, find_levers
 
-__all__ = ["page_template", "report_html", "svg"]
+__all__ = ["Picture", "page_template", "picture", "report_html", "svg"]
 
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
@@ -353,17 +353,32 @@ def _script_hashes(scene: str) -> list[str]:
     return [f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode('ascii')}'" for s in scripts]
 
 
-def _drawing(robot: Robot, answer: Answer, scale: float | None) -> str:
+def _drawing(robot: Robot, answer: Answer, scale: float | None) -> Picture:
     from ..drawing.figures import pose_figure
 
     load = answer.load.wrench if answer.load.wrench.any() else None
-    return svg(lambda: pose_figure(robot, answer.compliance.pose, answer.compliance, load, scale))
+    pose, compliance = answer.compliance.pose, answer.compliance
+    return picture(lambda narrow: pose_figure(robot, pose, compliance, load, scale, narrow=narrow))
 
 
-def _chart(answer: Answer) -> str | None:
+def _chart(answer: Answer) -> Picture | None:
     from ..drawing.figures import shares_figure
 
-    return None if answer.shares is None else svg(lambda: shares_figure(answer.compliance, answer.load.wrench))
+    if answer.shares is None:
+        return None
+    return picture(lambda narrow: shares_figure(answer.compliance, answer.load.wrench, narrow=narrow))
+
+
+class Picture(NamedTuple):
+    """A figure as two data addresses: for paper and screens, and for a phone."""
+
+    wide: str
+    narrow: str
+
+
+def picture(draw: Callable[[bool], Any], pixels: bool = False) -> Picture:
+    """Return what `draw` draws, told whether it is to be narrow, for pages of any width."""
+    return Picture(svg(lambda: draw(False), pixels), svg(lambda: draw(True), pixels))
 
 
 def svg(draw: Callable[[], Any], pixels: bool = False) -> str:
