@@ -56,9 +56,9 @@ def test_it_is_self_contained(page):
     assert len(page) < 3_000_000
     assert "<script" not in page
     assert "default-src 'none'" in page
-    for address in re.findall(r'(?:src|href)="([^"]*)"', page):
+    for address in re.findall(r'(?:src|srcset|href)="([^"]*)"', page):
         assert address.startswith("data:image/"), address[:80]
-    assert page.count("data:image/") == 4  # place, local response, samples, histograms
+    assert page.count("data:image/") == 2 * 4  # place, local response, samples, histograms; wide and for a phone
 
 
 def test_effects_that_stayed_hidden_are_grouped(diagnosed):
