@@ -342,7 +342,7 @@ def _settle_alike(
     raw = stream.clock if clock_name is None else stream.columns.get(clock_name)
     both = [j for j in joints if f"qd.{j}" in lines and log.stream_of(lines[f"qd.{j}"].source) is stream]
     slopes = {j: _slope(raw, *(stream.columns[lines[f"{k}.{j}"].source] for k in ("q", "qd"))) for j in both}
-    known = [slope for slope in slopes.values() if slope is not None] if raw is not None else []
+    known = [slope for slope in slopes.values() if slope is not None and np.isfinite(slope)]
     unit, doubt = possible[0], ""
     if not first.unit and len(possible) > 1 and not known:
         doubt = f"up to {reach:.4g}: {' or '.join(possible)}?" if reach < _NEAR else ""
@@ -376,12 +376,17 @@ def _settle_alike(
         if speed is not None:
             speed.unit = speed.unit or speed_unit or f"{unit}/s"
             found = slopes.get(joint)
-            if found is not None and found < 0:
+            if found is not None and np.isnan(found):
+                speed.doubt = "is not the rate of the position; is it the same joint's?"
+            elif found is not None and found < 0:
                 speed.sign, speed.doubt = -1, "falls where the position rises: which of the two has the wrong sign?"
 
 
 def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
-    """Return by how much positions change for each unit of the velocities' integral; None where nothing moves."""
+    """Return by how much positions change for each unit of the velocities' integral.
+
+    None where nothing moves, nan where the one has nothing to do with the other.
+    """
     if time is None:
         return None
     known = np.isfinite(time) & np.isfinite(q) & np.isfinite(qd)
@@ -393,8 +398,11 @@ def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
     parts = max(10, min(200, len(steps) // 10))
     share = np.array_split(np.flatnonzero(smooth), parts)
     moved, driven = (np.array([values[rows].sum() for rows in share]) for values in (steps, gains))
-    if not (np.std(moved) and np.std(driven)) or abs(np.corrcoef(moved, driven)[0, 1]) < 0.98:
+    if not (np.std(moved) and np.std(driven)):
         return None
+    alike = abs(np.corrcoef(moved, driven)[0, 1])
+    if alike < 0.98:
+        return None if alike > 0.9 else float("nan")
     return float(moved @ driven / (driven @ driven))
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import csv
-import io
 import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..errors import Problem
-from ..recordings.problems import Problems, TableProblem, read_bytes, shown
+from ..recordings.problems import Problems, read_bytes, shown
 from ..spatial import Array
 from .log import Log, Stream, frozen, refuse
 from .units import spelled
@@ -22,6 +24,20 @@ _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+
 _FORMULA = {"true": 1.0, "false": 0.0}
 #: A column of which more than this share is no number is a column of text.
 _TEXT = 0.5
+#: Bytes by which the manner of a table is understood, and rows by which its columns of text are.
+_HEAD, _ROWS = 2**20, 50
+
+
+@dataclass(frozen=True)
+class _Manner:
+    """How a table is written: where its rows begin (counted from 0), how its names are called."""
+
+    separator: str
+    decimal: str
+    names: Sequence[str]
+    units: Mapping[str, str]
+    body: int
+    encoding: str
 
 
 def read(path: Path) -> Log:
@@ -29,15 +45,36 @@ def read(path: Path) -> Log:
 
     Lines that begin with #, % or // before the names are skipped; the last of them holds the names where no line of
     names follows. A row below the names without any number holds units. Columns of text are left out and named.
+
+    Rows of numbers are read in a stream; a table with empty cells, or with anything else that is no number, is read as
+    a whole.
     """
-    content = read_bytes(path, "a table of text", (".csv", ".tsv", ".txt"))
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    begin = next(k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line))
-    separator, decimal = _manner(lines[begin : begin + 20])
+    manner, texts = _understood(path)
+    used = [k for k, name in enumerate(manner.names) if name not in texts]
+    values = _stream(path, manner, used) if used else None
+    if values is None:
+        table, texts = _careful(path, manner)
+        used = [k for k, name in enumerate(manner.names) if name not in texts]
+        values = table[:, used]
+    columns = {manner.names[k]: column for k, column in zip(used, values.T, strict=True)}
+    stream = Stream("table", frozen(columns), units=manner.units)
+    return Log(str(path), (stream,), tuple(f"{name} (text)" for name in texts))
+
+
+def _understood(path: Path) -> tuple[_Manner, list[str]]:
+    """Return how a table is written, and its columns of text, by its first rows."""
+    if path.stat().st_size <= _HEAD:
+        head = read_bytes(path, "a table of text", (".csv", ".tsv", ".txt"))
+    else:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+        head = head[: head.rfind(b"\n") + 1] or head
+    text, encoding = _decoded(head)
+    lines = text.split("\n")
+    begin = next((k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)), None)
+    if begin is None:
+        raise refuse(path, "holds comments alone; expected names of columns and rows of numbers")
+    separator, decimal = _marks(lines[begin : begin + 20])
     header = _cells(lines[begin], separator)
     numbers = [_number(cell, decimal) for cell in header]
     if any(number is not None and np.isfinite(number) for number in numbers):
@@ -53,16 +90,30 @@ def read(path: Path) -> Log:
     units: dict[str, str] = {}
     body = begin + 1
     row = _cells(lines[body], separator) if body < len(lines) else []
-    if row and any(cell.strip() for cell in row) and all(_number(cell, decimal) is None for cell in row):
+    plain = [_number(cell, decimal) for cell in row]
+    if any(spelled(cell) for cell in row) and all(number is None or np.isnan(number) for number in plain):
         units = {name: cell.strip() for name, cell in zip(names, row, strict=False) if spelled(cell)}
         body += 1
-    values, texts = _values(path, lines, body, names, separator, decimal)
-    columns = {name: column for name, column in zip(names, values.T, strict=True) if name not in texts}
-    stream = Stream("table", frozen(columns), units=units)
-    return Log(str(path), (stream,), tuple(f"{name} (text)" for name in texts))
+    first = [_cells(line, separator) for line in lines[body : body + _ROWS] if line.strip()]
+    if not first:
+        raise refuse(path, "holds names of columns but no rows", body)
+    whole = [row for row in first if len(row) == len(names)]
+    texts = [
+        name for k, name in enumerate(names) if sum(_number(row[k], decimal) is None for row in whole) > _TEXT * 50
+    ]
+    return _Manner(separator, decimal, names, units, body, encoding), texts if len(whole) == 50 else []
 
 
-def _manner(lines: list[str]) -> tuple[str, str]:
+def _decoded(content: bytes) -> tuple[str, str]:
+    """Return text with plain line ends, and its encoding."""
+    try:
+        text, encoding = content.decode("utf-8-sig"), "utf-8-sig"
+    except UnicodeDecodeError:
+        text, encoding = content.decode("latin-1"), "latin-1"
+    return text.replace("\r\n", "\n").replace("\r", "\n"), encoding
+
+
+def _marks(lines: list[str]) -> tuple[str, str]:
     """Return separator and decimal mark of a table by its first lines."""
     full = [line for line in lines if line.strip()]
     for separator in SEPARATORS:
@@ -101,39 +152,44 @@ def _number(cell: str, decimal: str) -> float | None:
         return None
 
 
-def _values(
-    path: Path, lines: list[str], body: int, names: list[str], separator: str, decimal: str
-) -> tuple[Array, list[str]]:
-    """Return the numbers (N, columns) and the names of columns of text."""
-    rows = [line for line in lines[body:] if line.strip()]
-    if not rows:
-        raise refuse(path, "holds names of columns but no rows", body)
-    text = "\n".join(rows)
-    if '"' not in text:
-        plain = text.replace(",", ".") if decimal == "," else text
-        try:
-            fast = np.loadtxt(io.StringIO(plain), delimiter=None if separator == " " else separator, ndmin=2)
-            if fast.shape[1] == len(names):
-                return fast, []
-        except ValueError:
-            pass
-    table = np.full((len(rows), len(names)), np.nan)
+def _stream(path: Path, manner: _Manner, used: Sequence[int]) -> Array | None:
+    """Return the numbers (N, used) of a table, or None where some cell is none."""
+    separator = None if manner.separator == " " else manner.separator
+    options: dict[str, Any] = {"delimiter": separator, "ndmin": 2, "comments": None, "quotechar": '"'}
+    if len(used) < len(manner.names):
+        options["usecols"] = used
+    try:
+        if manner.decimal == ",":
+            with path.open(encoding=manner.encoding) as file:
+                rows = (line.replace(",", ".") for line in islice(file, manner.body, None))
+                values = np.loadtxt(rows, **options)
+        else:
+            values = np.loadtxt(path, skiprows=manner.body, encoding=manner.encoding, **options)
+    except (ValueError, UnicodeDecodeError):
+        return None
+    return values if values.shape[1] == len(used) and len(values) else None
+
+
+def _careful(path: Path, manner: _Manner) -> tuple[Array, list[str]]:
+    """Return the numbers (N, columns), nan where a cell is empty, and the names of columns of text."""
+    lines = _decoded(read_bytes(path, "a table of text", (".csv", ".tsv", ".txt")))[0].split("\n")
+    names = manner.names
+    table = np.full((len(lines) - manner.body, len(names)), np.nan)
     problems, strange = Problems(path), np.zeros(len(names), int)
     wrong: dict[int, list[tuple[int, str]]] = {}
-    number = body
     k = 0
-    for line in lines[body:]:
-        number += 1
+    for number, line in enumerate(lines[manner.body :], start=manner.body + 1):
         if not line.strip():
             continue
-        cells = _cells(line, separator)
-        if len(cells) > len(names) and not any(cell for cell in cells[len(names) :]):
+        cells = _cells(line, manner.separator)
+        if len(cells) > len(names) and not any(cells[len(names) :]):
             cells = cells[: len(names)]
         if len(cells) != len(names):
-            problems.add(TableProblem(f"{len(cells)} cells; expected {len(names)}, one for each name", number))
+            message = f"{len(cells)} cells; expected {len(names)}, one for each name"
+            problems.cells(None, "another number of cells", [(number, message)])
             continue
         for j, cell in enumerate(cells):
-            value = _number(cell, decimal)
+            value = _number(cell, manner.decimal)
             if value is None:
                 strange[j] += 1
                 wrong.setdefault(j, []).append((number, f"'{shown(cell, 30)}' is not a number"))
@@ -144,7 +200,5 @@ def _values(
     for j, places in wrong.items():
         if names[j] not in texts:
             problems.cells(names[j], "is not a number", places)
-    if len(problems) > 100:
-        problems.add(Problem("is this a table? One line of names, one row a sample, one separator"))
     problems.raise_all()
     return table[:k], texts

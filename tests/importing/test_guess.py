@@ -104,6 +104,9 @@ def test_what_is_not_sure_says_so(ur5):
     assert "qd.elbow_joint: falls where the position rises" in doubts(
         q | logs.numbered("vel_{}", QD * [1, 1, -1, 1, 1, 1])
     )
+    mixed = doubts(q | logs.numbered("vel_{}", QD[:, [0, 1, 5, 3, 4, 2]]))
+    assert "qd.elbow_joint: is not the rate of the position" in mixed
+    assert "qd.wrist_2_joint" not in mixed
     assert "the velocities are not the rate of the positions" in doubts(q | logs.numbered("vel_{}", 3.3 * QD))
     assert "up to 0.05: rad or deg" in doubts(
         logs.numbered("q{}", 0.05 * Q / np.abs(Q).max()) | logs.numbered("qd{}", 0.05 * QD / np.abs(Q).max())

@@ -49,6 +49,18 @@ def test_names_that_stand_in_a_comment_and_cells_that_are_empty(tmp_path):
     assert log.left_out == ("note (text)",)
 
 
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_a_column_of_text_does_not_keep_a_table_from_being_streamed(tmp_path, decimal, monkeypatch):
+    from prup_pin.imports import text_table
+
+    monkeypatch.setattr(text_table, "_HEAD", 20_000)
+    monkeypatch.delattr(text_table, "_careful")
+    table = TABLE | {"mode": ["run"] * len(Q)}
+    log = read_log(logs.csv(tmp_path / "log.csv", table, separator=";", decimal=decimal))
+    assert log.left_out == ("mode (text)",)
+    assert np.abs(only(log).columns["q6"] - Q[:, 5]).max() < 1e-9
+
+
 def test_cells_that_are_no_numbers_are_told_with_line_and_column(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t,q1\n0,1\n1,1.2x\n2,3\n3\n4,5\n")
@@ -71,6 +83,8 @@ def test_cells_that_are_no_numbers_are_told_with_line_and_column(tmp_path):
         ("log.csv", b"", "is empty"),
         ("log.csv", b"t,q1\n", "no rows"),
         ("log.csv", b"t,q1\na,b\nc,d\n", "holds no columns of numbers"),
+        ("log.csv", b"# nothing\n# else\n", "holds comments alone"),
+        ("log.csv", b"1,2\n3,4\n", "no line of column names above the numbers; expected 2 names"),
     ],
 )
 def test_files_that_are_no_logs(tmp_path, name, content, text):
