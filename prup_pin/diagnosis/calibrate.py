@@ -214,7 +214,7 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     begun = [_begun(problem, toleranced, effects, reach) for effects in ([], weight)]
     hopeful = FAR_BEHIND * min(each.objective for each in begun)
     shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else WEIGHT_SHOWS
-    joints = [item for item in library if item.law.physics in _YIELDS and not item.everywhere]
+    joints = [item for item in library if item.law.physics in _YIELDS and item.place.name != "robot"]
     if any(item.law.physics == "joint_compliance" for item in joints):
         light, weighed = (_left_by_joints(problem, each, joints) for each in begun)
         return problem.within(begun[1] if weighed < light - shows else begun[0])

@@ -70,6 +70,62 @@ class JointCompliance(Law):
         return f"{place.name} yields {place.aspect} its axis by {small:.3g} {other}, a stiffness of {stiffness} {unit}"
 
 
+class EveryJointCompliance(Law):
+    """All joints that the robot file has rigid yield along themselves, each by its own compliance: an arm of gears.
+
+    One joint alone is `JointCompliance`; this one stands for what no robot has in one joint only.
+    """
+
+    physics = JointCompliance.physics
+    summary = "every joint yields that the robot file has rigid, each for itself"
+    source = JointCompliance.source
+    quantities = ()
+    neutral: ClassVar = {}
+    cost = 3.0
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("robot", "each joint")] if len(_own(mechanism)) > 1 else []
+
+    def is_named(self, place: Place) -> bool:
+        return place.name == "robot"
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return tuple(
+            Quantity(item.name, "m/N" if item.aspect == "along" else "rad/(N m)", f"of {item}", 1e-5, False, upper=1.0)
+            for item in _own(mechanism)
+        )
+
+    def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
+        return dict.fromkeys((item.name for item in _own(mechanism)), 0.0)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [item.name for item in _own(mechanism)]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        for name, compliance in values.items():
+            if compliance:
+                yield YieldingJoint(name, "own", compliance)
+
+    def drawn(self, place: Place, at: Solved) -> Drawn | None:
+        return None
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        softest = sorted((name for name, value in values.items() if value > 0), key=lambda name: -values[name])
+        units = {q.name: "N/m" if q.unit == "m/N" else "N m/rad" for q in self.quantities_at(place, mechanism)}
+        listed = ", ".join(f"{name} {1 / values[name]:.3g} {units[name]}" for name in softest[:_MOST_LISTED])
+        more = ", …" if len(softest) > _MOST_LISTED else ""
+        return f"the joints yield along themselves, each for itself; the softest: {listed}{more}"
+
+
+#: Joints that a statement lists by name.
+_MOST_LISTED = 6
+
+
+def _own(mechanism: Mechanism) -> list[Place]:
+    """Return where joints may yield along themselves."""
+    return [place for place in _places(mechanism) if place.aspect != "across"]
+
+
 def way_of(place: Place) -> str:
     """Return in which of `mechanism.WAYS` a joint yields at a place."""
     return "across" if place.aspect == "across" else "own"

@@ -98,3 +98,20 @@ def test_a_robot_that_was_weighed_out_does_not_weigh():
     recording = Recording(np.arange(60.0), positions=q, markers=seen, wrench=wrench, noise=Noise(position=NOISE))
     found = diagnose(prup_pin.load(TORSO, tool="left_ball"), recording)
     assert [(item.physics, item.location) for item in found.findings] == [("joint_compliance", "bend")]
+
+
+def test_gears_that_all_yield_are_one_finding_with_a_value_for_each_joint():
+    soft = dict(zip(JOINTS, (1e-4, 2e-4, *(4e-4, 3e-4, 5e-4, 6e-4) * 2), strict=True))
+    found = diagnose(prup_pin.load(TORSO), bench(PosedTree(TORSO, about=soft), 80))
+    assert named(found) == [("joint_compliance", "robot")]
+    finding = next(item for item in found.findings if item.physics == "joint_compliance")
+    assert set(JOINTS) <= set(finding.candidates)
+    assert found.after["heldout"] < 1.1
+    for joint in ("bend", "left_swing", "right_swing", "right_lift", "left_elbow"):
+        fitted = finding.parameters[joint]
+        wide = fitted.interval[1] - fitted.interval[0]
+        assert wide < 0.6 * soft[joint]
+        assert abs(fitted.value - soft[joint]) < 0.75 * wide
+    # about a vertical axis nothing turns: these data say nothing of it
+    low, high = finding.parameters["turn"].interval
+    assert (low, high) == (0.0, 1.0)
