@@ -34,6 +34,11 @@ _CURRENT = ("current", "currents", "curr")
 _WISHED = ("target", "desired", "des", "cmd", "command", "commanded", "ref", "reference", "setpoint", "goal", "set",
            "error", "err", "planned", "limit", "max", "min")  # fmt: skip
 _MEASURED = ("actual", "act", "measured", "meas", "feedback", "fbk", "fb", "real", "state", "states")
+#: Not the joint itself, or not what was measured there, where something better is in the log.
+_ASIDE = ("d", "ext", "external", "estimated", "est", "filtered", "friction", "model", "gravity", "raw")
+#: Of the tool, not of joints.
+_TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
+_PLAIN = ("joint", "joints", "j", "axis", "a", "value", "val")
 _TIME = ("time", "t", "timestamp", "stamp", "timestamps", "sec", "seconds", "tout", "ms", "millis", "clock", "zeit")
 #: Joints turn at most so far [rad], slide so far [m], and no further than so much of what their robot allows.
 _FAR, _LONG, _ALLOWED = 4.2 * np.pi, 20.0, 1.15
@@ -159,7 +164,8 @@ def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found
         numbers = [word for word in words if word.isdigit()]
         if name in times or not (joint or numbers):
             continue
-        if not kinds and not (set(words) & {"joint", "j", "axis"}):
+        spoken = {word for word in words if not word.isdigit()} - set(words_of(joint))
+        if (not joint and spoken & set(_TOOL)) or not (kinds or spoken <= {*_PLAIN, *_MEASURED}):
             continue
         kind = "tau" if "tau" in kinds else kinds[-1] if kinds else "q"
         number = int(numbers[-1]) if numbers else 0
@@ -169,7 +175,7 @@ def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found
     for kind, key in groups:
         spoken = set(words_of(key))
         score = len(groups[kind, key]) + 20 * bool(spoken & set(_MEASURED)) - 50 * bool(spoken & set(_WISHED))
-        score -= 30 * bool(spoken & set(_CURRENT)) + 5 * ("motor" in spoken)
+        score -= 30 * bool(spoken & set(_CURRENT)) + 5 * ("motor" in spoken) + 2 * len(spoken & set(_ASIDE))
         by_kind.setdefault(kind, []).append((score, key))
     already = {line.target for line in found.lines}
     for kind, scored in by_kind.items():
@@ -198,7 +204,7 @@ def _joint_in(name: str, mechanism: NamedRobot | None) -> str:
 def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream: Stream) -> list[_Line]:
     """Return the lines of one group of columns, joint by joint."""
     lines = []
-    turning = list(mechanism.actuated) if mechanism is not None else []
+    order = _in_order(mechanism, len(members))
     for place, (number, source, joint) in enumerate(members):
         doubt, reason = "", ""
         target = joint
@@ -206,10 +212,10 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
             if mechanism is None:
                 target = f"joint{number}"
                 doubt = "the robot is not known, so the joint's name is made up"
-            elif place < len(turning):
-                target, reason = turning[place], "in the order of the robot's joints"
-                if len(members) != len(turning):
-                    doubt = f"{len(members)} columns for {len(turning)} actuated joints"
+            elif place < len(order):
+                target, reason = order[place], "in the order of the robot's joints"
+                if len(members) != len(order):
+                    doubt = f"{len(members)} columns for {len(order)} actuated joints"
             else:
                 continue
         said = stream.units.get(source) or unit_in_name(source)
@@ -218,6 +224,15 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
             unit = "A"
         lines.append(_Line(f"{kind}.{target}", source, unit, reason=reason, doubt=doubt))
     return lines
+
+
+def _in_order(mechanism: NamedRobot | None, count: int) -> list[str]:
+    """Return the joints that `count` columns without names may be: all with motors, or those of them that turn."""
+    if mechanism is None:
+        return []
+    slides = {joint.name: joint.slides for joint in mechanism.joints}
+    turning = [joint for joint in mechanism.actuated if not slides.get(joint, False)]
+    return turning if len(turning) == count else list(mechanism.actuated)
 
 
 # ---------------------------------------------------------------------------------------------- loads, poses

@@ -28,7 +28,7 @@ def log_of(columns):
 
 def imported(tmp_path, log, mechanism):
     """Return the guess and the recording that it makes."""
-    first = guess(log, mechanism, "ur5")
+    first = guess(log, mechanism, "robot")
     (tmp_path / "map.yaml").write_text(first.text)
     return first, convert(log, read_map(tmp_path / "map.yaml", log, mechanism), mechanism).recording
 
@@ -73,11 +73,30 @@ def test_joints_by_their_names_in_any_order(tmp_path, ur5):
     names = list(reversed(logs.JOINTS))
     columns = {"__time": 1.7e9 + logs.T}
     columns |= {f"/joint_states/{joint}/position": Q[:, logs.JOINTS.index(joint)] for joint in names}
+    columns |= {f"/joint_states/{joint}/temperature": 30 + QD[:, 0] for joint in names}
     columns |= {f"/joint_states/{joint}/effort": TAU[:, logs.JOINTS.index(joint)] for joint in names}
     made, recording = imported(tmp_path, log_of(columns), ur5)
     assert made.doubts == ()
     assert_motion(recording, velocities=False)
     assert list(recording.positions) == list(logs.JOINTS)
+
+
+def test_an_arm_with_a_hand_and_a_controller_that_logs_much_besides(tmp_path):
+    panda = prup_pin.load("panda").mechanism
+    q = np.column_stack([Q, Q[:, 0]]) * 0.5 + np.array([0, 0, 0, -1.5, 0, 1.5, 0])
+    qd, tau = (np.column_stack([values, values[:, 0]]) * 0.5 for values in (QD, TAU))
+    others = ("q_d_{}", "tau_ext_hat_filtered_{}", "joint_temperatures_{}", "tcp_speed_{}", "tau_J_d_{}")
+    columns = {"time": logs.T}
+    for form in others:
+        columns |= logs.numbered(form, np.full_like(q, 7.0) + q**2, 0)
+    columns |= logs.numbered("q_{}", q, 0) | logs.numbered("dq_{}", qd, 0) | logs.numbered("tau_J_{}", tau, 0)
+    made, recording = imported(tmp_path, log_of(columns), panda)
+    assert made.doubts == ()
+    assert list(recording.positions) == [f"panda_joint{k}" for k in range(1, 8)]
+    for k, joint in enumerate(recording.positions):
+        assert np.array_equal(recording.positions[joint], q[:, k])
+        assert np.array_equal(recording.velocities[joint], qd[:, k])
+        assert np.array_equal(recording.efforts[joint], tau[:, k])
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
