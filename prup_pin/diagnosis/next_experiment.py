@@ -164,10 +164,17 @@ def _pairs(selection: Selection) -> list[tuple[Term, Term]]:
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
         for rival in rivals:
             other = rival.term
-            if other is term or rival.chi2 - selection.last.chi2 > WORTH_SEPARATING * INDISTINCT:
+            if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > WORTH_SEPARATING * INDISTINCT:
                 continue
             pairs.append((term, other))
     return pairs[:MOST_PAIRS]
+
+
+def _holds(whole: Term, part: Term) -> bool:
+    """Return True for a law at several places, each with its own value, one of which is the other law's: no rival."""
+    one, other = whole.candidate, part.candidate
+    alike = one.law.physics == other.law.physics and one.size > other.size
+    return alike and other.place.name in one.law.same_places(one.place, one.mechanism)
 
 
 def _reachable(robot: Robot, low, high, generator):

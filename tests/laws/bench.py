@@ -29,7 +29,9 @@ ACTUATORS = {
 @cache
 def robot(name: str) -> prup_pin.Robot:
     if name == "ur5":
-        return prup_pin.load("ur5", joint_stiffness=1e4)
+        # the last two joints are rigid, so that they may turn out not to be
+        soft = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint")
+        return prup_pin.load("ur5", joint_stiffness=dict.fromkeys(soft, 1e4))
     if name == "five_bar":
         springs = {"left_motor": 1e4, "right_motor": 2e4}
         return prup_pin.load(ROBOTS / "five_bar/five_bar.urdf", tool="left_point", joint_stiffness=springs)
