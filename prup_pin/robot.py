@@ -200,6 +200,8 @@ class Robot:
         force: float | None = None,
         moment: float | None = None,
         wrench: ArrayLike | Mapping[str, float] | None = None,
+        direction: ArrayLike | str | None = None,
+        length: float | None = None,
         draws: int | None = None,
         seed: int = 0,
         compiled: bool = False,
@@ -215,7 +217,9 @@ class Robot:
         `task_coordinates`, or a list or generator of rows or mappings; or `draws` poses between two ends each,
         theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints.
 
-        `force` [N] and `moment` [N m] are half the sides of the box of wrenches, `wrench` (6,) a load for shares.
+        `force` [N] and `moment` [N m] are half the sides of the box of wrenches, `wrench` (6,) a load for shares
+        and buckling; `direction` (3,) in base axes, or "tool z"; `length` [m] makes rotations arcs where they are
+        weighed against translations, else the characteristic length.
         `compiled` runs the same equations as machine code (extra: compiled), which pays from some ten thousand poses
         on. An `executor` of concurrent.futures solves parts anywhere; the bits are the same. `out` streams
         everything to a Parquet table, for more poses than memory holds; the same call goes on where it was interrupted
@@ -230,6 +234,8 @@ class Robot:
             force=force,
             moment=moment,
             wrench=wrench,
+            direction=direction,
+            length=length,
             draws=draws,
             seed=seed,
             compiled=compiled,

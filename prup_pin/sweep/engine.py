@@ -109,6 +109,8 @@ class Engine:
             "force": asked.force,
             "moment": asked.moment,
             "wrench": asked.wrench,
+            "direction": asked.direction and [*(["tool"] if asked.of_tool else []), *asked.direction],
+            "length": asked.length,
         }
 
     def empty(self, count: int) -> Answer:
@@ -145,8 +147,9 @@ class Engine:
         }
         which = slice(None) if sure.all() else sure
         for item in self.quantities:
-            if item.of_k:
-                values = item.value(Solved.of_stiffness(computed["K"][which], self.layout, self.asked))
+            if item.after:
+                known = {item.after: computed[item.after][which]}
+                values = item.value(Solved.of_known(known, self.layout, self.scaling, self.asked))
             else:
                 values = computed[item.name][which]
             answer.values[item.name][which] = values

@@ -6,16 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product as every
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, UnknownNameError
-from ..kernel import NEGLIGIBLE_ENERGY, largest
+from ..errors import InputError, NotConvergedError, UnknownNameError
+from ..kernel import NEGLIGIBLE_ENERGY, largest, semidefinite_inverse
 from ..kinematics import ClosedPose
+from ..loaded import chain_of, find_loaded_pose
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
-from ..statics import Statics, StaticsLayout, solve_statics
+from ..statics import Compliance, Statics, StaticsLayout, solve_statics
+from ..statics.vibration import vibration_modes
+from .indices import along, homogenised, principal_stiffnesses, softest
 
 __all__ = ["CORNERS", "QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
 
@@ -31,13 +35,16 @@ class Asked:
     """What is wanted at every pose.
 
     `quantities` are names; `force` [N] and `moment` [N m] the half sides of the box of wrenches; `wrench` (6,) a load
-    of its own.
+    of its own; `direction` (3,) in base axes, or in the tool's where `of_tool`; `length` [m] makes rotations arcs.
     """
 
     quantities: tuple[str, ...]
     force: float | None = None
     moment: float | None = None
     wrench: tuple[float, ...] | None = None
+    direction: tuple[float, ...] | None = None
+    of_tool: bool = False
+    length: float | None = None
 
     @property
     def box(self) -> Array:
@@ -54,12 +61,17 @@ class Solved:
         self.poses, self.layout, self.scaling, self.asked = poses, layout, scaling, asked
 
     @classmethod
-    def of_stiffness(cls, k: Array, layout: StaticsLayout, asked: Asked) -> Solved:
-        """Return poses of which nothing but K (n, 6, 6) is known."""
+    def of_known(cls, known: Mapping[str, Array], layout: StaticsLayout, scaling: Array, asked: Asked) -> Solved:
+        """Return poses of which C or K (n, 6, 6), or both, and nothing else is known."""
         solved = cls.__new__(cls)
-        solved.layout, solved.asked = layout, asked
-        solved.__dict__["K"] = k
+        solved.layout, solved.scaling, solved.asked = layout, scaling, asked
+        solved.__dict__.update(known)
         return solved
+
+    @property
+    def length(self) -> float:
+        """Length that makes rotations arcs [m]: what was asked for, else the robot's characteristic length."""
+        return float(self.scaling[0, 3]) if self.asked.length is None else self.asked.length
 
     @cached_property
     def statics(self) -> Statics:
@@ -120,6 +132,36 @@ class Solved:
                 norm.append((part * part).sum(axis=-1))
         return np.sqrt(np.stack([largest(norm) for norm in norms], axis=-1))
 
+    @property
+    def direction(self) -> Array:
+        """What the stiffness is wanted along, base axes, (3,) or (n, 3)."""
+        along = np.array(self.asked.direction)
+        if not self.asked.of_tool:
+            return along
+        tool = self.layout.mechanism.need_tool()
+        return (self.poses.placements[..., tool.joint, :, :] @ tool.placement)[..., :3, :3] @ along
+
+    def singly(self, value: Callable[[Compliance], Array | float], size: tuple[int, ...] = ()) -> Array:
+        """Return what follows from the `Compliance` of each pose, one after the other, (n, *size)."""
+        out = np.empty((len(self.poses.q), *size))
+        for index in range(len(out)):
+            pose = self.poses.single(index)
+            out[index] = value(Compliance(solve_statics(self.layout, pose), self.scaling, None))
+        return out
+
+    @cached_property
+    def buckling_margins(self) -> Array:
+        """Factor on the wrench at which the robot gives way, (n,)."""
+        chain = chain_of(self.layout)
+
+        def margin(compliance: Compliance) -> float:
+            try:
+                return find_loaded_pose(chain, compliance.pose, self.asked.wrench, self.scaling).buckling_margin()
+            except NotConvergedError as error:
+                return error.reached
+
+        return self.singly(margin)
+
     @cached_property
     def shares(self) -> Array:
         """Each module's share of the work, in the order of the robot file, (n, modules)."""
@@ -146,7 +188,8 @@ class Quantity:
     """`value` (n, *shape) of solved poses, in `unit`; `labels` name the entries along each axis.
 
     `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: needs K;
-    `of_k`: follows from K alone by what no straight line of operations does.
+    `wrench`, `direction`: needs that; `after`: follows from C or K alone, by what no straight line of operations does;
+    `by_one`: is worked out pose by pose, which takes some hundred times as long.
     """
 
     name: str
@@ -158,7 +201,10 @@ class Quantity:
     box: bool = False
     stiff: bool = False
     symmetric: bool = False
-    of_k: bool = False
+    wrench: bool = False
+    direction: bool = False
+    after: str = ""
+    by_one: bool = False
 
     def shape(self, mechanism: Mechanism) -> tuple[int, ...]:
         return tuple(len(labels(mechanism)) for labels in self.labels)
@@ -200,6 +246,15 @@ def _joints(mechanism: Mechanism) -> Sequence[str]:
     return [joint.name for joint in mechanism.joints if joint.nv == 1]
 
 
+def _axes(mechanism: Mechanism) -> Sequence[str]:
+    return ("1", "2", "3")
+
+
+def _frequencies(compliance: Compliance) -> Array:
+    found = [mode.frequency for mode in vibration_modes(compliance)]
+    return np.array(found + [np.inf] * (6 - len(found)))
+
+
 def _configuration(mechanism: Mechanism) -> Sequence[str]:
     return [str(index) for index in range(mechanism.model.nq)]
 
@@ -234,11 +289,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "eigenvalues", "mixed: SI", "eigenvalues of K, ascending, as the paper has them", lambda s: s.eigenvalues,
-            (_modes,), stiff=True, of_k=True,
+            (_modes,), stiff=True, after="K",
         ),
         Quantity(
             "ksi", "mixed: SI", "kinematic stiffness index of the paper: least by largest eigenvalue of K",
-            lambda s: s.eigenvalues[:, 0] / s.eigenvalues[:, -1], stiff=True, of_k=True,
+            lambda s: s.eigenvalues[:, 0] / s.eigenvalues[:, -1], stiff=True, after="K",
         ),
         Quantity(
             "extremes", "m, rad", "largest norm of translation and of rotation over the box of wrenches",
@@ -251,6 +306,46 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "shares", "1", "each module's share of the work: under `wrench`, else the mean over the box's corners",
             lambda s: s.shares, (_modules,), box=True,
+        ),
+        Quantity(
+            "translational", "N/m", "principal stiffnesses against forces, moments free, ascending",
+            lambda s: principal_stiffnesses(s.C[..., :3, :3]), (_axes,), after="C",
+        ),
+        Quantity(
+            "rotational", "N m/rad", "principal stiffnesses against moments, forces free, ascending",
+            lambda s: principal_stiffnesses(s.C[..., 3:, 3:]), (_axes,), after="C",
+        ),
+        Quantity(
+            "softest", "1", "direction in which a force moves the tool most, base axes",
+            lambda s: softest(s.C[..., :3, :3]), (_tool,), after="C",
+        ),
+        Quantity(
+            "homogenised", "N/m", "eigenvalues of K, ascending, rotations as arcs of radius `length`",
+            lambda s: homogenised(s.K, s.length), (_modes,), stiff=True, after="K",
+        ),
+        Quantity(
+            "homogenised_ksi", "1", "least by largest of the homogenised eigenvalues",
+            lambda s: homogenised(s.K, s.length)[..., 0] / homogenised(s.K, s.length)[..., -1], stiff=True, after="K",
+        ),
+        Quantity(
+            "directional", "N/m", "stiffness along `direction`, other forces and moments free",
+            lambda s: along(s.C, s.direction), direction=True,
+        ),
+        Quantity(
+            "K_yielding", "N/m, N, N m/rad", "stiffness in the directions that yield, zero in those that are rigid",
+            lambda s: semidefinite_inverse(s.C), (_wrench, _twist), symmetric=True, after="C",
+        ),
+        Quantity(
+            "sag", "m, rad", "deflection under the robot's own weight", lambda s: s.singly(lambda c: c.sag(), (6,)),
+            (_twist,), by_one=True,
+        ),
+        Quantity(
+            "frequencies", "Hz", "natural frequencies, ascending; infinite where nothing swings",
+            lambda s: s.singly(_frequencies, (6,)), (_modes,), by_one=True,
+        ),
+        Quantity(
+            "buckling_margin", "1", "factor on `wrench` at which the robot gives way; infinite where it does not",
+            lambda s: s.buckling_margins, wrench=True, by_one=True,
         ),
         Quantity(
             "q", "m, rad", "configuration of Pinocchio's model", lambda s: s.poses.q, (_configuration,), elastic=False
@@ -267,7 +362,7 @@ QUANTITIES: Mapping[str, Quantity] = {
 }  # fmt: skip
 
 
-def chosen(names: Sequence[str], force: float | None, moment: float | None, wrench) -> None:
+def chosen(names: Sequence[str], force: float | None, moment: float | None, wrench: Any, direction: Any) -> None:
     """Raise InputError where quantities are unknown, or lack the loads that they need."""
     if isinstance(names, str):
         raise InputError(f'quantities="{names}": expected a list, for example quantities=["{names}"]')
@@ -281,3 +376,7 @@ def chosen(names: Sequence[str], force: float | None, moment: float | None, wren
             raise InputError(
                 f'"{name}" needs the box of wrenches: force= [N] and moment= [N m], for example force=300, moment=100'
             )
+        if QUANTITIES[name].wrench and wrench is None:
+            raise InputError(f'"{name}" needs a load: wrench=[fx, fy, fz, mx, my, mz] [N, N m]')
+        if QUANTITIES[name].direction and direction is None:
+            raise InputError(f'"{name}" needs direction=[x, y, z], base axes, or direction="tool z"')

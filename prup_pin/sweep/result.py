@@ -13,6 +13,7 @@ from ..errors import InputError, UnknownNameError, imported
 from ..mechanism import Mechanism
 from ..spatial import Array
 from .engine import Answer, Engine
+from .indices import ErrorRange, Spread, spread
 from .places import Places
 from .quantities import QUANTITIES
 from .status import REASONS, STATUSES
@@ -130,6 +131,60 @@ class SweepResult(Mapping[str, Array]):
         if not isinstance(word, str) or row.ndim != 1:
             raise InputError(f"expected one number for each of {', '.join(self.dims)}; got {index}")
         return self._engine.reason(row) or REASONS[word]
+
+    # -- of the whole region ---------------------------------------------------------------------------------------
+
+    def error_range(self) -> Mapping[str, ErrorRange]:
+        """Return the general compliance error range of what was asked for: of 'extremes' the norms of translation [m]
+        and rotation [rad], of 'extreme_components' each component. Raises InputError without either, or without any
+        pose that has an answer."""
+        columns: dict[str, Array] = {}
+        for name in ("extremes", "extreme_components"):
+            if name in self:
+                labels = QUANTITIES[name].labels[0](self.mechanism)
+                columns |= {label: self[name][..., place] for place, label in enumerate(labels)}
+        if not columns:
+            raise InputError('an error range needs quantities=["extremes"] or ["extreme_components"]')
+        self._need_ok()
+
+        def at(flat: np.intp) -> dict[str, float]:
+            return dict(zip(self.names, self._places.rows(int(flat), int(flat) + 1)[0].tolist(), strict=True))
+
+        ranges = {}
+        for label, values in columns.items():
+            low, high = np.nanargmin(values), np.nanargmax(values)
+            ranges[label] = ErrorRange(float(values.flat[low]), float(values.flat[high]), at(low), at(high))
+        return ranges
+
+    def spread(self, name: str, entry: int | None = None, threshold: float | None = None) -> Spread:
+        """Return the global index of a quantity, or of one of its entries: mean, percentiles, volume above a threshold.
+
+        Every pose counts alike. Raises InputError where the quantity has several entries and none is named, or no
+        pose has an answer.
+        """
+        values = self[name]
+        inner = values.shape[len(self.shape) :]
+        if inner:
+            if entry is None or len(inner) > 1:
+                raise InputError(f'"{name}" has {" x ".join(map(str, inner))} entries; say which: spread("{name}", 0)')
+            values = values[..., entry]
+        self._need_ok()
+        box = float(np.prod([np.ptp(axis) for axis in self.axes.values()])) if self.axes else float("nan")
+        return spread(values, self.ok, threshold, box)
+
+    def dominant(self) -> NDArray[np.str_]:
+        """Return which module takes the largest share of the work at each pose, (*shape), '' where there is none.
+
+        Raises UnknownNameError where shares were not asked for.
+        """
+        names = np.array([module.name for module in self.mechanism.modules])
+        shares = np.where(self.ok[..., None], self["shares"], 0.0)
+        return np.where(self.ok, names[shares.argmax(axis=-1)], "")
+
+    def _need_ok(self) -> None:
+        if not self.ok.any():
+            said = "; ".join(f"{word}: {reason}" for word, reason in self.reasons.items())
+            raise InputError(f"none of {self.ok.size} poses has an answer ({said})")
 
     # -- ways out --------------------------------------------------------------------------------------------------
 

@@ -56,6 +56,8 @@ def sweep(
     force: float | None = None,
     moment: float | None = None,
     wrench=None,
+    direction: Any = None,
+    length: float | None = None,
     draws: int | None = None,
     seed: int = 0,
     compiled: bool = False,
@@ -66,7 +68,7 @@ def sweep(
     axes: Mapping[str, Any],
 ) -> SweepResult | SweepFile:
     """Return what is asked for at every pose; see `Robot.sweep`."""
-    asked = _asked(quantities, force, moment, wrench)
+    asked = _asked(quantities, force, moment, wrench, direction, length)
     engine = engines.of(asked, compiled)
     engine.check_compiled()
     places = _places(engine.coordinates, poses, axes, draws, seed)
@@ -97,9 +99,9 @@ def sweep(
     return SweepResult(engine, places, whole, tuple(remarks))
 
 
-def _asked(quantities, force, moment, wrench) -> Asked:
-    chosen(quantities, force, moment, wrench)
-    for name, value, unit in (("force", force, "N"), ("moment", moment, "N m")):
+def _asked(quantities, force, moment, wrench, direction, length) -> Asked:
+    chosen(quantities, force, moment, wrench, direction)
+    for name, value, unit in (("force", force, "N"), ("moment", moment, "N m"), ("length", length, "m")):
         if value is None:
             continue
         try:
@@ -107,13 +109,36 @@ def _asked(quantities, force, moment, wrench) -> Asked:
         except (TypeError, ValueError):
             good = False
         if not good:
-            raise InputError(f"{name} = {value!r}: expected half the side of the box of wrenches, above 0 [{unit}]")
+            what = "a length that makes rotations arcs" if name == "length" else "half the side of the box of wrenches"
+            raise InputError(f"{name} = {value!r}: expected {what}, above 0 [{unit}]")
+    line, of_tool = _direction(direction)
     return Asked(
         tuple(dict.fromkeys(quantities)),
         None if force is None else float(force),
         None if moment is None else float(moment),
         None if wrench is None else tuple(as_wrench(wrench).tolist()),
+        line,
+        of_tool,
+        None if length is None else float(length),
     )
+
+
+def _direction(given: Any) -> tuple[tuple[float, ...] | None, bool]:
+    """Return a direction (3,), and whether it is in the tool's axes."""
+    if given is None:
+        return None, False
+    if isinstance(given, str):
+        words = {f"tool {name}": tuple(axis) for name, axis in zip("xyz", np.eye(3).tolist(), strict=True)}
+        if given not in words:
+            raise InputError(f"direction={given!r}: expected three numbers, or one of {', '.join(map(repr, words))}")
+        return words[given], True
+    try:
+        line = np.asarray(given, float)
+    except (TypeError, ValueError):
+        line = np.zeros(0)
+    if line.shape != (3,) or not np.isfinite(line).all() or not line.any():
+        raise InputError(f"direction={given!r}: expected three numbers, base axes, not all zero; or 'tool z'")
+    return tuple((line / np.linalg.norm(line)).tolist()), False
 
 
 def _places(coordinates: Coordinates, poses: Any, axes: Mapping[str, Any], draws: int | None, seed: int) -> Places:

@@ -178,6 +178,8 @@ class _Writer:
         pose = ClosedPose(self.mechanism, q, placements, jacobian, closure, gaps.wrenches, balance, gaps.gap, {})
         solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked)
         asked = [QUANTITIES[name] for name in self.asked.quantities]
+        if any(item.by_one for item in asked):
+            raise _NotWrittenError
         outputs: list[Any] = []
         places = []
         for item in self._computed(asked):
@@ -198,7 +200,7 @@ class _Writer:
 
     def _computed(self, asked: list[Quantity]) -> list[Quantity]:
         """Return what is computed by the pipeline: K in the place of what follows from it."""
-        names = dict.fromkeys("K" if item.of_k else item.name for item in asked)
+        names = dict.fromkeys(item.after or item.name for item in asked)
         return [QUANTITIES[name] for name in names]
 
     def _limits(self, q: Array) -> list[Expression]:
