@@ -1,4 +1,4 @@
-"""The command `prup-pin`: stiffness, view, report, info, robots, examples, kinds, import, simulate, predict,
+"""The command `prup-pin`: stiffness, view, report, info, robots, examples, kinds, import, sweep, simulate, predict,
 calibrate, diagnose, compensate, laws.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. One file holds a group of commands, and
@@ -21,6 +21,7 @@ from .importing import import_
 from .options import taken_apart
 from .pages import report, view
 from .simulating import predict, simulate
+from .sweeping import sweep
 
 __all__ = ["app", "main"]
 
@@ -34,6 +35,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     examples,
     kinds,
     import_,
+    sweep,
     simulate,
     predict,
     calibrate,

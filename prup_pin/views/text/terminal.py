@@ -19,6 +19,10 @@ _OPTIONS = {
     'load(..., tool="frame")': "--tool FRAME",
     "load(..., joint_stiffness=1e4) [N m/rad, N/m]": "--joint-stiffness 1e4 [N m/rad, N/m]",
     'load(..., actuated=["joint", …])': "--actuated JOINT,JOINT",
+    "force= [N] and moment= [N m], for example force=300, moment=100": "--force 300 --moment 100 [N, N m]",
+    "wrench=[fx, fy, fz, mx, my, mz] [N, N m]": "--wrench fz=-300",
+    'direction=[x, y, z], base axes, or direction="tool z"': "--direction 0,0,1, base axes, or --direction 'tool z'",
+    "out='FILE.parquet'": "--out FILE.parquet",
     "(or home={...})": "(or --home JOINT=VALUE,JOINT=VALUE)",
 }
 

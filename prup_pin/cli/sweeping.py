@@ -1,0 +1,175 @@
+"""`sweep`: many poses at once, as a summary and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from ..errors import InputError, UnknownNameError
+from ..mechanism import Mechanism
+from ..robot import Robot
+from ..spatial import as_wrench
+from ..sweep import QUANTITIES
+from ..views.text import terminal
+from ..views.text.quantities import WRENCH_DIMENSIONS, number, parse_assignments, parse_list, parse_quantity
+from ..views.text.sweep_text import axis_text, print_sweep
+from . import progress
+from .files import list_written
+from .options import Reading, RobotName, SetParameters, Workers
+
+__all__ = ["sweep"]
+
+#: Units of the half sides of the box of wrenches.
+_BOX = {"force": "N", "moment": "N m"}
+
+
+def sweep(
+    robot: RobotName = "3prup",
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            metavar="theta=-30deg..30deg:41",
+            help="A coordinate: a value, or from … to : how many. Repeatable, in the order of the axes.",
+        ),
+    ] = None,
+    draws: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Draw N poses between the ends of --over instead of a grid.")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of --draws: the same seed draws the same poses.")] = 0,
+    quantities: Annotated[
+        str, typer.Option(metavar="C,K,extremes,…", help="What is wanted of each pose; list: --quantities help.")
+    ] = "extremes,translational,homogenised_ksi",
+    force: Annotated[
+        str | None, typer.Option(metavar="300", help="Half the side of the box of wrenches, forces.")
+    ] = None,
+    moment: Annotated[str | None, typer.Option(metavar="100", help="The same, moments.")] = None,
+    wrench: Annotated[
+        str | None, typer.Option(metavar="fx=300,mz=100", help="Load for shares and buckling_margin.")
+    ] = None,
+    direction: Annotated[
+        str | None, typer.Option(metavar="0,0,1|'tool z'", help="Of 'directional', base axes or the tool's.")
+    ] = None,
+    length: Annotated[
+        str | None, typer.Option(metavar="250mm", help="Makes rotations arcs in homogenised indices.")
+    ] = None,
+    compiled: Annotated[
+        bool, typer.Option("--compiled", help="As machine code (extra: compiled); for many thousand poses.")
+    ] = False,
+    workers: Workers = 1,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE.parquet", help="Write the table; an interrupted sweep goes on (extra: tables)."
+        ),
+    ] = None,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
+) -> None:
+    """Stiffness over the workspace: grids or draws of poses, indices, extremes over a box of loads."""
+    names = [name.strip() for name in quantities.split(",") if name.strip()]
+    if names == ["help"]:
+        _print_quantities()
+        return
+    loaded, _ = reading.changed(robot, set_parameters)
+    asked: dict[str, Any] = _axes(loaded, over or [], draws)
+    text = {"over": "; ".join(_axis(name, value) for name, value in asked.items())}
+    for name, given, kind in (("force", force, "force"), ("moment", moment, "moment"), ("length", length, "length")):
+        if given is not None:
+            asked[name] = parse_quantity(given, kind, f"--{name}")
+    if wrench is not None:
+        asked["wrench"] = as_wrench(parse_assignments(wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
+    if direction is not None:
+        asked["direction"] = direction if "tool" in direction else parse_list(direction, 3 * ["number"], "xyz",
+                                                                              "--direction")  # fmt: skip
+    if force is not None or moment is not None:
+        sizes = [f"{name}s up to {number(asked[name])} {unit}" for name, unit in _BOX.items() if name in asked]
+        text["loads"] = f"{', '.join(sizes)}, each component, all signs"
+    if draws is not None:
+        asked |= {"draws": draws, "seed": seed}
+    with progress.rows() as show, _executor(workers) as executor:
+        found = loaded.sweep(quantities=names, compiled=compiled, executor=executor, out=out, progress=show, **asked)
+    print_sweep(terminal.console(), found, text)
+    if out is not None:
+        list_written([out])
+
+
+@contextmanager
+def _executor(workers: int) -> Iterator[ProcessPoolExecutor | None]:
+    """Yield processes where there are to be several; fresh ones, which inherit no locks of numerical libraries."""
+    if workers <= 1:
+        yield None
+        return
+    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _axes(robot: Robot, over: Sequence[str], draws: int | None) -> dict[str, Any]:
+    """Return coordinates as `Robot.sweep` takes them, of 'theta=-30deg..30deg:41'."""
+    dimensions = _dimensions(robot.mechanism)
+    values: dict[str, Any] = {}
+    for item in over:
+        name, equals, text = item.partition("=")
+        name = name.strip()
+        if not equals:
+            raise InputError(f"--over {item}: expected NAME=VALUE or NAME=FROM..TO:COUNT, for example z=0.3")
+        if name not in dimensions:
+            raise UnknownNameError("coordinate", name, list(dimensions))
+        if name in values:
+            raise InputError(f"--over {item}: '{name}' is given twice")
+        values[name] = _values(text, dimensions[name], item, draws is not None)
+    if not over:
+        example = " ".join(f"--over {name}=…" for name in dimensions)
+        raise InputError(f"which poses? Give {example}; each a value, or FROM..TO:COUNT such as -30deg..30deg:41")
+    return values
+
+
+def _values(text: str, dimension: str, item: str, ends: bool) -> Any:
+    """Return a number, an array from .. to, or, where poses are drawn, the two ends."""
+    low, dots, rest = text.partition("..")
+    if not dots:
+        return parse_quantity(text, dimension, f"--over {item}")
+    high, colon, count = rest.partition(":")
+    first, last = (parse_quantity(part, dimension, f"--over {item}") for part in (low, high))
+    if ends:
+        if colon:
+            raise InputError(f"--over {item}: with --draws, give the two ends alone, without ':{count}'")
+        return first, last
+    if not count.strip().isdigit() or int(count) < 1:
+        raise InputError(f"--over {item}: expected how many values after ':', for example {low}..{high}:41")
+    if first >= last:
+        raise InputError(f"--over {item}: from {low} to {high} is a reversed or empty range; give the lower end first")
+    return np.linspace(first, last, int(count))
+
+
+def _dimensions(mechanism: Mechanism) -> dict[str, str]:
+    if mechanism.tasks:
+        return {task.name: "length" if task.component in "xyz" else "angle" for task in mechanism.tasks}
+    return {name: "length" if mechanism.joint(name).slides else "angle" for name in mechanism.actuated}
+
+
+def _axis(name: str, value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return axis_text(name, value.tolist())
+    if isinstance(value, tuple):
+        return f"{name} from {number(value[0])} to {number(value[1])}"
+    return f"{name} {number(value)}"
+
+
+def _print_quantities() -> None:
+    """Print what can be asked of a pose."""
+    table = terminal.make_table(("name", "left"), ("what", "left"), ("unit", "left"))
+    for quantity in QUANTITIES.values():
+        table.add_row(quantity.name, quantity.summary, quantity.unit)
+    terminal.print_table(terminal.console(), table)

@@ -1,0 +1,80 @@
+"""What a sweep came to, as text: how many poses answered, and how each number is spread over them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from ...sweep import QUANTITIES, SweepFile, SweepResult
+from .quantities import number
+from .terminal import heading, listed, make_table, paragraph, print_table
+
+__all__ = ["print_sweep"]
+
+#: Quantities with more entries are named, not listed.
+_ENTRIES = 8
+#: Units of entries whose name tells them.
+_ENTRY_UNITS = {"translation": ("mm", 1e3), "rotation": ("°", 180 / np.pi), "d": ("mm", 1e3), "r": ("°", 180 / np.pi)}
+
+
+def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str, str]) -> None:
+    """Print the summary of a sweep; `about` says where it went and under what."""
+    robot = found.mechanism
+    out.print(Text(f"{robot.name}, {found.status.size} poses", style="bold"))
+    for label, text in about.items():
+        listed(out, label, [text])
+    counts = found.counts
+    listed(out, "status", [f"{count} {word}" for word, count in counts.items()], "; ")
+    for word, reason in found.reasons.items():
+        if word != "ok":
+            paragraph(out, f"{word}: {reason}", "  ")
+    ok = found.status == "ok"
+    if ok.any():
+        _print_spread(out, found, ok)
+    if found.remarks:
+        heading(out, "Remarks")
+        for text in found.remarks:
+            paragraph(out, text, "- ")
+
+
+def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) -> None:
+    table = make_table(
+        ("", "left"), ("least", "right"), ("mean", "right"), ("95 %", "right"), ("largest", "right"), ("unit", "left")
+    )
+    rows, matrices = 0, []
+    for name in found:
+        labels = [labels(found.mechanism) for labels in QUANTITIES[name].labels]
+        if len(labels) > 1 or (labels and len(labels[0]) > _ENTRIES):
+            matrices.append(name)
+            continue
+        values = found[name][ok]
+        for place, label in enumerate(labels[0] if labels else [""]):
+            unit, factor = _unit(name, label)
+            column = (values[:, place] if labels else values) * factor
+            finite = column[np.isfinite(column)]
+            if not len(finite):
+                continue
+            shown = (finite.min(), finite.mean(), np.percentile(finite, 95), finite.max())
+            table.add_row(f"{name} {label}".strip(), *(number(float(value), 4) for value in shown), unit)
+            rows += 1
+    if rows:
+        heading(out, "Over the poses that answered")
+        print_table(out, table)
+    if matrices:
+        listed(out, "besides", matrices, ", ")
+
+
+def _unit(name: str, label: str) -> tuple[str, float]:
+    """Return the unit in which an entry is shown, and its factor."""
+    unit = QUANTITIES[name].unit
+    if unit == "m, rad" and name not in ("q", "joints", "actuators"):
+        return _ENTRY_UNITS.get(label) or _ENTRY_UNITS[label[0]]
+    return unit, 1.0
+
+
+def axis_text(name: str, values: Sequence[float]) -> str:
+    """Return 'theta -0.5 … 0.5 in 41'."""
+    return f"{name} {number(values[0])} … {number(values[-1])} in {len(values)}"

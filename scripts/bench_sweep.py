@@ -1,0 +1,147 @@
+"""How long a pose takes: single calls, sweeps by arrays and as machine code, frame programs; one core, one run.
+
+    python scripts/bench_sweep.py [--long]
+
+Every number beside another was measured in turns with it, so that what else the machine does falls on both. `--long`
+streams ten million poses as well.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import resource
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import numpy as np
+from _project import ROOT
+
+import prup_pin
+from tests.reference import frame_fe
+
+ROBOTS = ROOT / "tests" / "robots"
+CASES = {
+    "3prup": (prup_pin.load("3prup"), [(0.28, 0.45), (-0.45, 0.45), (-0.45, 0.45)]),
+    "six_ups": (
+        prup_pin.load(str(ROBOTS / "six_ups" / "six_ups.urdf")),
+        [(-0.1, 0.1), (-0.1, 0.1), (0.65, 0.8), (-0.2, 0.2), (-0.2, 0.2), (-0.2, 0.2)],
+    ),
+    "ur5": (prup_pin.load("ur5", joint_stiffness=1e4), [(-3.0, 3.0)] * 6),
+    "five_bar (C, redundant loop)": (
+        prup_pin.load(str(ROBOTS / "five_bar" / "five_bar.urdf"), joint_stiffness=1e4),
+        [(-0.1, 0.14), (0.3, 0.45)],
+    ),
+}
+BOX = {"force": 300.0, "moment": 100.0}
+ROUNDS = 7
+
+
+def in_turns(*jobs: tuple[Callable[[], object], int]) -> list[float]:
+    """Return the least time of each (job, poses) a pose [s], run in turns."""
+    best = [np.inf] * len(jobs)
+    for _ in range(ROUNDS):
+        for index, (job, poses) in enumerate(jobs):
+            began = perf_counter()
+            job()
+            best[index] = min(best[index], (perf_counter() - began) / poses)
+    return best
+
+
+def singly(robot, rows):
+    for row in rows:
+        if robot.mechanism.tasks:
+            pose = robot.pose(**dict(zip(robot.task_coordinates, row.tolist(), strict=True)))
+        else:
+            pose = robot.pose_from_actuators(row)
+        compliance = robot.compliance(pose)
+        if robot.mechanism.model.nq > 4:
+            _ = compliance.K
+
+
+def print_speeds() -> None:
+    print("C, K and all extremes over the box of wrenches, from coordinates, closing loops included [us a pose]")
+    print(f"{'':32s}{'single':>10s}{'arrays':>10s}{'compiled':>10s}{'engine':>10s}{'to write and compile [s]':>28s}")
+    for name, (robot, ends) in CASES.items():
+        rows = np.random.default_rng(0).uniform(*np.array(ends).T, (32768, len(ends)))
+        names = ["C", "extremes"] if name.startswith("five") else ["C", "K", "extremes"]
+        began = perf_counter()
+        first = robot.sweep(poses=rows[:8], quantities=names, **BOX, compiled=True)
+        ready = perf_counter() - began
+        engine = first._engine
+        machine = engine._machine
+
+        def sweep(count, robot=robot, rows=rows, names=names, **how):
+            return robot.sweep(poses=rows[:count], quantities=names, **BOX, **how)
+
+        jobs = [
+            (lambda robot=robot, rows=rows: singly(robot, rows[:100]), 100),
+            (lambda sweep=sweep: sweep(1024), 1024),
+        ]
+        if machine is not None:
+            jobs.append((lambda sweep=sweep: sweep(None, compiled=True), len(rows)))
+            jobs.append((lambda machine=machine, rows=rows: machine.run(rows), len(rows)))
+        times = [1e6 * value for value in in_turns(*jobs)]
+        cells = "".join(f"{value:10.2f}" for value in times) + "         -" * (4 - len(times))
+        print(f"{name:32s}{cells}{ready:28.1f}")
+    print("engine: the machine code alone; compiled: all of robot.sweep, its arrays and checks\n")
+
+
+def print_peers() -> None:
+    robot, ends = CASES["3prup"]
+    rows = np.random.default_rng(0).uniform(*np.array(ends).T, (32768, len(ends)))
+    few = [dict(zip(("z", "theta", "phi"), row.tolist(), strict=True)) for row in rows[:20]]
+    how = {"quantities": ["C"], "compiled": True}
+    print("the 3-PRUP's C beside frame programs on the same job, in turns")
+    for name, peer in (
+        ("OpenSeesPy, frame model", frame_fe.three_prup_compliance_opensees),
+        ("PyNite, dense constraints", frame_fe.three_prup_compliance),
+    ):
+        try:
+            theirs = peer(**few[0])
+        except (ImportError, RuntimeError) as error:
+            print(f"{name:32s} not installed ({type(error).__name__})")
+            continue
+        ours = robot.sweep(poses=rows[:1], **how)["C"][0]
+        slow, quick = in_turns(
+            (lambda peer=peer: [peer(**case) for case in few], len(few)),
+            (lambda: robot.sweep(poses=rows, **how), len(rows)),
+        )
+        print(
+            f"{name:32s}{slow * 1e6:10.0f} us   {slow / quick:8.0f} x ours ({quick * 1e6:.2f} us); "
+            f"C differs by {np.abs(ours - theirs).max() / np.abs(theirs).max():.1e}"
+        )
+    print()
+
+
+def print_streaming(most: int) -> None:
+    robot, ends = CASES["3prup"]
+    print("streamed to Parquet: extremes, compiled, one process")
+    print(f"{'poses':>12s}{'time [s]':>12s}{'us a pose':>12s}{'file [MB]':>12s}{'most memory [MB]':>18s}")
+    count = 10_000
+    while count <= most:
+        side = round(count ** (1 / 3)) + 1
+        axes = {
+            name: np.linspace(*end, side)
+            for name, end in zip(robot.task_coordinates, ends, strict=True)
+        }  # fmt: skip
+        with TemporaryDirectory() as folder:
+            out = Path(folder) / "sweep.parquet"
+            began = perf_counter()
+            robot.sweep(**axes, quantities=["extremes"], **BOX, compiled=True, out=out)
+            took, size = perf_counter() - began, out.stat().st_size / 1e6
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(f"{side**3:12d}{took:12.2f}{took / side**3 * 1e6:12.2f}{size:12.1f}{memory:18.0f}")
+        count *= 10
+
+
+if __name__ == "__main__":
+    print_speeds()
+    print_peers()
+    print_streaming(10_000_000 if "--long" in sys.argv else 1_000_000)

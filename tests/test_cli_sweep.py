@@ -1,0 +1,106 @@
+"""`prup-pin sweep` as a user meets it."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import prup_pin
+from prup_pin.cli import app
+
+GRID = ["--over", "z=300mm", "--over", "theta=-20deg..20deg:5", "--over", "phi=-0.2..0.2:3"]
+BOX = ["--force", "300", "--moment", "100"]
+
+
+@pytest.fixture
+def run(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, ["sweep", *arguments])
+
+
+def test_the_summary_tells_how_numbers_spread(run):
+    done = run("3prup", *GRID, *BOX)
+    assert done.exit_code == 0, done.output
+    angles = np.linspace(-np.radians(20), np.radians(20), 5)
+    s = prup_pin.load("3prup").sweep(
+        z=0.3, theta=angles, phi=[-0.2, 0.0, 0.2], quantities=["extremes"], force=300, moment=100
+    )
+    line = next(line for line in done.output.splitlines() if "extremes translation" in line)
+    assert f"{1e3 * s['extremes'][..., 0].min():.3f}" in line
+    assert "mm" in line
+    assert "15 ok" in done.output
+    assert "forces up to 300 N, moments up to 100 N m" in done.output
+
+
+def test_the_table_is_written_and_a_sweep_of_draws_says_what_failed(run, tmp_path):
+    import pandas
+
+    out = tmp_path / "s.parquet"
+    done = run("--over", "z=0.3", "--over", "theta=-1.4..1.4", "--over", "phi=-1.4..1.4", "--draws", "40",
+               "--quantities", "C,ksi", "--out", str(out))  # fmt: skip
+    assert done.exit_code == 0, done.output
+    table = pandas.read_parquet(out)
+    assert len(table) == 40
+    ok = (table["status"] == "ok").sum()
+    assert 0 < ok < 40
+    assert f"{ok} ok" in done.output
+    assert "a joint stands beyond its limits" in done.output
+    assert str(out) in done.output.replace("\n", "")
+
+
+def test_several_processes_give_the_same_table(run, tmp_path, monkeypatch):
+    paths = [tmp_path / "one.parquet", tmp_path / "two.parquet"]
+    for path, workers in zip(paths, ("1", "2"), strict=True):
+        done = run("3prup", *GRID, *BOX, "--workers", workers, "--out", str(path))
+        assert done.exit_code == 0, done.output
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_a_robot_of_joints_and_changed_parameters(run):
+    joints = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"]
+    rest = ["wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]
+    over = [word for name in joints for word in ("--over", f"{name}=10deg..20deg:2")]
+    over += [word for name in rest for word in ("--over", f"{name}=30deg")]
+    done = run("ur5", "--joint-stiffness", "1e4", *over, "--quantities", "directional", "--direction", "tool z")
+    assert done.exit_code == 0, done.output
+    assert "8 ok" in done.output
+
+
+def test_what_can_be_asked_is_listed(run):
+    done = run("--quantities", "help")
+    assert done.exit_code == 0
+    for name in prup_pin.sweep.QUANTITIES:
+        assert name in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "which poses?"),
+        (["--over", "z"], "expected NAME=VALUE"),
+        (["--over", "z=0.3", "--over", "z=0.4"], "given twice"),
+        (["--over", "teta=0.3"], "Did you mean 'theta'"),
+        (["--over", "theta=5..1:3"], "reversed"),
+        (["--over", "theta=0..1"], "how many"),
+        (["--over", "theta=0..1:3", "--draws", "4"], "without ':3'"),
+        (["--over", "theta=0..30:3"], "30deg"),
+        (["--over", "z=300"], "z=300mm"),
+        ([*GRID], "--force 300 --moment 100"),
+        ([*GRID, "--quantities", "D"], "no quantity named 'D'"),
+        ([*GRID, *BOX, "--out", "nowhere/s.parquet"], "no folder"),
+        ([*GRID, "--quantities", "buckling_margin"], "--wrench"),
+    ],
+)
+def test_what_cannot_be_meant_is_one_message(run, arguments, said):
+    rest = {"z": "z=0.3", "theta": "theta=0", "phi": "phi=0"}
+    given = " ".join(arguments)
+    if arguments and "GRID" not in given and "teta" not in given:
+        for name, value in rest.items():
+            if f"{name}" not in given:
+                arguments = [*arguments, "--over", value]
+    if "--force" not in arguments and arguments != GRID and "--quantities" not in arguments:
+        arguments = [*arguments, *BOX]
+    done = run(*arguments)
+    assert done.exit_code == 2
+    assert said in " ".join(done.output.split())
+    assert "Traceback" not in done.output
