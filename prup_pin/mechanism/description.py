@@ -5,7 +5,7 @@ Every reader (URDF, sidecar, MJCF) produces a `RobotDescription`; everything aft
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -221,13 +221,22 @@ def check_references(
     return problems
 
 
-def check_modules(robot: RobotDescription) -> list[Problem]:
+def check_modules(robot: RobotDescription, told: Sequence[Problem] = ()) -> list[Problem]:
     """Return a problem for every module whose kind, frames or values do not fit together, in any variant.
 
-    Names must have been checked before.
+    told: problems found before. Modules in whose lines one of them is say no more; variants are looked at without any.
     """
-    problems = _check_kinds(robot)
-    if not problems:
+    lines = [problem.line for problem in told if problem.line is not None]
+    starts = [item.line for item in robot.modules] + [item.line for item in robot.loops]
+    ends = sorted({line for line in (*starts, *(item.line for item in robot.variants.values())) if line})
+    following = dict(zip(ends, [*ends[1:], np.inf], strict=False))
+    quiet = [
+        module
+        for module in robot.modules
+        if not any((module.line or 0) <= line < following.get(module.line or 0, np.inf) for line in lines)
+    ]
+    problems = _check_kinds(replace(robot, modules=tuple(quiet)))
+    if not told and not problems:
         for variant in robot.variants.values():
             found = _check_kinds(robot.with_variant(variant.name))
             problems += [Problem(f"variant '{variant.name}': {problem.message}", variant.line) for problem in found]

@@ -6,7 +6,7 @@ gives a new mechanism.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -30,6 +30,7 @@ from .description import (
     same_description,
 )
 from .joints import Joint, joints_of
+from .load_paths import LoadPaths
 from .yielding import yielding_modules
 
 __all__ = ["Frame", "Joint", "LoopClosure", "Mechanism", "Module", "with_lengths"]
@@ -148,6 +149,10 @@ def _rotation_rows(free: frozenset[str]) -> Array:
     return np.array(rows).reshape(-1, 9)
 
 
+#: Of a joint, to see what it moves [m or rad].
+_SMALL_MOTION = 1e-4
+
+
 class Mechanism:
     """The robot of one file. Built by `prup_pin.load`; see `Robot` for what to do with it."""
 
@@ -170,13 +175,17 @@ class Mechanism:
         self._joints = {joint.name: joint for joint in self.joints}
         driven = description.actuated if description.actuated is not None else (*self._joints,)
         self.actuated: tuple[str, ...] = tuple(name for name in driven if name not in description.held)
-        self.modules = tuple(self._module(module) for module in description.modules)
+        problems: list[Problem] = []
+        self.modules = tuple(self._modules_of(description, problems))
+        if model is None and not problems:
+            problems += self._misplaced_beams()
+        problems += [*self._coupled(), *self._restated()]
+        if problems:
+            raise RobotFileError(description.path, sorted(problems, key=lambda found: found.line or 0))
         self._modules = {module.name: module for module in self.modules}
         self.parameters: dict[str, Parameter] = _all_parameters(description, self.modules)
         for name in locked:
             self.joint_id(name)
-        self._check_couplings()
-        self._check_restated()
 
     def __reduce__(self):
         # Pinocchio's model is built anew: the description says all of it.
@@ -357,8 +366,62 @@ class Mechanism:
             )
         return tuple(line.tolist())
 
-    def _check_couplings(self) -> None:
-        """Refuse joints that follow another one where they carry load: the coupling would carry it too."""
+    @cached_property
+    def load_paths(self) -> LoadPaths:
+        """Which way loads take from the tool to the base, loops included."""
+        loops = [(loop.first.joint, loop.second.joint, not loop.free) for loop in self.loops]
+        return LoadPaths(list(self.model.parents), loops, None if self.tool is None else self.tool.joint)
+
+    def _modules_of(self, description: RobotDescription, problems: list[Problem]) -> Iterator[Module]:
+        for module in description.modules:
+            try:
+                yield self._module(module)
+            except RobotFileError as error:
+                problems += error.problems
+
+    def _misplaced_beams(self) -> list[Problem]:
+        """Return a problem for every beam that carries another load than its joint's, or is bent by a passive joint."""
+        lines = {module.name: module.line for module in self.description.modules}
+        problems = []
+        for module in self.modules if self.tool is not None else ():
+            if module.root is not None and (wrong := self._misplaced(module, module.root)):
+                what = f"module '{module.name}': a beam from '{module.root.name}' to '{module.frame.name}'"
+                problems.append(Problem(f"{what} {wrong}; correct joint, root or tip", lines[module.name]))
+        return problems
+
+    def _misplaced(self, module: Module, root: Frame) -> str:
+        """Return why a beam is not where its joint's load passes, or ''."""
+        paths, names, tip = self.load_paths, list(self.model.names), module.frame
+        if not paths.carries(module.joint, root.joint, tip.joint):
+            ends = [
+                f"its {end}, on '{self.bodies[frame.joint]}', is not"
+                for end, frame in (("root", root), ("tip", tip))
+                if not paths.reached(module.joint, frame.joint)
+            ]
+            fit = [name for at, name in enumerate(names) if at and paths.carries(at, root.joint, tip.joint)]
+            hint = f"It carries the load of {', '.join(fit[:6])}" if fit else "It carries no joint's whole load"
+            return f"does not lie where the load of joint '{names[module.joint]}' passes: {' and '.join(ends)}. {hint}"
+        passive = {int(self.dof_joint[dof]) for dof in self.free_dofs} - {module.joint}
+        for joint in paths.between(module.joint, root.joint, tip.joint):
+            if joint in passive and self._bends(joint, root, tip):
+                return f"spans the passive joint '{names[joint]}', which bends it: a beam ends where a joint turns"
+        return ""
+
+    def _bends(self, joint: int, root: Frame, tip: Frame) -> bool:
+        """Return True where a joint's motion takes a beam's root off its axis, or changes its length."""
+        data, spans = self.model.createData(), []
+        home = self.home_configuration()
+        for step in (0.0, _SMALL_MOTION):
+            velocity = np.zeros(self.model.nv)
+            velocity[self.joint(joint).dofs] = step
+            pin.forwardKinematics(self.model, data, pin.integrate(self.model, home, velocity))
+            ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
+            spans.append(ends[1][:3, :3].T @ (ends[0][:3, 3] - ends[1][:3, 3]))
+        length = max(float(np.linalg.norm(spans[0])), 1e-9)
+        return float(np.linalg.norm(spans[1] - spans[0])) > 1e-3 * _SMALL_MOTION * length
+
+    def _coupled(self) -> list[Problem]:
+        """Return joints that follow another one where they carry load: the coupling would carry it too."""
         problems = []
         for coupling in self.description.coupled:
             if coupling.joint in self.description.held:
@@ -372,13 +435,12 @@ class Mechanism:
                 continue
             text = f"{coupling.what} {where}; coupled joints can only be used where they carry no load"
             problems.append(Problem(text, coupling.line))
-        if problems:
-            raise RobotFileError(self.description.path, problems)
+        return problems
 
-    def _check_restated(self) -> None:
-        """Refuse loops that are described twice and otherwise."""
+    def _restated(self) -> list[Problem]:
+        """Return loops that are described twice and otherwise."""
         loops = {loop.name: loop for loop in self.loops}
-        problems = [
+        return [
             Problem(
                 f"loop '{again.name}' is described twice, and otherwise: its <constraint> joins other places or leaves "
                 "other motions free. Correct one of the two, or remove it",
@@ -387,8 +449,6 @@ class Mechanism:
             for again in self.description.restated
             if not loops[again.name].same_as(self._loop(again))
         ]
-        if problems:
-            raise RobotFileError(self.description.path, problems)
 
     def home_configuration(self) -> Array:
         """Return the configuration of the file's home position: neutral, within limits, with its joint values.

@@ -107,8 +107,7 @@ class UrdfDocument(ExtensionDocument):
             **fields,
         )
         self.problems += check_references(robot, joints, links, fixed)
-        if not self.problems:
-            self.problems += check_modules(robot)
+        self.problems += check_modules(robot, list(self.problems))
         return robot
 
     def _check_size(self) -> None:
