@@ -28,6 +28,7 @@ from .robot import Robot
 from .sensitivity import Sensitivity
 from .simulation import Prediction, simulate
 from .statics import Compliance
+from .workspace import Workspace
 
 if TYPE_CHECKING:  # completion and type checkers see it
     from .diagnosis import diagnose

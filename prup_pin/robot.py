@@ -26,6 +26,7 @@ from .sensitivity import Sensitivity, sensitivity_of
 from .spatial import as_wrench
 from .statics import Compliance, StaticsLayout, dimensionless, solve_statics
 from .sweep import Engines, SweepFile, SweepResult, sweep
+from .workspace import Workspace, workspace
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -265,6 +266,36 @@ class Robot:
         Raises InfeasibleDesignError where no design meets the targets, InputError for what cannot be meant.
         """
         return design(self.mechanism, targets, free, bounds, poses, costs, kinematics=self._kinematics, axes=axes)
+
+    def workspace(
+        self,
+        resolution: float | Mapping[str, float] = 1 / 64,
+        *,
+        limits: Mapping[str, tuple[float | None, float | None]] | None = None,
+        singularity: float = 0.0,
+        progress: Callable[[str, float], None] | None = None,
+        **spans: Any,
+    ) -> Workspace:
+        """Return where the robot can go: the boundary to a resolution, the volume with its error.
+
+        spans: every task coordinate (without any the actuated joints), two ends between which it varies, or a number
+        [m, rad]. The limits of the robot file hold. limits: more of them, (low, high) with None for an open end, of
+        joints and of lengths of beams by name, * for several: {"leg*_slide": (None, 0.5), "leg*/linear_rod": (0.05,
+        None)}. singularity: the least margin, the least by the largest singular value of the dimensionless closure
+        Jacobian of the free joints: 0 where locked actuators do not hold the tool. resolution: the size of a cell by
+        coordinate, or as a share of all spans; what is smaller than an eighth of a span may be missed.
+
+        Raises InputError, UnknownNameError for what cannot be meant.
+        """
+        return workspace(
+            self.mechanism,
+            resolution,
+            limits=limits,
+            singularity=singularity,
+            progress=progress,
+            kinematics=self._kinematics,
+            spans=spans,
+        )
 
     def compensate(
         self,

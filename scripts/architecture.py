@@ -67,6 +67,7 @@ BOXES = {
     "sensitivity": Box(7, _halves(LEFT)[0], STIFF, "slopes"),
     "sweep": Box(7, _halves(LEFT)[1], STIFF, "many poses"),
     "design": Box(8, _halves(LEFT)[0], STIFF, "stiff and light"),
+    "workspace": Box(8, _halves(LEFT)[1], STIFF, "where to"),
     "robot": Box(9, LEFT, STIFF, "what a user holds"),
     "robots": Box(10, (2.35, 3.6), STIFF, "files"),
     "loading": Box(11, (0.75, 3.6), STIFF, "from a name or a file"),

@@ -30,6 +30,7 @@ LAYERS = [
     "sensitivity",
     "sweep",
     "design",
+    "workspace",
     "robots",
     "robot",
     "build",

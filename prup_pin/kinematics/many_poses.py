@@ -174,6 +174,13 @@ class ManyPoses:
             self._follow(target, left, q, state)
         return Reached(q, state)
 
+    def nearby(self, start: Array, target: Array) -> Reached:
+        """Return the configurations at targets (n, t) that lie near `start` (n, nq): AWAY where there is none."""
+        found, good = self._near(start, target, NEAR)
+        state = np.full(len(target), AWAY, np.int8)
+        state[good] = np.where(self.kinematics.outside_limits(found[good]), LIMITS, CLOSED)
+        return Reached(found, state)
+
     def _placed(self, target: Array) -> Reached:
         """Return the configurations of a tree whose joints are given."""
         q = np.repeat(self.kinematics.home[None], len(target), axis=0)

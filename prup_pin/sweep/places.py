@@ -18,6 +18,8 @@ __all__ = ["Coordinates", "Places", "drawn", "grid", "scattered"]
 
 #: A coordinate farther out than this many characteristic lengths is not meant in metres.
 _FAR = 20.0
+#: ... and farther than this [m]: the joints of a gantry may be drawn at one place.
+_ROOM = 5.0
 #: A joint that turns farther than this [rad] is not meant in radians.
 _TURNS = 4 * pi
 
@@ -43,7 +45,7 @@ class Coordinates:
         return cls(
             tuple(names),
             tuple("rad" if turns else "m" for turns in turning),
-            tuple(widest if turns else _FAR * length for turns in turning),
+            tuple(widest if turns else max(_FAR * length, _ROOM) for turns in turning),
             "task coordinate" if mechanism.tasks else "actuated joint",
         )
 
