@@ -70,6 +70,7 @@ __all__ = [
     "Target",
     "UnknownNameError",
     "UnreachablePoseError",
+    "Workspace",
     "build",
     "diagnose",
     "load",

@@ -77,8 +77,10 @@ class Feasible:
         if self._many is None:
             each = [self._alone(row) for row in coordinates]
             return np.array([code for code, _ in each], np.int16), np.array([q for _, q in each])
-        alone = starts is None or not (self.mechanism.loops or self.mechanism.tasks)
-        reached = self._many.reach(coordinates) if alone else self._many.nearby(starts, coordinates)
+        if starts is not None and (self.mechanism.loops or self.mechanism.tasks):
+            reached = self._many.nearby(starts, coordinates)
+        else:
+            reached = self._many.reach(coordinates)
         out = np.array([_STATES.get(state, _SINGULAR) for state in reached.state.tolist()], np.int16)
         closed = np.flatnonzero(out == 0)
         if len(closed):
