@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -68,9 +69,13 @@ def _about(path: Path) -> str:
         comment = re.search(r"<!--\s*(.*?)-->", path.read_text(encoding="utf-8"), re.DOTALL)
         words = " ".join(comment[1].split()) if comment else "a robot file"
         return re.split(r"[:.](?=\s|$)", words)[0]
+    if path.suffix == ".ipynb":
+        first = "".join(json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"])
+        return f"a notebook: {first.partition(chr(10))[0].lstrip('# ')}"
+    if path.suffix == ".json" and not path.with_suffix(".csv").exists():
+        return "a test plan"
     return {
         ".csv": "a recording",
         ".json": "about the recording of that name: robot, noise",
-        ".ipynb": "a notebook",
         ".md": "what all of these are, and their stories",
     }.get(path.suffix, "")

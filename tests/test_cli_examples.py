@@ -1,0 +1,52 @@
+"""`prup-pin examples`: what ships to begin with, listed and copied."""
+
+import pytest
+from typer.testing import CliRunner
+
+from prup_pin.cli import app
+from prup_pin.cli.examples import examples_folder
+
+
+@pytest.fixture
+def run(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, ["examples", *map(str, arguments)])
+
+
+def test_every_file_is_listed_with_what_it_is(run):
+    done = run()
+    assert done.exit_code == 0
+    rows = {words[0]: words[1:] for line in done.stdout.splitlines() if (words := line.split())}
+    for path in examples_folder().iterdir():
+        assert rows[path.name], path.name
+    assert " ".join(rows["six_ups.urdf"]).startswith("A 6-UPS platform")
+    assert " ".join(rows["diagnosis.ipynb"]) == "a notebook: What did the simulation leave out?"
+    assert rows["plan.json"] == ["a", "test", "plan"]
+    assert "prup-pin examples --copy DIR" in done.stdout
+
+
+def test_they_are_copied_as_they_are_and_again_without_harm(run, tmp_path):
+    folder = tmp_path / "new" / "folder"
+    for _ in range(2):
+        done = run("--copy", folder)
+        assert done.exit_code == 0, done.output
+        copied = {path.name: path.read_bytes() for path in folder.iterdir()}
+        assert copied == {path.name: path.read_bytes() for path in examples_folder().iterdir()}
+    assert "bench.csv" in copied
+
+
+def test_a_file_of_ones_own_is_never_replaced(run, tmp_path):
+    (tmp_path / "bench.csv").write_text("mine")
+    done = run("--copy", tmp_path)
+    assert done.exit_code == 2
+    assert "has other files of these names: bench.csv. Nothing was copied" in " ".join(done.output.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["bench.csv"]
+    assert (tmp_path / "bench.csv").read_text() == "mine"
+
+
+def test_a_file_is_no_folder(run, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = run("--copy", tmp_path / "file")
+    assert done.exit_code == 2
+    assert "is not a folder" in done.output
