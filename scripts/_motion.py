@@ -57,7 +57,7 @@ def marks(answer: Mapping[str, Any], truth: Truth) -> dict[str, Any]:
     effects, granted = [], set()
     for true in truth["effects"]:
         here = set(true["places"])
-        placed = [item for item in found if named_places(item) & here]
+        placed = [item for item in found if places_of(item) & here]
         right = [item for item in placed if item["physics"] == true["physics"]]
         others = {text.partition(" at ")[0] for item in placed for text in item.get("alternatives") or ()}
         granted |= {id(item) for item in right}
@@ -65,7 +65,7 @@ def marks(answer: Mapping[str, Any], truth: Truth) -> dict[str, Any]:
             id(item)
             for item in found
             for more in true["also"]
-            if item["physics"] == more["physics"] and named_places(item) & set(more["places"])
+            if item["physics"] == more["physics"] and places_of(item) & set(more["places"])
         }
         effects.append(
             {
@@ -90,6 +90,11 @@ def marks(answer: Mapping[str, Any], truth: Truth) -> dict[str, Any]:
         "effects": effects,
         "wrong": [f"{item['physics']} at {item['location']}" for item in wrong],
     }
+
+
+def places_of(finding: Mapping[str, Any]) -> set[str]:
+    """Return all places that a finding names; which marker of a target it is stands in its aspect."""
+    return named_places(finding) | set((finding.get("aspect") or "").split())
 
 
 def kind_of(truth: Truth) -> str:

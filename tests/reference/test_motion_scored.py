@@ -51,6 +51,15 @@ def test_an_effect_is_right_by_any_name_of_its_place_and_what_is_true_besides_is
     assert marks["effects"][0]["told"] == "coulomb_friction elsewhere"
 
 
+def test_of_several_markers_the_finding_has_to_name_the_right_one(scripts):
+    motion, *_ = scripts
+    true = TRUE | {"physics": "target_misalignment", "location": "link5", "places": ["link5"], "also": []}
+    beside = finding("target_misalignment", "target")
+    for aspect, right in ((None, False), ("marker link4", False), ("marker link5", True)):
+        (effect,) = marked(motion, [beside | {"aspect": aspect}], true)["effects"]
+        assert effect["right"] == effect["place"] == right
+
+
 def test_outside_the_library_unknown_is_right_and_a_law_that_it_is_not_is_wrong(scripts):
     motion, *_ = scripts
     unknown, part = finding("unknown", "elbow_joint"), finding("coulomb_friction", "elbow_joint")

@@ -179,14 +179,14 @@ def candidate(rng, physics: str, chain: Chain, robot: str, sight: Sight, springs
     return Candidate(lambda x: place | {"coefficient": x}, 1e-12, 1e-2)
 
 
-def places(effect: Mapping[str, Any], chain: Chain) -> list[str]:
-    """Return all names of an effect's place."""
+def places(effect: Mapping[str, Any], chain: Chain, markers: Sequence[str]) -> list[str]:
+    """Return all names of an effect's place; of one marker among several only its own."""
     location, physics = effect["location"], effect["physics"]
     out = [location]
     if physics == "payload":
         body = chain.frames[location][0]
         out += [chain.joints[body].name, *(name for name, (of, _, _) in chain.frames.items() if of == body)]
-    elif physics == "target_misalignment":
+    elif physics == "target_misalignment" and len(markers) == 1:
         out.append("target")
     elif physics == "joint_compliance" and location == "robot":
         out += [joint.name for joint in chain.joints]
@@ -195,9 +195,9 @@ def places(effect: Mapping[str, Any], chain: Chain) -> list[str]:
     return list(dict.fromkeys(out))
 
 
-def also(effect: Mapping[str, Any], chain: Chain) -> list[dict[str, Any]]:
+def also(effect: Mapping[str, Any], chain: Chain, markers: Sequence[str]) -> list[dict[str, Any]]:
     """Return what else is true of an effect: an encoder's zero is also a joint turned about its own axis."""
-    here = places(effect, chain)
+    here = places(effect, chain, markers)
     words: Sequence[str] = ()
     if effect["physics"] == "alien":
         words = AKIN.get(effect["kind"], ())
@@ -264,13 +264,13 @@ def draw_markers(seed: int, robot: str, effects: Sequence[str] = (), multiple=(3
             {
                 "physics": "unknown" if name == "alien" else name,
                 "location": effect["location"],
-                "places": places(effect, chain),
+                "places": places(effect, chain, markers),
                 "parameters": {key: value for key, value in effect.items() if key not in ("physics", "location")},
                 "size": round(size, 3),
                 "strength": round(whole, 3),
                 "left": round(left, 3),
                 "strained": round(strained, 3),
-                "also": also(effect, chain),
+                "also": also(effect, chain, markers),
             }
         )
     device = Sagging(chain, tool, chosen, scatter, springs)
