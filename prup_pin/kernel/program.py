@@ -439,6 +439,13 @@ class Program:
             self.operations.append(operation._replace(a=place[operation.a], b=place[operation.b]))
         self.outputs = [place[value.index] for value in given]
 
+    @classmethod
+    def without(cls, inputs: int) -> Program:
+        """Return a program that takes so many inputs and does nothing."""
+        program = cls(Tape(1), [])
+        program.inputs = inputs
+        return program
+
     def __len__(self) -> int:
         return sum(operation.name not in ("input", "constant") for operation in self.operations)
 

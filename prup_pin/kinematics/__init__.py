@@ -1,7 +1,7 @@
 """Loops are closed here: task coordinates or actuator positions become a `ClosedPose`."""
 
 from .closed_pose import ClosedPose, PassiveBalance
-from .loop_kinematics import SURE, TOLERANCE, LoopKinematics
+from .loop_kinematics import LONGEST, SURE, TOLERANCE, LoopKinematics
 from .many_poses import AWAY, CLOSED, DOUBTFUL, LIMITS, ManyPoses, Reached
 from .mobility import Mobility, mobility
 
@@ -10,6 +10,7 @@ __all__ = [
     "CLOSED",
     "DOUBTFUL",
     "LIMITS",
+    "LONGEST",
     "SURE",
     "TOLERANCE",
     "ClosedPose",

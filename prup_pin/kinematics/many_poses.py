@@ -6,6 +6,7 @@ knows of the others, so that an answer does not depend on its company.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -40,6 +41,11 @@ CLOSED, AWAY, LIMITS, DOUBTFUL = range(4)
 _LEAST_SHARE = 1e-4
 
 
+#: From configurations (n, nq) and targets (n, t) to the size of the error (n,), Newton's step (n, nv), where both can
+#: be relied on, (n,), and where the loops are assembled, see `Closure.assembled`, (n,).
+Stepper = Callable[[Array, Array], tuple[Array, Array, Mask, Mask]]
+
+
 class Reached(NamedTuple):
     """Configurations q (n, nq) at the wanted coordinates, and what became of each, (n,)."""
 
@@ -64,6 +70,8 @@ class ManyPoses:
         mechanism = self.mechanism
         self._by_task = bool(mechanism.tasks)
         self.names = self.task.names if self._by_task else mechanism.actuated
+        #: Newton's step as machine code, where somebody has had it compiled: see `settle`.
+        self.stepper: Stepper | None = None
         joints = [mechanism.joint(name) for name in mechanism.actuated]
         self._driven = np.array([joint.first_v for joint in joints], int)
         self._rows = np.eye(mechanism.model.nv)[self._driven]
@@ -97,28 +105,17 @@ class ManyPoses:
         converged, way = np.zeros(count, bool), np.zeros(count)
         last = np.full(count, np.inf)
         busy = np.arange(count)
-        rows_scale, _ = self.kinematics.newton_scales
         for _ in range(ITERATIONS):
             if not len(busy):
                 break
-            at, wanted_target = q[busy], target[busy]
-            placements = self.tree.placements(at)
-            jacobian = self.tree.jacobian(placements)
-            gaps = self.closure.gaps(placements)
-            wanted, wanted_rows = self._wanted(at, placements, jacobian, wanted_target)
-            error = np.concatenate((gaps.gap, wanted), axis=-1)
-            size = np.sqrt((error * error).sum(axis=-1))
-            small_step = last[busy] < LAST_STEP
-            drawn = (np.abs(gaps.gap * rows_scale).max(axis=-1, initial=0.0) < NEGLIGIBLE) & (
-                np.abs(wanted).max(axis=-1, initial=0.0) < TOLERANCE
-            )
-            done = (size < ROUNDING) | (small_step & ((size < TOLERANCE) | drawn))
+            at = q[busy]
+            size, drawn, step = self._passing(at, target[busy])
+            done = (size < ROUNDING) | ((last[busy] < LAST_STEP) & ((size < TOLERANCE) | drawn))
             converged[busy[done]] = True
             on = ~done & np.isfinite(size)
             if not on.any():
                 break
-            matrix = np.concatenate((self.closure.jacobian(gaps.wrenches[on], jacobian[on]), wanted_rows[on]), axis=-2)
-            step = self._solved(matrix, error[on])
+            step = step[on]
             length = np.sqrt((step * step).sum(axis=-1))
             most = np.abs(step).max(axis=-1, initial=0.0)
             long = length > SHORT
@@ -128,6 +125,34 @@ class ManyPoses:
             way[busy] += last[busy]
             q[busy] = self.tree.moved(at[on], -step)
         return _Settled(q, converged, way)
+
+    def _passing(self, q: Array, target: Array) -> tuple[Array, Mask, Array]:
+        """Return how far configurations (n, nq) are from closed loops and targets, (n,) [m, rad]; where only redundant
+        closures are open, as they are drawn, (n,); and Newton's steps (n, nv)."""
+        if self.stepper is None:
+            return self._passing_by_arrays(q, target)
+        size, step, sure, _ = self.stepper(q, target)
+        drawn = np.zeros(len(q), bool)
+        if not sure.all():
+            size[~sure], drawn[~sure], step[~sure] = self._passing_by_arrays(q[~sure], target[~sure])
+        return size, drawn, step
+
+    def _passing_by_arrays(self, q: Array, target: Array) -> tuple[Array, Mask, Array]:
+        placements = self.tree.placements(q)
+        jacobian = self.tree.jacobian(placements)
+        gaps = self.closure.gaps(placements)
+        wanted, wanted_rows = self._wanted(q, placements, jacobian, target)
+        error = np.concatenate((gaps.gap, wanted), axis=-1)
+        size = np.sqrt((error * error).sum(axis=-1))
+        rows_scale, _ = self.kinematics.newton_scales
+        drawn = (np.abs(gaps.gap * rows_scale).max(axis=-1, initial=0.0) < NEGLIGIBLE) & (
+            np.abs(wanted).max(axis=-1, initial=0.0) < TOLERANCE
+        )
+        step = np.zeros((len(q), wanted_rows.shape[-1]))
+        on = np.isfinite(size)
+        matrix = np.concatenate((self.closure.jacobian(gaps.wrenches[on], jacobian[on]), wanted_rows[on]), axis=-2)
+        step[on] = self._solved(matrix, error[on])
+        return size, drawn, step
 
     def _solved(self, matrix: Array, right: Array) -> Array:
         """Return the solutions (n, nv), least where rows are redundant or motions free."""
@@ -214,6 +239,8 @@ class ManyPoses:
     def _assembled(self, q: Array) -> Mask:
         if not len(q):
             return np.zeros(0, bool)
+        if self.stepper is not None:
+            return self.stepper(q, np.zeros((len(q), len(self.names))))[3]
         return self.closure.assembled_each(self.closure.gaps(self.tree.placements(q)).turn)
 
     def _accepted(self, start: Array, target: Array, lanes: Lanes, within: float, q: Array, state: States) -> Lanes:

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from ..errors import PrupPinError, SingularPoseError, UnreachablePoseError, imported
 from ..kernel import Machine, Tree
-from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, ClosedPose, LoopKinematics, ManyPoses
+from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, LONGEST, ClosedPose, LoopKinematics, ManyPoses
 from ..mechanism import Mechanism
 from ..spatial import Array
 from ..statics import Compliance, StaticsLayout, dimensionless, invalid, solve_statics
@@ -28,6 +28,8 @@ __all__ = ["Answer", "Engine"]
 
 #: So many poses are solved together: their matrices fit a processor's memory.
 _TOGETHER = 256
+#: ... and so many where most of it is machine code.
+_TOGETHER_COMPILED = 4096
 
 _STATES = {CLOSED: status.OK, AWAY: status.UNREACHABLE, LIMITS: status.LIMITS, DOUBTFUL: status.SINGULAR}
 
@@ -70,6 +72,27 @@ class Engine:
     @cached_property
     def _machine(self) -> Machine | None:
         return None if self.written is None else Machine(self.written.pipeline)
+
+    @cached_property
+    def _machine_at(self) -> Machine | None:
+        """The same from closed configurations and coordinates."""
+        return None if self.written is None or self.written.passing is None else Machine(self.written.at)
+
+    @cached_property
+    def _reaching(self) -> ManyPoses:
+        """What finds poses that are not reached straight away; Newton's step is machine code where there is one."""
+        if self.written is None or self.written.passing is None:
+            return self.many
+        reaching, machine = ManyPoses(self.kinematics), Machine(self.written.passing)
+
+        def step(q: Array, target: Array) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
+            out = machine.run(np.concatenate((q, target), axis=1))
+            steps, squared, good, assembled = out[:, :-5], out[:, -5], out[:, -4], out[:, -3]
+            sure = (good == 1.0) & (np.abs(steps).max(axis=1) < LONGEST)
+            return np.sqrt(squared), steps, sure, assembled == 1.0
+
+        reaching.stepper = step
+        return reaching
 
     def check_compiled(self) -> None:
         """Raise MissingExtraError where machine code is asked for and nothing can make it."""
@@ -127,8 +150,9 @@ class Engine:
         # A product's last digits may depend on how several threads share it; what diverges on the way is told by its
         # status.
         with np.errstate(all="ignore"), threadpool_limits(1, "blas"):
-            for start in range(0, len(left), _TOGETHER):
-                some = left[start : start + _TOGETHER]
+            together = _TOGETHER if self.written is None else _TOGETHER_COMPILED
+            for start in range(0, len(left), together):
+                some = left[start : start + together]
                 part = self.empty(len(some))
                 self._solve(coordinates[some], list(part.values.values()), part.status)
                 answer.status[some] = part.status
@@ -141,6 +165,12 @@ class Engine:
         assert self.written is not None
         out = machine.run(coordinates)
         sure = self.written.accepted(out)
+        self._take(out, sure, answer)
+        return np.flatnonzero(~sure)
+
+    def _take(self, out: Array, sure: NDArray[np.bool_], answer: Answer) -> None:
+        """Fill in what a machine's outputs (n, m) say where they are sure."""
+        assert self.written is not None
         computed = {
             name: out[:, columns].reshape(len(out), *QUANTITIES[name].shape(self.mechanism))
             for name, columns in self.written.places
@@ -154,22 +184,29 @@ class Engine:
                 values = computed[item.name][which]
             answer.values[item.name][which] = values
         answer.status[which] = status.OK
-        return np.flatnonzero(~sure)
 
     def _solve(self, coordinates: Array, into_values: list[Array], into: NDArray[np.int8]) -> None:
         if not self.together:
             for index in range(len(coordinates)):
                 self._alone(coordinates, index, into_values, into)
             return
-        reached = self.many.reach(coordinates)
+        reached = self._reaching.reach(coordinates)
         into[:] = [_STATES[state] for state in reached.state.tolist()]
         closed = np.flatnonzero(reached.state == CLOSED)
-        if not len(closed):
-            return
-        poses, doubtful = self.many.poses(reached.q[closed])
-        self._fill(poses, closed, into_values, into)
-        for index in closed[doubtful]:
-            self._alone(coordinates, index, into_values, into)
+        if len(closed) and self.written is not None and self._machine_at is not None:
+            out = self._machine_at.run(np.concatenate((reached.q[closed], coordinates[closed]), axis=1))
+            sure = self.written.accepted(out)
+            part = self.empty(len(closed))
+            self._take(out, sure, part)
+            for values, found in zip(into_values, part.values.values(), strict=True):
+                values[closed[sure]] = found[sure]
+            closed = closed[~sure]
+        for start in range(0, len(closed), _TOGETHER):
+            some = closed[start : start + _TOGETHER]
+            poses, doubtful = self.many.poses(reached.q[some])
+            self._fill(poses, some, into_values, into)
+            for index in some[doubtful]:
+                self._alone(coordinates, index, into_values, into)
 
     def _alone(self, coordinates: Array, index: int, into_values, into: NDArray[np.int8]) -> None:
         """Solve one pose by itself, with all the care that a single question gets."""

@@ -30,11 +30,17 @@ _AT_LIMIT = 1e-9
 
 
 class Written(NamedTuple):
-    """A pipeline, and where its outputs stand: (quantity, first column, columns); `good` is 1 where they hold."""
+    """A pipeline, and where its outputs stand: (quantity, columns); `good` is the column that is 1 where they hold.
+
+    `at` gives the same outputs at closed configurations, from them and the coordinates; `passing` gives Newton's step
+    anywhere, the square of the error's size, 1 where the pivots are good, 1 where the loops are assembled.
+    """
 
     pipeline: Pipeline
     places: tuple[tuple[str, slice], ...]
     good: int
+    at: Pipeline
+    passing: Pipeline | None
 
     def accepted(self, out: Array) -> NDArray[np.bool_]:
         """Return which rows of outputs (n, m + 2) hold, (n,)."""
@@ -121,8 +127,14 @@ class _Writer:
         self.apart = self.q + generator.uniform(-_APART, _APART, self.q.shape)
 
     def written(self) -> Written:
-        final, places, good = self._final()
-        return Written(Pipeline(self._start(), self._step() if self.looped else None, final), places, good)
+        final, places, good = self._final(anywhere=False)
+        pipeline = Pipeline(self._start(), self._step() if self.looped else None, final)
+        if not self.looped:
+            return Written(pipeline, places, good, pipeline, None)
+        size = self.q.shape[1] + self.coordinates.shape[1]
+        at = Pipeline(Program.without(size), None, self._final(anywhere=True)[0])
+        passing = Pipeline(Program.without(size), None, self._step(passing=True))
+        return Written(pipeline, places, good, at, passing)
 
     def _start(self) -> Program:
         tape = Tape(_SAMPLES)
@@ -140,7 +152,7 @@ class _Writer:
                 q[joint.first_q], q[joint.first_q + 1] = np.cos(x[column]), np.sin(x[column])
         return Program(tape, q)
 
-    def _step(self) -> Program:
+    def _step(self, passing: bool = False) -> Program:
         many, tape = self.many, Tape(_SAMPLES)
         given = tape.inputs(np.hstack((self.apart, self.coordinates)))
         q, target = given[: self.q.shape[1]], given[self.q.shape[1] :]
@@ -153,14 +165,19 @@ class _Writer:
         matrix = np.concatenate((closure, (rates @ jacobian) * many.task.moves))
         if matrix.shape[0] != matrix.shape[1]:
             raise _NotWrittenError
-        return Program(tape, list(eliminated(matrix, error[:, None])[0][:, 0]))
+        solution, pivots = eliminated(matrix, error[:, None])
+        if not passing:
+            return Program(tape, list(solution[:, 0]))
+        good = least([tape.constant(1.0), *_conditions(pivots)])
+        assembled = least([tape.constant(1.0), *many.closure.assembled_conditions(gaps.turn)])
+        return Program(tape, [*solution[:, 0], (error * error).sum(), good, assembled])
 
-    def _final(self) -> tuple[Program, tuple[tuple[str, slice], ...], int]:
+    def _final(self, anywhere: bool) -> tuple[Program, tuple[tuple[str, slice], ...], int]:
         many, tape = self.many, Tape(_SAMPLES)
         given = tape.inputs(np.hstack((self.q, self.coordinates)))
         q, x = given[: self.q.shape[1]], given[self.q.shape[1] :]
         conditions = self._limits(q)
-        if self.looped:
+        if self.looped and not anywhere:
             _, distance = self.polynomial.written(x - self.kinematics.start.coordinates)
             conditions.append(distance <= 1.0)
         placements = many.tree.placements(q)
@@ -191,10 +208,7 @@ class _Writer:
                 conditions += [1.0 - flag for flag in problems.ravel() if isinstance(flag, Expression)]
         if any(item.stiff for item in asked):
             conditions.append(solved._inverted[1] <= (0.1 / NEGLIGIBLE_ENERGY) ** 2)
-        for pivot in solver.pivots:
-            size = float(np.abs(pivot.values).min())
-            if pivot.known is None:
-                conditions.append(abs(pivot) >= _SMALL_PIVOT * size)
+        conditions += _conditions(solver.pivots)
         good = least([tape.constant(1.0), *conditions])
         return Program(tape, [*outputs, good]), tuple(places), len(outputs)
 
@@ -210,3 +224,9 @@ class _Writer:
         lower, upper = self.kinematics.lower, self.kinematics.upper
         conditions = [q[at] >= lower[at] - _AT_LIMIT for at in np.flatnonzero(np.isfinite(lower))]
         return conditions + [q[at] <= upper[at] + _AT_LIMIT for at in np.flatnonzero(np.isfinite(upper))]
+
+
+def _conditions(pivots: list[Expression]) -> list[Expression]:
+    """Return conditions that are 1 where pivots are not much smaller than at any sample."""
+    changing = [pivot for pivot in pivots if pivot.known is None]
+    return [abs(pivot) >= _SMALL_PIVOT * float(np.abs(pivot.values).min()) for pivot in changing]
