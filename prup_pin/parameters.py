@@ -59,6 +59,13 @@ class Quantity:
     shape: tuple[int, ...] = ()
     derived_from: tuple[str, ...] = ()
 
+    @property
+    def lowest(self) -> float:
+        """The least value that `check` takes."""
+        if not self.positive:
+            return self.lower
+        return SMALLEST_VALUE if self.lower == 0 else float(np.nextafter(self.lower, np.inf))
+
     def expected(self) -> str:
         """Return the range in words: '> 0 N/m'."""
         low = f"{'>' if self.positive else '>='} {self.lower:g}" if np.isfinite(self.lower) else ""

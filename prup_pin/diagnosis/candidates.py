@@ -104,8 +104,7 @@ class Candidate:
     def effect(self, coordinates: Array) -> Effect:
         """Return the law with the values that coordinates stand for."""
         values = self.values_of(coordinates)
-        lowest = [np.nextafter(q.lower, np.inf) if q.positive else q.lower for q in self.quantities]
-        values = np.clip(values, lowest, [q.upper for q in self.quantities])
+        values = np.clip(values, [q.lowest for q in self.quantities], [q.upper for q in self.quantities])
         named = {q.name: float(value) for q, value in zip(self.quantities, values, strict=True)}
         return Effect(self.law, self.place, named)
 

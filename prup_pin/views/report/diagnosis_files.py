@@ -121,8 +121,7 @@ def _inside(effect: Effect, mechanism: Mechanism) -> Effect:
     for quantity in effect.law.quantities_at(effect.place, mechanism):
         if quantity.name not in values:
             continue
-        low = np.nextafter(quantity.lower, np.inf) if quantity.positive else quantity.lower
-        values[quantity.name] = float(np.clip(values[quantity.name], low, quantity.upper))
+        values[quantity.name] = float(np.clip(values[quantity.name], quantity.lowest, quantity.upper))
     return replace(effect, values=values)
 
 
