@@ -302,3 +302,24 @@ HELD_WORK: Final = 4.0
 def beyond_tolerance(count: int) -> float:
     """Return how many tolerances off a parameter must be to be a finding, one of `count` that may be off."""
     return max(BEYOND, float(norm.isf(FALSE_ALARM / (2 * max(count, 1)))))
+
+# -- efforts -----------------------------------------------------------------------------------------------------------
+
+#: Blocks of time whose residuals are taken to be independent of each other; fewer where they would be too short.
+EFFORT_BLOCKS = 40
+#: Fewest kept samples in a block.
+FEWEST_IN_BLOCK = 12
+#: Folds of blocks that are held out in turn.
+EFFORT_FOLDS = 8
+#: Turned residuals that chance is judged by, and the share of them that may look as good as what is accepted.
+EFFORT_FLIPS, EFFORT_CHANCE = 400, 0.01
+#: Share of the held-out squares that a law must save: below, what it says would not be of use, and may be a trace of
+#: what the rigid model and its filters leave.
+EFFORT_GAIN = 0.01
+#: Standard errors over blocks that a saving must have.
+EFFORT_SURE = 2.5
+#: What is left of a unit column beside those that are there, squared, below which it adds nothing of its own.
+EFFORT_INDISTINCT = 1e-4
+MOST_EFFORT_TERMS = 60
+#: Order of the whitening filters, and the white noise that is there in any case, as a share of a residual's power.
+AR_ORDER, AR_FLOOR = 6, 0.01

@@ -1,0 +1,248 @@
+"""From a recording to columns: a motion, the library of laws on it, tolerances, whitening."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...dynamics import INERTIAL, InMotion
+from ...laws import Place
+from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...mechanism import Mechanism
+from ...spatial import Array
+from .columns import Columns, EffortCandidate, Gathered, Whitening, autoregression, column_blocks, kept_samples, usable
+from .search import Chosen, fit, held_out
+
+__all__ = ["Base", "Efforts"]
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A parameter within a tolerance: what one of its tolerances adds, (N, k)."""
+
+    name: str
+    kind: str
+    physics: str
+    place: str
+    nominal: float
+    tolerance: float
+    unit: str
+    efforts: Array
+
+
+class Efforts:
+    """The efforts of a robot in one motion, ready to be asked which laws they want."""
+
+    def __init__(self, at: InMotion, tolerances: Mapping[str, float], noise: float | None):
+        self.at = at
+        self.noise = noise
+        motion = at.motion
+        self.filter = lambda values: motion.low_pass(values, motion.piece)
+        self.every = kept_samples(at)
+        self.piece = motion.piece[self.every]
+        self.blocks = column_blocks(at, self.every)
+        self.measured = self.filter(motion.efforts)
+        self.rigid = self.filter(at.rigid)
+        self.good = self._good()
+        self.bases = _bases(at, tolerances)
+        self._fixed: list[tuple[EffortLaw, Place, Mapping[str, float], Array]] = []
+        self._moving: list[tuple[EffortLaw, Place]] = []
+        for law in EFFORT_LAWS:
+            for place in law.places(at.mechanism):
+                if not law.acts(place, at):
+                    continue
+                if law.physics in _DEPENDENT or (law.physics == "encoder_delay" and place.name == "robot"):
+                    self._moving.append((law, place))
+                    continue
+                for values in law.scanned(place, at):
+                    self._fixed.append((law, place, values, self.filter(law.efforts_per(place, values, at))))
+        self.whitening = self._whitened(None)
+
+    def _good(self) -> np.ndarray:
+        """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit."""
+        motion = self.at.motion
+        good = np.isfinite(self.measured[self.every])
+        for column, name in enumerate(self.at.driven):
+            if name not in motion.names:
+                continue
+            still = motion.still[self.every, motion.names.index(name)]
+            if still.mean() < 0.8:
+                good[:, column] &= ~still
+        return good
+
+    def _whitened(self, residual: Array | None) -> Whitening:
+        """Return the whitening for residuals (n, k); None: of all laws fitted together, which leaves what is noise."""
+        if residual is None:
+            flat = np.zeros((self.measured.shape[1], 1))
+            spread = np.nanstd(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan), axis=0)
+            flat[:, 0] = 1 / np.where(spread > 0, spread, 1.0)
+            plain = Whitening(flat, usable(self.good, self.piece, 0), self.every)
+            given = self._gathered(plain, Chosen(()), False)
+            everything = Chosen(tuple(range(given.columns.size)))
+            # a pinch of shrinkage: columns that are nearly alike must not blow up
+            scale = np.diag(given.columns.gram.sum(axis=0))
+            eased = Gathered(self.at.mechanism, given.columns, given.candidates, given.prior + 1e-6 * scale)
+            x, _ = fit(eased, everything)
+            residual = given.columns.residual(everything.where, x) / np.where(flat[:, 0] > 0, flat[:, 0], 1.0)
+        filters = autoregression(residual, self.good, self.piece)
+        return Whitening(filters, usable(self.good, self.piece), self.every)
+
+    def rewhitened(self, given: Gathered, chosen: Chosen) -> None:
+        """Learn the noise's correlation anew from what is left of a fit."""
+        residual = (self.measured - self.rigid - self.added(given, chosen))[self.every]
+        self.whitening = self._whitened(residual)
+
+    def gathered(self, chosen: Chosen | None = None, given: Gathered | None = None) -> Gathered:
+        """Return all columns; those that depend on what is known are made with what is chosen."""
+        if chosen is None or given is None:
+            return self._gathered(self.whitening, Chosen(()), True)
+        return self._renewed(given, chosen)
+
+    def _gathered(self, whitening: Whitening, chosen: Chosen, moving: bool) -> Gathered:
+        target = whitening(np.nan_to_num(self.measured - self.rigid))
+        columns = Columns(target, self.blocks)
+        prior = [1.0] * len(self.bases)
+        if self.bases:
+            columns.add(whitening(np.stack([self.filter(base.efforts) for base in self.bases], axis=-1)))
+        candidates = []
+        batch, metas = [], []
+        for law, place, values, filtered in self._fixed:
+            batch.append(filtered)
+            metas.append((law, place, values))
+        if batch:
+            where = columns.add(whitening(np.concatenate(batch, axis=2)))
+            start = where.start
+            for (law, place, values), filtered in zip(metas, batch, strict=True):
+                size = filtered.shape[2]
+                candidates.append(EffortCandidate(law, place, values, slice(start, start + size)))
+                start += size
+                prior += list(law.prior(place, self.at.mechanism))
+        self._own_size = columns.size
+        given = Gathered(self.at.mechanism, columns, tuple(candidates), np.array(prior))
+        return self._renewed(given, chosen) if moving else given
+
+    def _renewed(self, given: Gathered, chosen: Chosen) -> Gathered:
+        """Return the columns with those that depend on what is known made anew; chosen ones stay as they are."""
+        columns = given.columns
+        keep = [term for term in chosen.terms if term.where.start >= self._own_size]
+        size = max([self._own_size, *(term.where.stop for term in keep)])
+        columns.cut(size)
+        fixed = [c for c in given.candidates if c.where.start < self._own_size]
+        prior = list(given.prior[:size])
+        kept = [c for c in given.candidates if self._own_size <= c.where.start < size]
+        x, _ = fit(Gathered(self.at.mechanism, columns, (), np.array(prior)), chosen)
+        known = self._added(given, chosen, x)
+        at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
+        new = []
+        for law, place in self._moving:
+            for values in law.scanned(place, at):
+                own = columns.add(self.whitening(self.filter(law.efforts_per(place, values, at))))
+                new.append(EffortCandidate(law, place, values, own))
+                prior += list(law.prior(place, self.at.mechanism))
+        return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior))
+
+    def _added(self, given: Gathered, chosen: Chosen, x: Array) -> Array:
+        out = np.zeros_like(self.at.rigid)
+        for index, base in enumerate(self.bases[: len(chosen.base)]):
+            out += x[index] * base.efforts
+        for term in chosen.terms:
+            own = x[chosen.own(term)]
+            at = self.at.knowing(out.copy(), self.at.motion.efforts - self.at.rigid - out)
+            out += term.law.efforts_per(term.place, term.values, at) @ own
+        return out
+
+    def added(self, given: Gathered, chosen: Chosen) -> Array:
+        """Return the filtered efforts (N, k) beyond the rigid robot's."""
+        x, _ = fit(given, chosen)
+        return self.filter(self._added(given, chosen, x))
+
+    def closer(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
+        """Return what is chosen with scanned values where the blocks ask for them, and the columns that this takes.
+
+        One term after the other, the last chosen first, twice around.
+        """
+        columns, best = given.columns, chosen
+        least = float(held_out(given, best).sum())
+        for place in [*range(len(chosen.terms) - 1, -1, -1)] * 2:
+            term = best.terms[place]
+            x, _ = fit(given, best)
+            values = term.law.fitted(term.place, x[best.own(term)], term.values)
+            others = term.law.closer(term.place, values, self.at)
+            if not others:
+                continue
+            before = Chosen(best.base, best.terms[:place])
+            known = self._added(given, before, fit(given, before)[0])
+            at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
+            size, prior = columns.size, list(given.prior)
+            batch = [self.filter(term.law.efforts_per(term.place, other, at)) for other in others]
+            where = columns.add(self.whitening(np.concatenate(batch, axis=2)))
+            width = batch[0].shape[2]
+            for index, other in enumerate(others):
+                own = slice(where.start + index * width, where.start + (index + 1) * width)
+                prior += list(term.law.prior(term.place, self.at.mechanism))
+                candidate = EffortCandidate(term.law, term.place, other, own)
+                tried = best.replaced(place, candidate)
+                wider = Gathered(self.at.mechanism, columns, (*given.candidates, candidate), np.array(prior))
+                left = float(held_out(wider, tried).sum())
+                if left < least:
+                    least, best, given = left, tried, wider
+            # only what was taken stays
+            end = max([size, *(each.where.stop for each in best.terms)])
+            columns.cut(end)
+            given = Gathered(self.at.mechanism, columns, given.candidates, given.prior[:end])
+            if len(given.prior) < end:
+                given = Gathered(self.at.mechanism, columns, given.candidates, np.array(prior)[:end])
+        return given, best
+
+    def start(self) -> Chosen:
+        """Return what is there before any law: parameters within their tolerances."""
+        return Chosen(tuple(range(len(self.bases))))
+
+
+#: Laws whose columns depend on what is known of the efforts.
+_DEPENDENT = ("effort_gain", "effort_delay", "cogging")
+
+
+def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
+    """Return the parameters that tolerances let be a little off, each with what one tolerance adds."""
+    mechanism, out = at.mechanism, []
+    for joint in mechanism.joints:
+        inertia = mechanism.model.inertias[joint.id]
+        link = mechanism.bodies.get(joint.id, joint.name)
+        if not inertia.mass > 0:
+            continue
+        drawn = inertia.toDynamicParameters()
+        central = np.zeros(10)
+        c, m = np.array(inertia.lever), float(inertia.mass)
+        moved = m * (c @ c * np.eye(3) - np.outer(c, c))
+        central[4:] = drawn[4:] - np.array([moved[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
+        body = at.regressor[:, :, joint.id - 1]
+        if size := tolerances.get("mass", 0.0):
+            efforts = body @ (drawn - central)
+            out.append(Base(f"{link}.mass", "mass", "inertial_parameters", link, m, size * m, "kg", size * efforts))
+        if size := tolerances.get("inertia", 0.0):
+            for index, name in enumerate(INERTIAL[4:], start=4):
+                if abs(central[index]) > 0:
+                    spread = size * abs(central[index])
+                    efforts = body[:, :, index] * spread
+                    label = f"{link}.{name}"
+                    out.append(
+                        Base(label, "inertia", "inertial_parameters", link, central[index], spread, "kg m^2", efforts)
+                    )
+    for column, name in enumerate(at.driven):
+        unit = "N" if mechanism.joint(name).slides else "N m"
+        if size := tolerances.get("effort_bias", 0.0):
+            own = np.zeros_like(at.rigid)
+            own[:, column] = size
+            out.append(Base(f"{name}.effort_bias", "effort_bias", "effort_offset", name, 0.0, size, unit, own))
+        if size := tolerances.get("effort_gain", 0.0):
+            own = np.zeros_like(at.rigid)
+            own[:, column] = size * at.rigid[:, column]
+            out.append(Base(f"{name}.effort_gain", "effort_gain", "effort_gain", name, 0.0, size, "", own))
+        if (size := tolerances.get("encoder_offset", 0.0)) and name in at.motion.names:
+            unit = "m" if mechanism.joint(name).slides else "rad"
+            own = size * at.displaced(name)
+            out.append(Base(f"{name}.encoder_offset", "encoder_offset", "encoder_offset", name, 0.0, size, unit, own))
+    return [base for base in out if np.abs(base.efforts).max(initial=0.0) > 0]

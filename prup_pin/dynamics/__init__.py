@@ -1,0 +1,26 @@
+"""A robot in motion: what its clocks, encoders and drives recorded, and the efforts that a rigid robot would need.
+
+Two steps, and nothing else of a recording of efforts is known here: `motion_of` makes positions, speeds and
+accelerations on an even clock, and `InverseDynamics` says what the actuators must then give, loops included.
+"""
+
+from .clock import EvenClock, even_clock
+from .in_motion import InMotion
+from .inertial import INERTIAL, in_frame
+from .inverse import InverseDynamics, Trajectory
+from .motion import Motion, motion_of
+from .smoothing import LowPass, bandwidth
+
+__all__ = [
+    "INERTIAL",
+    "EvenClock",
+    "InMotion",
+    "InverseDynamics",
+    "LowPass",
+    "Motion",
+    "Trajectory",
+    "bandwidth",
+    "even_clock",
+    "in_frame",
+    "motion_of",
+]

@@ -1,0 +1,194 @@
+"""A robot in one recorded motion, as laws of the effort channel see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..mechanism import Mechanism
+from ..spatial import Array
+from .inverse import InverseDynamics, Trajectory
+from .motion import Motion
+from .smoothing import differences, pieces
+
+__all__ = ["InMotion"]
+
+#: Below this share of its usual speed a joint without a sensor of its own counts as slow.
+_SLOW_SHARE = 1e-2
+#: Of the shift along the motion for a numerical derivative [s].
+_STEP = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class InMotion:
+    """N samples of a motion, and the rigid robot's efforts (N, k) [N or N m] of the joints `driven` in it.
+
+    `known` (N, k): the efforts as far as they are known beside the rigid robot's; `left` (N, k): what is measured beyond
+    all of that. None: nothing yet.
+    """
+
+    mechanism: Mechanism
+    motion: Motion
+    dynamics: InverseDynamics
+    trajectory: Trajectory
+    rigid: Array
+    known: Array | None = None
+    left: Array | None = None
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, motion: Motion) -> InMotion:
+        """Return the robot in a motion. Raises InputError where its loops cannot be closed."""
+        dynamics = InverseDynamics(mechanism, motion.driven)
+        trajectory = dynamics.trajectory(motion)
+        return cls(mechanism, motion, dynamics, trajectory, dynamics.efforts(trajectory, motion.wrench, motion.gravity))
+
+    def __len__(self) -> int:
+        return len(self.motion)
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """The joints whose efforts are compared."""
+        return self.motion.driven
+
+    def knowing(self, known: Array, left: Array) -> InMotion:
+        """Return the same motion with more known of its efforts."""
+        other = replace(self, known=known, left=left)
+        if "regressor" in self.__dict__:
+            other.__dict__["regressor"] = self.regressor
+        return other
+
+    @property
+    def predicted(self) -> Array:
+        """The efforts (N, k) as far as they are known."""
+        return self.rigid if self.known is None else self.rigid + self.known
+
+    @cached_property
+    def regressor(self) -> Array:
+        """Efforts per inertial parameter of each joint's body, (N, k, bodies, 10)."""
+        return self.dynamics.regressor(self.trajectory, self.motion.gravity)
+
+    def position(self, joint: str) -> Array:
+        """Return a joint's position (N,) [m or rad], an endless one's without jumps."""
+        if joint in self.motion.names:
+            return self.motion.position[:, self.motion.names.index(joint)]
+        return np.unwrap(self.mechanism.joint(joint).position(self.trajectory.q))
+
+    def speed(self, joint: str) -> Array:
+        """Return a joint's speed (N,) [m/s or rad/s]."""
+        return self.trajectory.v[:, self.mechanism.joint(joint).first_v]
+
+    def acceleration(self, joint: str) -> Array:
+        """Return a joint's acceleration (N,)."""
+        return self.trajectory.a[:, self.mechanism.joint(joint).first_v]
+
+    def slow(self, joint: str) -> float:
+        """Return the speed below which the sensors cannot tell a joint's direction."""
+        if joint in self.motion.names:
+            return float(self.motion.slow[self.motion.names.index(joint)])
+        return float(_SLOW_SHARE * np.sqrt(np.mean(self.speed(joint) ** 2)) + np.finfo(float).tiny)
+
+    def direction(self, joint: str) -> Array:
+        """Return the sign of a joint's speed (N,), with a smooth passage where the sensors cannot tell it."""
+        speed = self.speed(joint)
+        return speed / np.hypot(speed, self.slow(joint))
+
+    def dragged(self, joint: str, way: float) -> Array:
+        """Return the direction of a joint's dry friction (N,), which turns round on some way [m or rad]."""
+        return self.dragging(self.position(joint), way)
+
+    def dragging(self, position: Array, way: float) -> Array:
+        """Return the direction of dry friction (N,) of something at `position` (N,): dz = (sign(dq) - z) |dq| / way.
+
+        Between samples the motion goes one way, so that the way alone decides. A way of nothing is the sign itself.
+        """
+        out = np.empty(len(self))
+        for where in pieces(self.motion.piece):
+            steps = np.diff(position[where], prepend=position[where.start])
+            towards = np.sign(steps)
+            keep = np.exp(-np.abs(steps) / way) if way > 0 else (steps == 0).astype(float)
+            state = float(towards[np.argmax(towards != 0)])
+            for row in range(len(steps)):
+                state = towards[row] + (state - towards[row]) * keep[row]
+                out[where.start + row] = state
+        return out
+
+    def moves(self, joint: str) -> bool:
+        """Return whether a joint moves at all."""
+        return bool(np.abs(self.speed(joint)).max(initial=0.0) > 0)
+
+    def along(self, joint: str, effort: Array) -> Array:
+        """Return what the drives give (N, k) for an effort (N,) needed along a joint, be it driven or not."""
+        dof = self.mechanism.joint(joint).first_v
+        if self.trajectory.spread is not None:
+            return self.trajectory.spread[:, dof] * effort[:, None]
+        return np.where(self.trajectory.dofs == dof, effort[:, None], 0.0)
+
+    def effort_of(self, joint: str, efforts: Array) -> Array:
+        """Return the column (N,) of one driven joint; zero of another."""
+        return efforts[:, self.driven.index(joint)] if joint in self.driven else np.zeros(len(self))
+
+    def rate(self, values: Array) -> Array:
+        """Return the rate of change of values (N, ...)."""
+        return differences(values, self.motion.piece, 1 / self.motion.rate)
+
+    def rigid_under(self, gravity: Array) -> Array:
+        """Return the efforts (N, k) that a field of gravity (3,) [m/s^2] alone asks for."""
+        still = replace(self.trajectory, v=0 * self.trajectory.v, a=0 * self.trajectory.a)
+        return self.dynamics.efforts(still, None, gravity)
+
+    def periods(self, joint: str, fewest: float, most: float, step: float, count: int = 3) -> list[float]:
+        """Return how many periods in a joint's travel what is left has, strongest first; at most `count` of them."""
+        if self.left is None or joint not in self.driven:
+            return []
+        position = self.position(joint)
+        travel = float(np.ptp(position))
+        numbers = np.arange(fewest, most, step)
+        rest = self.effort_of(joint, self.left)
+        phase = 2j * np.pi * position / travel
+        power = np.array([abs(rest @ np.exp(phase * number)) for number in numbers])
+        found: list[float] = []
+        for index in np.argsort(-power):
+            if all(abs(numbers[index] - other) > 2.0 for other in found):
+                found.append(float(numbers[index]))
+            if len(found) == count:
+                break
+        return found
+
+    def later(self, values: Array, delay: float) -> Array:
+        """Return by how much values (N, ...) of a little ago differ from those of now; of a little later where negative."""
+        out = np.zeros_like(values)
+        time = self.motion.time
+        for where in pieces(self.motion.piece):
+            for index in np.ndindex(values.shape[1:]):
+                own = values[(where, *index)]
+                out[(where, *index)] = CubicSpline(time[where], own)(
+                    np.clip(time[where] - delay, time[where][0], time[where][-1])
+                ) - own
+        return out
+
+    def shifted(self, joint: str) -> Array:
+        """Return d(rigid efforts)/dt (N, k) by the motion of one joint alone, as if its encoder were early."""
+        motion = self.motion
+        column = motion.names.index(joint)
+        jerk = self.rate(motion.acceleration[:, column])
+        return self._derivative(column, motion.speed[:, column], motion.acceleration[:, column], jerk) / _STEP
+
+    def displaced(self, joint: str) -> Array:
+        """Return d(rigid efforts)/dq (N, k) by the position of one joint."""
+        column, zero = self.motion.names.index(joint), np.zeros(len(self))
+        return self._derivative(column, zero + 1.0, zero, zero) / _STEP
+
+    def _derivative(self, column: int, position: Array, speed: Array, acceleration: Array) -> Array:
+        motion, values = self.motion, []
+        for sign in (0.5, -0.5):
+            moved = []
+            for table, rate in ((motion.position, position), (motion.speed, speed), (motion.acceleration, acceleration)):
+                other = table.copy()
+                other[:, column] += sign * _STEP * rate
+                moved.append(other)
+            trajectory = self.dynamics.trajectory(motion.with_motion(*moved))
+            values.append(self.dynamics.efforts(trajectory, motion.wrench, motion.gravity))
+        return values[0] - values[1]

@@ -1,0 +1,39 @@
+"""Inertial parameters of a rigid body, and what they are in another frame of the same body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..spatial import Array
+
+__all__ = ["INERTIAL", "in_frame", "pseudo_inertia"]
+
+#: Mass, first moments and moments of inertia about a frame's origin, in the order of a regressor's columns.
+INERTIAL = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_PAIRS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+
+
+def pseudo_inertia(parameters: Array) -> Array:
+    """Return the 4 x 4 matrix of second moments of the mass, positive definite for a body that can exist.
+
+    Wensing, Kim and Slotine (2018), Eq. (11).
+    """
+    inertia = np.zeros((3, 3))
+    for value, (i, j) in zip(parameters[4:], _PAIRS, strict=True):
+        inertia[i, j] = inertia[j, i] = value
+    out = np.empty((4, 4))
+    out[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    out[:3, 3] = out[3, :3] = parameters[1:4]
+    out[3, 3] = parameters[0]
+    return out
+
+
+def _parameters(pseudo: Array) -> Array:
+    second = pseudo[:3, :3]
+    inertia = np.trace(second) * np.eye(3) - second
+    return np.array([pseudo[3, 3], *pseudo[:3, 3], *(inertia[i, j] for i, j in _PAIRS)])
+
+
+def in_frame(placement: Array) -> Array:
+    """Return A (10, 10): parameters about a joint's frame are A @ those about a frame at `placement` (4, 4) in it."""
+    return np.column_stack([_parameters(placement @ pseudo_inertia(unit) @ placement.T) for unit in np.eye(10)])

@@ -1,0 +1,241 @@
+"""From a recording to a motion: positions, speeds, accelerations and efforts on an even clock, all filtered alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import InputError
+from ..mechanism import Mechanism
+from ..recordings import Recording
+from ..spatial import Array
+from .clock import EvenClock, even_clock
+from .smoothing import LowPass, bandwidth, differences, floor_of, pieces, spectrum
+
+__all__ = ["Motion", "motion_of"]
+
+#: The slowest cut-off [Hz]: what a drive's friction does at a reversal is faster than the motion itself.
+_SLOWEST = 10.0
+#: Samples per period of the cut-off that are kept, for friction turns round faster than the motion; fewer of long recordings.
+_KEPT, _LONG = 10.0, 40_000
+#: Positions and speeds are smoothed with a wider band than efforts: products of them are to be right within that.
+_WIDER = 2.0
+#: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
+_STILL, _STILL_SHARE = 4.0, 2e-3
+#: Samples beyond which blocks of time are chosen instead of all, evenly.
+MOST_SAMPLES = 400_000
+#: Recorded speeds that differ from the positions' by more than this share are not those of the positions.
+_STRANGE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion of the joints `names` at N samples on an even clock.
+
+    time (N,) [s]; piece (N,) labels of pieces without a break; position, speed, acceleration (N, j) [m or rad and s];
+    still (N, j): where a joint stands; efforts (N, k) of the joints `driven` [N or N m], not filtered; wrench (N, 6)
+    and gravity (N, 3) where they were recorded; rows (N,): the row of the recording nearest to each sample.
+    `low_pass` is what measured and predicted efforts are both to be filtered with; remarks: sentences for a person.
+    """
+
+    names: tuple[str, ...]
+    driven: tuple[str, ...]
+    time: Array
+    piece: np.ndarray
+    rate: float
+    position: Array
+    speed: Array
+    acceleration: Array
+    still: np.ndarray
+    slow: Array  # (j,) the speed below which a joint stands still
+    efforts: Array
+    wrench: Array | None
+    gravity: Array | None
+    rows: np.ndarray
+    low_pass: LowPass
+    remarks: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def with_motion(self, position: Array, speed: Array, acceleration: Array) -> Motion:
+        """Return the same samples with another motion."""
+        return replace(self, position=position, speed=speed, acceleration=acceleration)
+
+
+def motion_of(recording: Recording, mechanism: Mechanism) -> Motion:
+    """Return the motion that a recording tells of a mechanism's joints.
+
+    Raises InputError where no joint has a position, or nothing lasts long enough to tell a speed.
+    """
+    joints = [joint.name for joint in mechanism.joints if joint.nv == 1 and joint.name in recording.positions]
+    names = tuple(name for name in joints if np.isfinite(recording.positions[name]).any())
+    driven = tuple(
+        name for name in mechanism.actuated if name in recording.efforts and np.isfinite(recording.efforts[name]).any()
+    )
+    if not names:
+        raise InputError("no column q.<joint> of this robot's joints holds a number: its motion is unknown")
+    remarks: list[str] = []
+    recording = _bounded(recording, remarks)
+    speeds = _logged(recording.velocities, names)
+    accelerations = _logged(recording.accelerations, names)
+    columns = [recording.positions[name] for name in names] + [recording.efforts[name] for name in driven]
+    columns += [recording.velocities[name] for name in speeds] + [recording.accelerations[name] for name in accelerations]
+    table = np.column_stack(columns)
+    clock = even_clock(recording.time, table, recording.run)
+    if not clock.exact:
+        clock = _smoother(clock, clock.counted(), table[:, : len(names)])
+    remarks += clock.remarks
+    if not len(clock):
+        raise InputError(
+            "nothing in this recording lasts long enough to tell a speed: expected rows at an even rate with all of "
+            f"{', '.join(f'q.{name}' for name in names)} and the efforts"
+        )
+    rate = 1 / clock.step
+    position = _unwrapped(clock.sampled(table[:, : len(names)]), names, mechanism)
+    efforts = clock.sampled(table[:, len(names) : len(names) + len(driven)])
+    at = len(names) + len(driven)
+    logged_speed = dict(zip(speeds, clock.sampled(table[:, at : at + len(speeds)]).T, strict=True))
+    at += len(speeds)
+    logged_acceleration = dict(zip(accelerations, clock.sampled(table[:, at:]).T, strict=True))
+    _strange_speeds(names, position, logged_speed, clock)
+
+    bands = [
+        bandwidth(logged_speed.get(name, position[:, column]), clock.piece, rate) for column, name in enumerate(names)
+    ]
+    moving = [band for band in bands if band > 0]
+    cutoff = float(np.clip(max(moving, default=_SLOWEST), _SLOWEST, 0.4 * rate))
+    cutoff = min(cutoff, 0.4 * rate)
+    wide = LowPass(min(_WIDER * cutoff, 0.45 * rate), rate)
+    smooth = wide(position, clock.piece)
+    speed, acceleration = np.empty_like(smooth), np.empty_like(smooth)
+    noise = np.empty(len(names))
+    for column, name in enumerate(names):
+        if name in logged_speed:
+            speed[:, column] = wide(logged_speed[name], clock.piece)
+            noise[column] = np.std(logged_speed[name] - speed[:, column])
+        else:
+            raw = differences(position[:, column], clock.piece, clock.step)
+            speed[:, column] = differences(smooth[:, column], clock.piece, clock.step)
+            noise[column] = np.std(raw - speed[:, column])
+        if name in logged_acceleration:
+            acceleration[:, column] = wide(logged_acceleration[name], clock.piece)
+        else:
+            acceleration[:, column] = differences(speed[:, column], clock.piece, clock.step)
+    noise *= np.sqrt(wide.cutoff / (rate / 2))  # what the filter leaves of it
+    slow = np.maximum(_STILL * noise, _STILL_SHARE * np.sqrt(np.mean(speed**2, axis=0)))
+    slow = np.maximum(slow, np.finfo(float).tiny)
+    still = _standing(np.abs(speed) < slow, clock.piece, rate, cutoff)
+    remarks.append(
+        f"efforts, measured and predicted, are compared up to {cutoff:.3g} Hz, where the motion stands above its noise"
+        + ("" if speeds else "; speeds and accelerations are those of the positions")
+    )
+    every = max(1, int(rate / (_KEPT * cutoff)), min(len(clock) // _LONG, int(rate / (4 * cutoff))))
+    keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(clock.piece)])
+    if every > 1:
+        efforts = LowPass(0.4 * rate / every, rate)(efforts, clock.piece)
+        rate /= every
+    rows = clock.rows[np.clip(np.searchsorted(clock.row_time, clock.time), 0, len(clock.rows) - 1)]
+    if clock.exact:
+        rows = clock.rows
+    wrench = recording.wrench if recording.has_wrench else None
+    return Motion(
+        names=names,
+        driven=driven,
+        time=clock.time[keep],
+        piece=clock.piece[keep],
+        rate=rate,
+        position=smooth[keep],
+        speed=speed[keep],
+        acceleration=acceleration[keep],
+        still=still[keep],
+        slow=slow,
+        efforts=efforts[keep],
+        wrench=None if wrench is None else np.nan_to_num(clock.sampled(np.asarray(wrench)))[keep],
+        gravity=None if recording.gravity is None else clock.sampled(np.asarray(recording.gravity))[keep],
+        rows=rows[keep],
+        low_pass=LowPass(cutoff, rate),
+        remarks=tuple(remarks),
+    )
+
+
+def _smoother(stamped: EvenClock, counted: EvenClock, position: Array) -> EvenClock:
+    """Return the clock on which positions have less noise: stamps jitter because samples do, or for themselves."""
+    noise = []
+    for clock in (stamped, counted):
+        own, rate = clock.sampled(position), 1 / clock.step
+        spectra = [spectrum(column, clock.piece, rate) for column in own.T]
+        noise.append([floor_of(*seen, rate) if len(seen[0]) else 0.0 for seen in spectra])
+    apart = [np.log(b / a) for a, b in zip(*noise, strict=True) if a > 0 and b > 0]
+    return counted if apart and float(np.median(apart)) < 0 else stamped
+
+
+def _logged(group, names: tuple[str, ...]) -> list[str]:
+    """Return the joints of which a column holds numbers in most rows."""
+    return [name for name in names if name in group and np.isfinite(group[name]).mean() > 0.5]
+
+
+def _bounded(recording: Recording, remarks: list[str]) -> Recording:
+    """Return at most MOST_SAMPLES rows, in long pieces that are spread evenly over the recording."""
+    n = len(recording)
+    if n <= MOST_SAMPLES:
+        return recording
+    count = 40
+    length = MOST_SAMPLES // count
+    starts = np.linspace(0, n - length, count).astype(int)
+    rows = np.unique((starts[:, None] + np.arange(length)).ravel())
+    remarks.append(
+        f"{n} rows are more than are needed: {count} pieces of {length} rows, evenly spread, were used; the others were "
+        "not looked at"
+    )
+    return recording.select(rows)
+
+
+def _unwrapped(position: Array, names: tuple[str, ...], mechanism: Mechanism) -> Array:
+    """Return positions without the jumps by a turn that an encoder of an endless joint reports."""
+    out = position.copy()
+    for column, name in enumerate(names):
+        if mechanism.joint(name).turns:
+            out[:, column] = np.unwrap(position[:, column])
+    return out
+
+
+def _strange_speeds(names: tuple[str, ...], position: Array, logged: dict[str, Array], clock: EvenClock) -> None:
+    """Raise InputError where recorded speeds are not those of the positions, with the factor that gave them away."""
+    for column, name in enumerate(names):
+        if name not in logged:
+            continue
+        own = LowPass(min(5.0, 0.2 / clock.step), 1 / clock.step)
+        moved = own(differences(position[:, column], clock.piece, clock.step), clock.piece)
+        told = own(logged[name], clock.piece)
+        size = float(moved @ moved)
+        if not size > 0 or not float(told @ told) > 0:
+            continue
+        ratio = float(moved @ told) / size
+        alike = float(moved @ told) / np.sqrt(size * float(told @ told))
+        if alike > 0.9 and abs(ratio - 1) > _STRANGE:
+            seems = ""
+            for factor, unit in ((57.29578, "degrees"), (9.549297, "revolutions per minute"), (1e3, "mm/s"), (-1.0, "")):
+                if abs(ratio / factor - 1) < 0.1:
+                    seems = f": they seem to be in {unit}" if unit else ": their sign is turned round"
+            unit = "m/s" if clock is None else "rad/s or m/s"
+            raise InputError(
+                f"column qd.{name}: the recorded speeds are {ratio:.4g} times those of q.{name}{seems}; expected {unit}"
+            )
+
+
+def _standing(slow: np.ndarray, piece: np.ndarray, rate: float, cutoff: float) -> np.ndarray:
+    """Return where a joint really stands (N, j): slow for longer than the filter's memory, and a little around."""
+    least = max(3, int(round(rate / cutoff)))
+    out = np.zeros_like(slow)
+    for where in pieces(piece):
+        for column in range(slow.shape[1]):
+            part = slow[where, column]
+            edges = np.flatnonzero(np.diff(np.concatenate(([0], part.astype(np.int8), [0]))))
+            for start, end in edges.reshape(-1, 2):
+                if end - start >= least:
+                    begin = where.start + max(start - least // 2, 0)
+                    out[begin : min(where.start + end + least // 2, where.stop), column] = True
+    return out
+

@@ -1,0 +1,101 @@
+"""Zero-phase filters, piece by piece, and the frequency up to which a motion stands above its sensors' noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from ..spatial import Array
+
+__all__ = ["LowPass", "bandwidth", "differences", "pieces"]
+
+_ORDER = 4
+#: Power above that of the sensor's noise at which a motion still counts.
+_ABOVE_NOISE = 3.0
+#: The noise is read off this band, as shares of half the rate: above it, filters of the logger and straight lines between
+#: samples may have taken it away.
+_NOISE_BAND = (0.25, 0.6)
+_WINDOW = 4096
+
+
+def pieces(piece: np.ndarray) -> Iterator[slice]:
+    """Yield one slice for every piece without a break; labels (N,) do not decrease."""
+    starts = np.flatnonzero(np.diff(piece, prepend=-1))
+    for start, end in zip(starts, [*starts[1:], len(piece)], strict=True):
+        yield slice(int(start), int(end))
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A Butterworth filter run forwards and backwards, so that it delays nothing; `cutoff` and `rate` in Hz."""
+
+    cutoff: float
+    rate: float
+
+    def __call__(self, values: Array, piece: np.ndarray) -> Array:
+        """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
+        if self.cutoff >= 0.49 * self.rate:
+            return np.array(values, float)
+        sections = signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
+        longest = int(round(3 * self.rate / self.cutoff)) + 3 * _ORDER
+        out = np.empty(np.shape(values))
+        for where in pieces(piece):
+            part = values[where]
+            out[where] = signal.sosfiltfilt(sections, part, axis=0, padlen=min(longest, len(part) - 1))
+        return out
+
+
+def differences(values: Array, piece: np.ndarray, step: float) -> Array:
+    """Return the rates of change of values (N, ...) by central differences, each piece for itself."""
+    out = np.empty(np.shape(values))
+    for where in pieces(piece):
+        out[where] = np.gradient(values[where], step, axis=0)
+    return out
+
+
+def spectrum(values: Array, piece: np.ndarray, rate: float) -> tuple[Array, Array]:
+    """Return frequencies (f,) [Hz] and power densities (f,) of the longest piece; empty where it is short or constant."""
+    longest = max(pieces(piece), key=lambda where: where.stop - where.start, default=slice(0, 0))
+    part = np.asarray(values[longest], float)
+    if len(part) < 64 or not np.ptp(part) > 0:
+        return np.zeros(0), np.zeros(0)
+    return signal.welch(part, rate, nperseg=min(_WINDOW, len(part)), detrend="linear")
+
+
+def floor_of(frequency: Array, power: Array, rate: float) -> float:
+    """Return the power density of the noise that a spectrum ends in."""
+    low, high = (share * rate / 2 for share in _NOISE_BAND)
+    return float(np.median(power[(frequency > low) & (frequency < high)]))
+
+
+def bandwidth(values: Array, piece: np.ndarray, rate: float) -> float:
+    """Return the frequency [Hz] up to which a signal (N,) stands above the white noise of its sensor.
+
+
+    """
+    frequency, power = spectrum(values, piece, rate)
+    if not len(frequency):
+        return 0.0
+    floor = floor_of(frequency, power, rate)
+    if not floor > 0:
+        return float(rate / 2)
+    stands = _by_bands(frequency, power) > _ABOVE_NOISE * floor
+    if not stands.any():
+        return 0.0
+    # The first frequency that mostly noise follows: lines of a resonance far above the motion are not the motion.
+    for index in range(int(np.argmax(stands)), len(stands)):
+        octave = stands[index : max(2 * index, index + 2)]
+        if not stands[index] and octave.mean() < 0.5:
+            return float(frequency[index])
+    return float(frequency[-1])
+
+
+def _by_bands(frequency: Array, power: Array) -> Array:
+    """Return a spectrum averaged over a third of an octave about each frequency: one line or a fluke counts little."""
+    total = np.concatenate(([0.0], np.cumsum(power)))
+    low = np.searchsorted(frequency, frequency / 2 ** (1 / 6))
+    high = np.maximum(np.searchsorted(frequency, frequency * 2 ** (1 / 6), side="right"), low + 1)
+    return (total[high] - total[low]) / (high - low)

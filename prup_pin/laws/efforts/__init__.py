@@ -1,0 +1,45 @@
+"""Laws of the effort channel: what drives must give beyond a rigid robot's inverse dynamics.
+
+They share their words with the laws of the pose channel where it is the same physics. To add one: a final class of
+`effort_law.EffortLaw` in a file, and one line in `EFFORT_LAWS`; `tests/laws/test_effort_laws.py` runs over the tuple.
+"""
+
+from .cogging import Cogging
+from .coulomb_friction import LoadedFriction, SlidingFriction
+from .counterbalance import Counterbalance, CounterbalanceSpring
+from .effort_law import EFFORT, EffortLaw
+from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay
+from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
+from .inertial_parameters import InertialParameters, ScaledInertia
+from .mounting import Mounting
+from .payload import HeldBody
+from .rotor_inertia import RotorInertia
+from .stribeck_friction import StribeckFriction
+from .transmission_coupling import TransmissionCoupling
+from .viscous_friction import DirectedViscousFriction, Damping
+
+EFFORT_LAWS: tuple[EffortLaw, ...] = (
+    Damping(),
+    DirectedViscousFriction(),
+    SlidingFriction(),
+    LoadedFriction(),
+    StribeckFriction(),
+    RotorInertia(),
+    TransmissionCoupling(),
+    HeldBody(),
+    ScaledInertia(),
+    InertialParameters(),
+    Counterbalance(),
+    CounterbalanceSpring(),
+    Mounting(),
+    EffortOffset(),
+    EffortGain(),
+    EffortDelay(),
+    EffortsDelay(),
+    OffsetEncoder(),
+    DelayedEncoder(),
+    DelayedEncoders(),
+    Cogging(),
+)
+
+__all__ = ["EFFORT", "EFFORT_LAWS", "EffortLaw"]

@@ -1,0 +1,62 @@
+"""Efforts that come back with every pole of the motor, tooth of the gear or turn of the screw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import DrivenEffortLaw, effort_unit, in_units
+
+#: Fewest periods in a joint's travel, and the most that are looked for.
+_FEWEST, _MOST = 3.0, 400.0
+#: Steps between frequencies, as a share of one period over the whole travel.
+_STEP = 0.3
+
+
+class Cogging(DrivenEffortLaw):
+    """tau = c cos(2 pi q / p) + s sin(2 pi q / p); the period p is looked for."""
+
+    physics = "cogging"
+    summary = "an effort that is periodic in the position"
+    linear = ("cosine", "sine")
+    quantities = (
+        Quantity("cosine", "N m", "amplitude of the cosine", 1.0, positive=False, lower=-1e6),
+        Quantity("sine", "N m", "amplitude of the sine", 1.0, positive=False, lower=-1e6),
+        Quantity("period", "rad", "in the joint's position", 0.1, upper=1e3),
+    )
+    neutral: ClassVar = {"cosine": 0.0, "sine": 0.0}
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        effort = effort_unit(place, mechanism)
+        return in_units(self.quantities, [effort, effort, "m" if mechanism.joint(place.name).slides else "rad"])
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return place.name in at.driven and at.moves(place.name)
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        """Return the periods that the residual of the moment asks for, strongest first."""
+        travel = float(np.ptp(at.position(place.name)))
+        return [{"period": travel / count} for count in at.periods(place.name, _FEWEST, _MOST, _STEP)]
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        count = float(np.ptp(at.position(place.name))) / values["period"]
+        return [{"period": values["period"] * count / (count + part * _STEP)} for part in (-0.5, -0.25, 0.25, 0.5)]
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        phase = 2 * np.pi * at.position(place.name) / values["period"]
+        return np.stack([at.along(place.name, np.cos(phase)), at.along(place.name, np.sin(phase))], axis=-1)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        size = float(np.hypot(values["cosine"], values["sine"]))
+        unit = "mm" if mechanism.joint(place.name).slides else "mrad"
+        return (
+            f"an effort of {size:.3g} {effort_unit(place, mechanism)} at {place.name} comes back every "
+            f"{1e3 * values['period']:.4g} {unit}"
+        )

@@ -1,0 +1,65 @@
+"""Springs and counterweights that carry a part of the weight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import EFFORT, DrivenEffortLaw, effort_unit, in_units
+
+
+class Counterbalance(DrivenEffortLaw):
+    """tau = c cos(q) + s sin(q): a counterweight, or a spring that pulls between two points of two links."""
+
+    physics = "counterbalance"
+    summary = "a counterbalance, by the sine of the joint's angle"
+    linear = ("cosine", "sine")
+    quantities = tuple(
+        Quantity(name, "N m", f"effort in proportion to the {name} of the joint's angle", 1.0, positive=False, lower=-1e6)
+        for name in ("cosine", "sine")
+    )
+    neutral: ClassVar = {"cosine": 0.0, "sine": 0.0}
+
+    def places(self, mechanism: Mechanism):
+        return [place for place in super().places(mechanism) if mechanism.joint(place.name).turns]
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        angle = at.position(place.name)
+        return np.stack([at.along(place.name, np.cos(angle)), at.along(place.name, np.sin(angle))], axis=-1)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        size = float(np.hypot(values["cosine"], values["sine"]))
+        return f"a counterbalance acts on {place.name}, with up to {size:.3g} N m as the joint turns"
+
+
+class CounterbalanceSpring(DrivenEffortLaw):
+    """tau = k q + f: a spring wound about the joint, or pulling along the slide."""
+
+    physics = "counterbalance"
+    summary = "a spring along the joint"
+    variant = f"{EFFORT} of a spring"
+    linear = ("stiffness", "preload")
+    quantities = (
+        Quantity("stiffness", "N m/rad", "effort per position", 1.0, positive=False, lower=-1e9),
+        Quantity("preload", "N m", "effort at zero", 1.0, positive=False, lower=-1e6),
+    )
+    neutral: ClassVar = {"stiffness": 0.0, "preload": 0.0}
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        slides = mechanism.joint(place.name).slides
+        return in_units(self.quantities, ["N/m" if slides else "N m/rad", effort_unit(place, mechanism)])
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        position = at.position(place.name)
+        return np.stack([at.along(place.name, position), at.along(place.name, np.ones(len(at)))], axis=-1)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = "N/m" if mechanism.joint(place.name).slides else "N m/rad"
+        return f"a spring of {values['stiffness']:.3g} {unit} acts along {place.name}"

@@ -1,0 +1,163 @@
+"""The contract of a law of the effort channel: efforts (N, k) that a robot in motion needs beside its rigid body's."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..deeds import Deed
+from ..law import Law, Place
+from ..setup import Setup
+
+__all__ = ["EFFORT", "EffortLaw", "driven_places", "moving_places"]
+
+#: Aspect of the places of these laws, which tells them from those of the pose channel.
+EFFORT = "effort"
+
+
+class EffortLaw(Law):
+    """One piece of physics that shows in the drives' efforts.
+
+    What it adds is in proportion to the parameters `linear`; the others are looked for among `scanned`. In equilibrium
+    it does nothing.
+    """
+
+    variant: ClassVar[str] = EFFORT
+    #: The parameters to which its efforts are in proportion.
+    linear: ClassVar[tuple[str, ...]]
+    #: True where none of them can be negative.
+    one_sided: ClassVar[bool] = False
+    #: True where it needs joints that turn round or change speed: it says nothing of one at rest.
+    of_motion: ClassVar[bool] = False
+
+    @abstractmethod
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        """Return the efforts (N, k, p) per unit of each of the p `linear` parameters; `values` holds the others."""
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        """Return values of the other parameters among which the best are looked for."""
+        return [{}]
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        """Return scanned values about fitted `values`, where better ones may lie between those that were scanned."""
+        return []
+
+    def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return all parameters from the coefficients (p,) of a linear fit and the scanned values."""
+        return {**values, **dict(zip(self.linear, map(float, coefficients), strict=True))}
+
+    def coefficients(self, place: Place, values: Mapping[str, float]) -> Array:
+        """Return the coefficients (p,) that belong to parameters; the inverse of `fitted`."""
+        return np.array([values[name] for name in self.linear])
+
+    def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        """Return the efforts (N, k) [N or N m] that the law adds."""
+        return self.efforts_per(place, values, at) @ self.coefficients(place, values)
+
+    def prior(self, place: Place, mechanism: Mechanism) -> Array:
+        """Return inverse variances (p,) of the coefficients about nothing; zero where anything is as likely.
+
+        For coefficients of which data tell some combinations only: the others stay near what is drawn.
+        """
+        return np.zeros(len(self.linear))
+
+    def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
+        """Return whether such values can be: within their bounds, unless a law knows better."""
+        quantities = self.quantities_at(place, mechanism)
+        return all(q.lower <= values[q.name] <= q.upper for q in quantities if q.name in values)
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        """Return whether this motion can show it at all: the joint is driven, or moves."""
+        return True
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        return ()
+
+
+#: Shares of a joint's travel on which its friction may turn round; the first is where a search begins.
+_WAYS = (3e-5, 1e-5, 1e-4, 3e-4, 1e-3)
+
+PRESLIDING = Quantity(
+    "presliding", "rad", "way on which friction turns round after the motion has", 1e-4, positive=False, upper=10.0
+)
+
+
+def way_unit(place: Place, mechanism: Mechanism) -> str:
+    """Return the unit of the position of a joint."""
+    return "m" if mechanism.joint(place.name).slides else "rad"
+
+
+def usual_way(at: InMotion, joint: str) -> float:
+    """Return the way on which a joint's friction turns round, where a search begins."""
+    return _WAYS[0] * float(np.ptp(at.position(joint)))
+
+
+def other_ways(at: InMotion, joint: str, values: Mapping[str, float], scanned: Sequence[str]) -> list[dict[str, float]]:
+    """Return scanned values with other ways of friction."""
+    travel = float(np.ptp(at.position(joint)))
+    kept = {name: values[name] for name in scanned}
+    return [{**kept, "presliding": share * travel} for share in _WAYS[1:]]
+
+
+def moving_places(mechanism: Mechanism, variant: str) -> list[Place]:
+    """Return the joints of one freedom that can rub: those that are driven, and those of loops."""
+    names = [joint.name for joint in mechanism.joints if joint.nv == 1]
+    if not mechanism.loops:
+        names = [name for name in names if name in mechanism.actuated]
+    return [Place(name, variant) for name in names]
+
+
+def driven_places(mechanism: Mechanism, variant: str) -> list[Place]:
+    """Return the driven joints."""
+    return [Place(name, variant) for name in mechanism.actuated if mechanism.joint(name).nv == 1]
+
+
+def effort_unit(place: Place, mechanism: Mechanism) -> str:
+    """Return the unit of the effort of a joint."""
+    return "N" if mechanism.joint(place.name).slides else "N m"
+
+
+def speed_unit(place: Place, mechanism: Mechanism) -> str:
+    """Return the unit of the speed of a joint."""
+    return "m/s" if mechanism.joint(place.name).slides else "rad/s"
+
+
+def per_speed(place: Place, mechanism: Mechanism) -> str:
+    """Return the unit of a damping along a joint."""
+    return "N s/m" if mechanism.joint(place.name).slides else "N m s/rad"
+
+
+class JointEffortLaw(EffortLaw):
+    """A law of one joint that may be driven or passive."""
+
+    of_motion = True
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return moving_places(mechanism, self.variant)
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return at.moves(place.name)
+
+
+class DrivenEffortLaw(EffortLaw):
+    """A law of one driven joint."""
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return driven_places(mechanism, self.variant)
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return place.name in at.driven
+
+
+def in_units(quantities: Sequence[Quantity], units: Sequence[str]) -> tuple[Quantity, ...]:
+    """Return quantities with the units that fit a joint."""
+    from dataclasses import replace
+
+    return tuple(replace(quantity, unit=unit) for quantity, unit in zip(quantities, units, strict=True))

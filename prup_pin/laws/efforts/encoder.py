@@ -1,0 +1,91 @@
+"""Encoders that are off, or late, as the efforts show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_sensor import _YOUNGEST, delays
+from .effort_law import DrivenEffortLaw, EffortLaw, in_units
+
+
+class OffsetEncoder(DrivenEffortLaw):
+    """The joint stands at q + offset where its encoder reports q: the weight acts at another lever."""
+
+    physics = "encoder_offset"
+    summary = "an encoder with an offset"
+    linear = ("offset",)
+    quantities = (Quantity("offset", "rad", "true position less the reported one", 1e-2, False, -0.25, 0.25),)
+    neutral: ClassVar = {"offset": 0.0}
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return in_units(self.quantities, ["m" if mechanism.joint(place.name).slides else "rad"])
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return place.name in at.motion.names
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.displaced(place.name)[..., None]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = "mm" if mechanism.joint(place.name).slides else "mrad"
+        return f"the encoder of {place.name} is off by {1e3 * values['offset']:+.3g} {unit}"
+
+
+class DelayedEncoder(DrivenEffortLaw):
+    """The encoder reports where the joint was a little ago."""
+
+    physics = "encoder_delay"
+    summary = "an encoder that reports late"
+    of_motion = True
+    linear = ("delay",)
+    one_sided = True
+    quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, upper=0.2),)
+    neutral: ClassVar = {"delay": 0.0}
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return place.name in at.motion.names and at.moves(place.name)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.shifted(place.name)[..., None]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"the encoder of {place.name} reports {1e3 * values['delay']:.3g} ms late"
+
+
+class DelayedEncoders(EffortLaw):
+    """All encoders report where their joints were a little ago: the efforts come early."""
+
+    physics = "encoder_delay"
+    summary = "encoders that all report late"
+    of_motion = True
+    linear = ("delay",)
+    one_sided = True
+    quantities = DelayedEncoder.quantities
+    neutral: ClassVar = {"delay": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("robot", self.variant)] if len(mechanism.actuated) > 1 else []
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        return delays(at)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.later(at.predicted, -values["age"])[..., None] / values["age"]
+
+    def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
+        return {"delay": float(coefficients[0])}
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        return [{"age": max(values["delay"], _YOUNGEST)}]
+
+    def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.later(at.predicted, -values["delay"])
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"all positions are reported {1e3 * values['delay']:.3g} ms later than the efforts"

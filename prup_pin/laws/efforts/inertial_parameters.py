@@ -1,0 +1,87 @@
+"""A link whose mass is not that of the robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import INERTIAL, InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import EFFORT, EffortLaw
+
+_UNITS = ("kg", *3 * ("kg m",), *6 * ("kg m^2",))
+
+
+def link_places(mechanism: Mechanism, variant: str) -> list[Place]:
+    """Return the bodies of all joints, by the name of their first link."""
+    return [Place(mechanism.bodies[joint.id], variant) for joint in mechanism.joints if joint.id in mechanism.bodies]
+
+
+def body_of(place: Place, mechanism: Mechanism) -> int:
+    """Return the column of a link's body in a regressor."""
+    return mechanism.frame(place.name).joint - 1
+
+
+def usual_inertia(mechanism: Mechanism) -> Array:
+    """Return inverse variances (10,) about nothing of a body's parameters: no part outweighs or outreaches the robot."""
+    mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
+    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
+    lever = reach / max(mechanism.model.njoints - 1, 1)
+    return 1 / np.array([mass, *3 * [mass * lever], *6 * [mass * lever**2]]) ** 2
+
+
+class InertialParameters(EffortLaw):
+    """Another mass, other first moments and moments of inertia of one link, added about its joint's frame."""
+
+    physics = "inertial_parameters"
+    summary = "the mass of a link, its centre and its inertia"
+    linear = INERTIAL
+    quantities = tuple(
+        Quantity(name, unit, "beyond the robot file, about the joint's frame", 0.0, positive=False, lower=-1e6, upper=1e6)
+        for name, unit in zip(INERTIAL, _UNITS, strict=True)
+    )
+    neutral: ClassVar = dict.fromkeys(INERTIAL, 0.0)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return link_places(mechanism, self.variant)
+
+    def prior(self, place: Place, mechanism: Mechanism) -> Array:
+        return usual_inertia(mechanism)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.regressor[:, :, body_of(place, at.mechanism)]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"{place.name} has another mass, centre or inertia than in the robot file ({values['mass']:+.3g} kg)"
+
+
+class ScaledInertia(EffortLaw):
+    """All of a link's inertial parameters in proportion: it is heavier or lighter than drawn."""
+
+    physics = "inertial_parameters"
+    summary = "the mass of a link"
+    variant = f"{EFFORT} in proportion"
+    linear = ("share",)
+    quantities = (Quantity("share", "", "of the drawn mass and inertia, beyond it", 0.1, positive=False, lower=-1.0),)
+    neutral: ClassVar = {"share": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        heavy = []
+        for place in link_places(mechanism, self.variant):
+            if mechanism.model.inertias[body_of(place, mechanism) + 1].mass > 0:
+                heavy.append(place)
+        return heavy
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        body = body_of(place, at.mechanism)
+        drawn = at.mechanism.model.inertias[body + 1].toDynamicParameters()
+        return (at.regressor[:, :, body] @ drawn)[..., None]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        mass = float(mechanism.model.inertias[body_of(place, mechanism) + 1].mass)
+        return f"{place.name} weighs {(1 + values['share']) * mass:.4g} kg instead of {mass:.4g} kg"

@@ -1,0 +1,51 @@
+"""A robot that does not stand upright."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import EffortLaw
+
+#: Gravity in another direction differs by about its own size [m/s^2], and keeps that size.
+_USUAL, _ROUGHLY = 10.0, 0.05
+
+
+class Mounting(EffortLaw):
+    """Gravity pulls another way than the robot file says: the base is tilted, or hangs from a wall."""
+
+    physics = "geometric_offset"
+    summary = "a base that is tilted"
+    linear = ("gx", "gy", "gz")
+    quantities = tuple(
+        Quantity(name, "m/s^2", f"gravity along the base's {name[1]}, beyond the robot file's", 0.1, False, -30.0, 30.0)
+        for name in linear
+    )
+    neutral: ClassVar = dict.fromkeys(linear, 0.0)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("base", self.variant)] if mechanism.gravity.any() else []
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return np.stack([at.rigid_under(axis) for axis in np.eye(3)], axis=-1)
+
+    def prior(self, place: Place, mechanism: Mechanism) -> Array:
+        return np.full(3, 1 / _USUAL**2)
+
+    def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
+        size = float(np.linalg.norm(mechanism.gravity))
+        true = mechanism.gravity + np.array([values[name] for name in self.linear])
+        return bool(abs(np.linalg.norm(true) - size) < _ROUGHLY * size)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        down = mechanism.gravity / np.linalg.norm(mechanism.gravity)
+        true = mechanism.gravity + np.array([values[name] for name in self.linear])
+        turned = np.degrees(np.arccos(np.clip(true @ down / np.linalg.norm(true), -1, 1)))
+        return f"the base is tilted: gravity pulls {turned:.3g} degrees beside the robot file's direction"

@@ -1,0 +1,76 @@
+"""A body in the tool's hand that nobody told the simulation about, or one that was never mounted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import INERTIAL, InMotion, in_frame
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import EffortLaw
+from .inertial_parameters import usual_inertia
+
+_CENTRE = ("x", "y", "z")
+
+#: The drawn mass, and a little for what is uncertain.
+_ALL = 1.05
+
+
+class HeldBody(EffortLaw):
+    """A rigid body fixed to the tool: mass, centre and inertia about the tool's frame. Less than nothing may be true."""
+
+    physics = "payload"
+    summary = "a body that the tool holds"
+    linear = INERTIAL
+    quantities = (
+        Quantity("mass", "kg", "of the body", 1.0, positive=False, lower=-1e4, upper=1e4),
+        *(
+            Quantity(axis, "m", f"centre of its mass along the tool's {axis}", 0.0, positive=False, lower=-1e3, upper=1e3)
+            for axis in _CENTRE
+        ),
+        *(
+            Quantity(name, "kg m^2", "about the tool's frame", 0.0, positive=False, lower=-1e6, upper=1e6)
+            for name in INERTIAL[4:]
+        ),
+    )
+    neutral: ClassVar = {"mass": 0.0, **dict.fromkeys(INERTIAL[4:], 0.0)}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        tool = mechanism.tool
+        return [] if tool is None or tool.joint == 0 else [Place(str(mechanism.tool_part), self.variant)]
+
+    def prior(self, place: Place, mechanism: Mechanism) -> Array:
+        return usual_inertia(mechanism)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        tool = at.mechanism.need_tool()
+        return at.regressor[:, :, tool.joint - 1] @ in_frame(tool.placement)
+
+    def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
+        mass = float(coefficients[0])
+        centre = coefficients[1:4] / mass if mass else np.zeros(3)
+        return dict(zip((q.name for q in self.quantities), map(float, (mass, *centre, *coefficients[4:])), strict=True))
+
+    def coefficients(self, place: Place, values: Mapping[str, float]) -> Array:
+        mass = values["mass"]
+        return np.array([mass, *(mass * values[axis] for axis in _CENTRE), *(values[name] for name in INERTIAL[4:])])
+
+    def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
+        # What was never mounted cannot weigh more than what is drawn there.
+        drawn = float(mechanism.model.inertias[mechanism.need_tool().joint].mass)
+        return super().plausible(place, values, mechanism) and values["mass"] > -_ALL * max(drawn, 0.0)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [mechanism.bodies[mechanism.need_tool().joint]]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        mass = values["mass"]
+        if mass < 0:
+            return f"the robot file has {-mass:.3g} kg at {place.name} that the robot does not carry"
+        centre = ", ".join(f"{1e3 * values[axis]:.3g}" for axis in _CENTRE)
+        return f"{place.name} carries {mass:.3g} kg, centred at ({centre}) mm in its axes"

@@ -1,0 +1,38 @@
+"""The rotors that a drive accelerates with its joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import DrivenEffortLaw, in_units
+
+
+class RotorInertia(DrivenEffortLaw):
+    """tau = J a: rotor and gears, with the gear ratio squared. Their gyroscopic part is neglected."""
+
+    physics = "rotor_inertia"
+    summary = "the inertia of rotor and gears"
+    of_motion = True
+    linear = ("inertia",)
+    one_sided = True
+    quantities = (Quantity("inertia", "kg m^2", "of rotor and gears, seen at the joint", 0.1, upper=1e5),)
+    neutral: ClassVar = {"inertia": 0.0}
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return in_units(self.quantities, ["kg" if mechanism.joint(place.name).slides else "kg m^2"])
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return place.name in at.driven and at.moves(place.name)
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.along(place.name, at.acceleration(place.name))[..., None]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = "kg" if mechanism.joint(place.name).slides else "kg m^2"
+        return f"the drive of {place.name} accelerates {values['inertia']:.3g} {unit} of rotor and gears besides the links"

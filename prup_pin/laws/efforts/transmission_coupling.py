@@ -1,0 +1,82 @@
+"""A motor that turns with the sum or the difference of two joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import EFFORT, PRESLIDING, EffortLaw, driven_places, other_ways, usual_way
+
+_WITH = f"{EFFORT} with "
+
+
+class TransmissionCoupling(EffortLaw):
+    """A motor at speed u = v_j + r v_i rubs and has inertia along u: both joints feel it, the other one r times.
+
+    Belts and differentials in a wrist. Friction and rotor inertia are diagonal in the motors' coordinates, not in the
+    joints'.
+    """
+
+    physics = "transmission_coupling"
+    summary = "a motor that moves with two joints"
+    of_motion = True
+    linear = ("limit", "damping", "inertia")
+    one_sided = True
+    quantities = (
+        Quantity("limit", "N m", "dry friction of the motor, seen at the joint", 1.0, positive=False, upper=1e6),
+        Quantity("damping", "N m s/rad", "its viscous friction", 1.0, positive=False, upper=1e6),
+        Quantity("inertia", "kg m^2", "its inertia", 0.1, positive=False, upper=1e5),
+        Quantity("ratio", "", "turns of the motor per turn of the other joint", 1.0, positive=False, lower=-10, upper=10),
+        PRESLIDING,
+    )
+    neutral: ClassVar = {"limit": 0.0, "damping": 0.0, "inertia": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        turning = [place.name for place in driven_places(mechanism, "") if mechanism.joint(place.name).turns]
+        pairs = []
+        if mechanism.loops:  # drives of a loop may share a gearbox wherever they stand
+            return [Place(a, _WITH + b) for a in turning for b in turning if a != b]
+        for name in turning:
+            parent = int(mechanism.model.parents[mechanism.joint_id(name)])
+            before = next((other for other in turning if mechanism.joint_id(other) == parent), None)
+            if before is not None:
+                pairs += [Place(name, _WITH + before), Place(before, _WITH + name)]
+        return pairs
+
+    def is_named(self, place: Place) -> bool:
+        return place.aspect.startswith(_WITH)
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [place.aspect.removeprefix(_WITH)]
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        other = place.aspect.removeprefix(_WITH)
+        return {place.name, other} <= set(at.driven) and at.moves(place.name) and at.moves(other)
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        return [{"ratio": ratio, "presliding": usual_way(at, place.name)} for ratio in (1.0, -1.0)]
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        return other_ways(at, place.name, values, ("ratio",))
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        other, ratio = place.aspect.removeprefix(_WITH), values["ratio"]
+        speed = at.speed(place.name) + ratio * at.speed(other)
+        acceleration = at.acceleration(place.name) + ratio * at.acceleration(other)
+        motor = at.position(place.name) + ratio * at.position(other)
+        parts = [at.dragging(motor, values["presliding"]), speed, acceleration]
+        return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        other = place.aspect.removeprefix(_WITH)
+        return (
+            f"the motor of {place.name} turns {values['ratio']:+.3g} times with {other} too: friction {values['limit']:.3g} N m "
+            f"and {values['damping']:.3g} N m s/rad, inertia {values['inertia']:.3g} kg m^2 act on both"
+        )

@@ -1,0 +1,64 @@
+"""A drive that resists its speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...mechanism import Mechanism
+from ...parameters import Quantity
+from ...spatial import Array
+from ..law import Place
+from .effort_law import EFFORT, JointEffortLaw, in_units, per_speed
+
+
+class Damping(JointEffortLaw):
+    """tau = d v: grease, seals, losses in the motor."""
+
+    physics = "viscous_friction"
+    summary = "friction that grows with speed"
+    linear = ("damping",)
+    one_sided = True
+    quantities = (Quantity("damping", "N m s/rad", "effort per speed", 1.0, upper=1e9),)
+    neutral: ClassVar = {"damping": 0.0}
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return in_units(self.quantities, [per_speed(place, mechanism)])
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.along(place.name, at.speed(place.name))[..., None]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return f"{place.name} resists its speed, by {values['damping']:.3g} {per_speed(place, mechanism)}"
+
+
+class DirectedViscousFriction(JointEffortLaw):
+    """The same with another damping forwards than backwards."""
+
+    physics = "viscous_friction"
+    summary = "friction that grows with speed, by direction"
+    variant = f"{EFFORT} by direction"
+    linear = ("damping_forwards", "damping_backwards")
+    one_sided = True
+    quantities = (
+        Quantity("damping_forwards", "N m s/rad", "effort per speed towards larger positions", 1.0, upper=1e9),
+        Quantity("damping_backwards", "N m s/rad", "effort per speed towards smaller positions", 1.0, upper=1e9),
+    )
+    neutral: ClassVar = {"damping_forwards": 0.0, "damping_backwards": 0.0}
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        return in_units(self.quantities, 2 * [per_speed(place, mechanism)])
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        speed = at.speed(place.name)
+        parts = [at.along(place.name, np.maximum(speed, 0.0)), at.along(place.name, np.minimum(speed, 0.0))]
+        return np.stack(parts, axis=-1)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        return (
+            f"{place.name} resists its speed, by {values['damping_forwards']:.3g} {per_speed(place, mechanism)} forwards "
+            f"and {values['damping_backwards']:.3g} backwards"
+        )
