@@ -323,3 +323,13 @@ EFFORT_INDISTINCT = 1e-4
 MOST_EFFORT_TERMS = 60
 #: Order of the whitening filters, and the white noise that is there in any case, as a share of a residual's power.
 AR_ORDER, AR_FLOOR = 6, 0.01
+#: Share of what is left that a curve of no law must take away, held out, to be told as unknown.
+EFFORT_CURVE_GAIN = 0.05
+#: ... and the share of what the laws take away: less is what every real joint has beyond any law.
+EFFORT_MATERIAL = 0.005
+#: A law at the same joint imitates such a curve where the curve saves more than this share of what the law does.
+EFFORT_IMITATED = 0.03
+#: Multiple of the declared noise beyond which what is left is not noise.
+EFFORT_LOUD = 1.5
+#: Another place or law is as good where it loses less than so many standard errors over blocks, or this share of the gain.
+EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02

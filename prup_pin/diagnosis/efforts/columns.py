@@ -9,7 +9,7 @@ block of time.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -175,3 +175,11 @@ class Gathered:
     columns: Columns
     candidates: tuple[EffortCandidate, ...]
     prior: Array  # (P,) inverse variances of the coefficients, in the unit of the whitened noise
+
+    def only(self, candidates: Sequence[EffortCandidate]) -> Gathered:
+        """Return the same columns with some candidates alone."""
+        return replace(self, candidates=tuple(candidates))
+
+    def without_curves(self) -> Gathered:
+        """Return the same columns with the laws of the library alone as candidates."""
+        return self.only([candidate for candidate in self.candidates if candidate.law.physics != "unknown"])

@@ -8,12 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics import INERTIAL, InMotion
-from ...laws import Place
+from ...laws import Effect, Place
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...laws.efforts.effort_sensor import EffortGain, EffortOffset
+from ...laws.efforts.encoder import OffsetEncoder
+from ...laws.efforts.free_curve import VARIABLES, FreeCurve
+from ...laws.efforts.inertial_parameters import InertialParameters
 from ...mechanism import Mechanism
 from ...spatial import Array
 from .columns import Columns, EffortCandidate, Gathered, Whitening, autoregression, column_blocks, kept_samples, usable
-from .search import Chosen, fit, held_out
+from ..criteria import EFFORT_FOLDS
+from .search import Chosen, fit, held_out, pulls
 
 __all__ = ["Base", "Efforts"]
 
@@ -30,6 +35,7 @@ class Base:
     tolerance: float
     unit: str
     efforts: Array
+    inertial: Array | None = None  # (10,) of its body, per tolerance
 
 
 class Efforts:
@@ -94,11 +100,76 @@ class Efforts:
         residual = (self.measured - self.rigid - self.added(given, chosen))[self.every]
         self.whitening = self._whitened(residual)
 
-    def gathered(self, chosen: Chosen | None = None, given: Gathered | None = None) -> Gathered:
-        """Return all columns; those that depend on what is known are made with what is chosen."""
-        if chosen is None or given is None:
-            return self._gathered(self.whitening, Chosen(()), True)
-        return self._renewed(given, chosen)
+    def gathered(self) -> Gathered:
+        """Return the columns of all that competes."""
+        return self._gathered(self.whitening, Chosen(()), True)
+
+    def with_curves(self, given: Gathered) -> tuple[Gathered, list[EffortCandidate]]:
+        """Return the columns with those of curves of no law beside them, and these."""
+        there = [candidate for candidate in given.candidates if isinstance(candidate.law, FreeCurve)]
+        if there:
+            return given, there
+        new, prior = [], list(given.prior)
+        for law in map(FreeCurve, VARIABLES):
+            for place in law.places(self.at.mechanism):
+                if law.acts(place, self.at):
+                    own = given.columns.add(self.whitening(self.filter(law.efforts_per(place, {}, self.at))))
+                    new.append(EffortCandidate(law, place, {}, own))
+                    prior += [0.0] * (own.stop - own.start)
+        return Gathered(self.at.mechanism, given.columns, (*given.candidates, *new), np.array(prior)), new
+
+    def added_raw(self, chosen: Chosen, x: Array) -> Array:
+        """Return the efforts (N, k) beyond the rigid robot's, not filtered."""
+        out = np.zeros_like(self.at.rigid)
+        for index in chosen.base:
+            out += x[index] * self.bases[index].efforts
+        for term in chosen.terms:
+            own = x[chosen.own(term)]
+            at = self.at.knowing(out.copy(), self.at.motion.efforts - self.at.rigid - out)
+            out += term.law.efforts_per(term.place, term.values, at) @ own
+        return out
+
+    def folds(self, count: int) -> list[np.ndarray]:
+        """Return the blocks that are held out together, in turn."""
+        return np.array_split(np.arange(count), min(EFFORT_FOLDS, count))
+
+    def free_size(self, given: Gathered, chosen: Chosen) -> Array:
+        """Return (P, 2): the size of each column freed of what is chosen, and the scatter of what pulls at it."""
+        pull, rest, _ = pulls(given, chosen)
+        scatter = np.sqrt((pull**2).sum(axis=0))
+        size = np.maximum(np.diag(rest), 0.0)
+        return np.column_stack([size, scatter])
+
+    def inertial_rank(self) -> tuple[int, int]:
+        """Return how many combinations of inertial parameters the motion tells, and how many there are."""
+        regressor = self.at.regressor[self.every]
+        table = regressor.reshape(-1, regressor.shape[2] * 10)
+        if self.at.trajectory.spread is None:
+            moved = {self.at.mechanism.joint(name).id for name in self.at.motion.names}
+            count = 10 * len(moved)
+        else:
+            count = table.shape[1]
+        sizes = np.linalg.norm(table, axis=0)
+        there = sizes > 1e-9 * sizes.max(initial=0.0)
+        values = np.linalg.eigvalsh((table[:, there] / sizes[there]).T @ (table[:, there] / sizes[there]))
+        return int((values > 1e-8 * values.max(initial=0.0)).sum()), count
+
+    def within_tolerance(self, amounts: Array) -> list[Effect]:
+        """Return the parameters within tolerance as effects of a corrected model, by amounts in tolerances."""
+        mechanism = self.at.mechanism
+        inertial: dict[str, Array] = {}
+        out: list[Effect] = []
+        for base, amount in zip(self.bases, amounts, strict=True):
+            if base.inertial is not None:
+                inertial[base.place] = inertial.get(base.place, np.zeros(10)) + amount * base.inertial
+                continue
+            law, name = _OF_KIND[base.kind]
+            out.append(Effect(law, Place(base.place, law.variant), {name: float(amount * base.tolerance)}))
+        law = InertialParameters()
+        for link, change in inertial.items():
+            out.append(Effect(law, Place(link, law.variant), dict(zip(INERTIAL, map(float, change), strict=True))))
+        del mechanism
+        return out
 
     def _gathered(self, whitening: Whitening, chosen: Chosen, moving: bool) -> Gathered:
         target = whitening(np.nan_to_num(self.measured - self.rigid))
@@ -123,6 +194,10 @@ class Efforts:
         given = Gathered(self.at.mechanism, columns, tuple(candidates), np.array(prior))
         return self._renewed(given, chosen) if moving else given
 
+    def renewed(self, given: Gathered, chosen: Chosen) -> Gathered:
+        """Return the columns with those that depend on what is known made anew."""
+        return self._renewed(given, chosen)
+
     def _renewed(self, given: Gathered, chosen: Chosen) -> Gathered:
         """Return the columns with those that depend on what is known made anew; chosen ones stay as they are."""
         columns = given.columns
@@ -133,7 +208,7 @@ class Efforts:
         prior = list(given.prior[:size])
         kept = [c for c in given.candidates if self._own_size <= c.where.start < size]
         x, _ = fit(Gathered(self.at.mechanism, columns, (), np.array(prior)), chosen)
-        known = self._added(given, chosen, x)
+        known = self.added_raw(chosen, x)
         at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
         new = []
         for law, place in self._moving:
@@ -143,20 +218,10 @@ class Efforts:
                 prior += list(law.prior(place, self.at.mechanism))
         return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior))
 
-    def _added(self, given: Gathered, chosen: Chosen, x: Array) -> Array:
-        out = np.zeros_like(self.at.rigid)
-        for index, base in enumerate(self.bases[: len(chosen.base)]):
-            out += x[index] * base.efforts
-        for term in chosen.terms:
-            own = x[chosen.own(term)]
-            at = self.at.knowing(out.copy(), self.at.motion.efforts - self.at.rigid - out)
-            out += term.law.efforts_per(term.place, term.values, at) @ own
-        return out
-
     def added(self, given: Gathered, chosen: Chosen) -> Array:
         """Return the filtered efforts (N, k) beyond the rigid robot's."""
         x, _ = fit(given, chosen)
-        return self.filter(self._added(given, chosen, x))
+        return self.filter(self.added_raw(chosen, x))
 
     def closer(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
         """Return what is chosen with scanned values where the blocks ask for them, and the columns that this takes.
@@ -173,7 +238,7 @@ class Efforts:
             if not others:
                 continue
             before = Chosen(best.base, best.terms[:place])
-            known = self._added(given, before, fit(given, before)[0])
+            known = self.added_raw(before, fit(given, before)[0])
             at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
             size, prior = columns.size, list(given.prior)
             batch = [self.filter(term.law.efforts_per(term.place, other, at)) for other in others]
@@ -201,6 +266,13 @@ class Efforts:
         return Chosen(tuple(range(len(self.bases))))
 
 
+#: The law and parameter that stand for a tolerance of a kind.
+_OF_KIND: Mapping[str, tuple[EffortLaw, str]] = {
+    "effort_bias": (EffortOffset(), "offset"),
+    "effort_gain": (EffortGain(), "gain"),
+    "encoder_offset": (OffsetEncoder(), "offset"),
+}
+
 #: Laws whose columns depend on what is known of the efforts.
 _DEPENDENT = ("effort_gain", "effort_delay", "cogging")
 
@@ -221,16 +293,17 @@ def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
         body = at.regressor[:, :, joint.id - 1]
         if size := tolerances.get("mass", 0.0):
             efforts = body @ (drawn - central)
-            out.append(Base(f"{link}.mass", "mass", "inertial_parameters", link, m, size * m, "kg", size * efforts))
+            out.append(Base(f"{link}.mass", "mass", "inertial_parameters", link, m, size * m, "kg", size * efforts, size * (drawn - central)))
         if size := tolerances.get("inertia", 0.0):
             for index, name in enumerate(INERTIAL[4:], start=4):
                 if abs(central[index]) > 0:
                     spread = size * abs(central[index])
                     efforts = body[:, :, index] * spread
-                    label = f"{link}.{name}"
-                    out.append(
-                        Base(label, "inertia", "inertial_parameters", link, central[index], spread, "kg m^2", efforts)
-                    )
+                    own = np.zeros(10)
+                    own[index] = spread
+                    label, unit = f"{link}.{name}", "kg m^2"
+                    physics = "inertial_parameters"
+                    out.append(Base(label, "inertia", physics, link, central[index], spread, unit, efforts, own))
     for column, name in enumerate(at.driven):
         unit = "N" if mechanism.joint(name).slides else "N m"
         if size := tolerances.get("effort_bias", 0.0):

@@ -136,7 +136,7 @@ def held_out(given: Gathered, chosen: Chosen) -> Array:
     return out
 
 
-def _pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
+def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
     """Return what pulls at all columns, block by block (B, P), freed of what is fitted; R (P, P) beside it, and x."""
     where = chosen.where
     x, matrix = fit(given, chosen)
@@ -165,7 +165,7 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
     A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
     those follow a chi squared with as many degrees of freedom as their mean and scatter tell.
     """
-    pull, rest, _ = _pulls(given, chosen)
+    pull, rest, _ = pulls(given, chosen)
     signs = _flips(given.columns.count)
     flipped, true = signs @ pull, pull.sum(axis=0)
     total = np.diag(given.columns.gram.sum(axis=0))

@@ -1,0 +1,565 @@
+"""What the efforts of a robot in motion say that the rigid simulation left out: findings, shares, curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, t as student
+
+from ...dynamics import InMotion, Motion, motion_of
+from ...errors import InputError
+from ...laws import Effect, Place
+from ...laws.efforts import EFFORT, EffortLaw
+from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
+from ...laws.efforts.inertial_parameters import InertialParameters
+from ...mechanism import Mechanism
+from ...recordings import Recording
+from ...robot import Robot
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_ALIKE,
+    EFFORT_CLASS,
+    EFFORT_CURVE_GAIN,
+    EFFORT_IMITATED,
+    EFFORT_LOUD,
+    EFFORT_MATERIAL,
+    EFFORT_SURE,
+    beyond_tolerance,
+)
+from ..diagnosis import Detectable, Finding, FittedParameter
+from .columns import EffortCandidate, Gathered
+from .gather import Efforts
+from .search import Chosen, fit, held_out, scores, searched, threshold, worth
+
+__all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts"]
+
+#: Candidates beside a finding that are looked at as its rivals.
+_RIVALS = 24
+#: Means that a curve is drawn through.
+_BINS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class EffortCurve:
+    """What a joint's effort asks for beyond all that is known but a finding, against what drives it.
+
+    x (m,) and y (m,) with its standard error (m,); law (m,): what the finding gives there, or None.
+    """
+
+    joint: str
+    against: str
+    x: Array
+    y: Array
+    deviation: Array
+    law: Array | None
+    x_unit: str
+    y_unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class EffortDiagnosis:
+    """What the efforts say.
+
+    joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `cutoff` [Hz], with speed,
+    position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of it:
+    'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m]; before, after: of the residual in
+    multiples of it, each {'fit', 'heldout'}. curves: by the place of a finding.
+    """
+
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    measured: Array
+    rigid: Array
+    predicted: Array
+    speed: Array
+    position: Array
+    good: np.ndarray
+    cutoff: float
+    noise: Array
+    declared: bool
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    by_joint: Mapping[str, Mapping[str, float]]
+    shares: Mapping[str, Mapping[str, float]]
+    findings: tuple[Finding, ...]
+    effects: tuple[Effect, ...]
+    curves: tuple[EffortCurve, ...]
+    verdict: str
+    not_detectable: tuple[Detectable, ...]
+    advice: str
+    remarks: tuple[str, ...]
+    rows: np.ndarray
+
+
+def diagnose_efforts(
+    robot: Robot, recording: Recording, tell: Callable[[str, float], None] = lambda stage, share: None
+) -> EffortDiagnosis:
+    """Return what the columns tau of a recording say that a rigid robot's inverse dynamics leave out.
+
+    Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
+    """
+    mechanism = robot.mechanism
+    tell("the motion", 0.02)
+    motion = motion_of(recording, mechanism)
+    if not motion.driven:
+        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
+    at = InMotion.of(mechanism, motion)
+    tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
+    efforts = Efforts(at, tolerances, recording.noise.effort)
+    tell("laws compete for the efforts", 0.1)
+    given = efforts.gathered()
+    given, chosen = searched(
+        given,
+        efforts.start(),
+        efforts.renewed,
+        efforts.closer,
+        lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share),
+    )
+    tell("what no law explains", 0.75)
+    given, chosen, free = _with_curves(efforts, given, chosen)
+    tell("the verdict", 0.9)
+    return _Verdict(robot, recording, efforts, given, chosen, free).whole()
+
+
+def _with_curves(efforts: Efforts, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen, list[EffortCandidate]]:
+    """Return what is chosen, and the curves of no law that the efforts still ask for; a law that they make needless goes.
+
+    A law that only imitates what is there leaves its shape behind.
+    """
+    free: list[EffortCandidate] = []
+    began = held_out(given, Chosen(chosen.base))
+    for _ in range(3):
+        given, curves = efforts.with_curves(given)
+        ranked, best = scores(given.only(curves), chosen)
+        limit = threshold(best)
+        left = held_out(given, chosen)
+        tried = []
+        for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
+            if score.log_chance >= limit:
+                continue
+            after = held_out(given, chosen.with_term(score.candidate))
+            share, sure = worth(left, after)
+            material = (left - after).sum() > EFFORT_MATERIAL * (began.sum() - left.sum()) or not chosen.terms
+            if sure > EFFORT_SURE and share > EFFORT_CURVE_GAIN and material:
+                tried.append((share, score.candidate))
+        if not tried:
+            break
+        curve = max(tried, key=lambda item: item[0])[1]
+        if any(curve.name == other.name for other in free):
+            break
+        free.append(curve)
+        shape = float((left - held_out(given, chosen.with_term(curve))).sum())
+        for term in chosen.terms:
+            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name:
+                continue
+            own = float((held_out(given, chosen.without(term)) - left).sum())
+            if shape > EFFORT_IMITATED * own:
+                chosen = chosen.without(term)
+        chosen = chosen.with_term(curve)
+    return given, chosen, free
+
+
+class _Verdict:
+    """A fit, asked for everything that is told of it."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        recording: Recording,
+        efforts: Efforts,
+        given: Gathered,
+        chosen: Chosen,
+        free: Sequence[EffortCandidate],
+    ):
+        self.robot, self.recording, self.efforts = robot, recording, efforts
+        self.given, self.chosen, self.free = given, chosen, list(free)
+        self.mechanism, self.at = robot.mechanism, efforts.at
+        self.motion: Motion = efforts.at.motion
+        self.x, self.matrix = fit(given, chosen)
+        self.base_only = Chosen(chosen.base)
+        self.named = Chosen(
+            chosen.base, tuple(term for term in chosen.terms if not isinstance(term.law, FreeCurve))
+        )
+        self.x_named, _ = fit(given, self.named)
+        self.held = held_out(given, self.named)
+
+    def whole(self) -> EffortDiagnosis:
+        """Return the diagnosis."""
+        efforts, motion = self.efforts, self.motion
+        added = efforts.added_raw(self.named, self.x_named)
+        every = efforts.every
+        measured, rigid = efforts.measured[every], efforts.rigid[every]
+        predicted = rigid + efforts.filter(added)[every]
+        noise, declared = self._noise(added)
+        before, after, by_joint = self._residuals(added, noise)
+        findings = [self._finding(term) for term in self.named.terms]
+        findings += self._beyond()
+        findings.sort(key=lambda finding: -finding.heldout_gain)
+        unknown = [self._unknown(term) for term in self.free]
+        if not unknown and declared and after["fit"] > EFFORT_LOUD:
+            worst = max(by_joint, key=lambda name: by_joint[name]["after"])
+            unknown = [
+                _plain_unknown(
+                    worst,
+                    f"what is left at {worst} is {by_joint[worst]['after']:.3g} times the declared noise; no law of the "
+                    "library takes it away, and it follows neither speed, position, load nor time",
+                )
+            ]
+        verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
+        return EffortDiagnosis(
+            joints=self.at.driven,
+            units=tuple("N" if self.mechanism.joint(name).slides else "N m" for name in self.at.driven),
+            time=motion.time[every],
+            measured=measured,
+            rigid=rigid,
+            predicted=predicted,
+            speed=np.column_stack([self.at.speed(name)[every] for name in self.at.driven]),
+            position=np.column_stack([self.at.position(name)[every] for name in self.at.driven]),
+            good=efforts.good,
+            cutoff=motion.low_pass.cutoff,
+            noise=noise,
+            declared=declared,
+            before=before,
+            after=after,
+            by_joint=by_joint,
+            shares=self._shares(predicted),
+            findings=(*findings, *unknown),
+            effects=tuple(self._effects()),
+            curves=tuple(self._curves()),
+            verdict=verdict,
+            not_detectable=tuple(self._not_detectable()),
+            advice=self._advice(unknown),
+            remarks=tuple(self._remarks()),
+            rows=motion.rows[every],
+        )
+
+    # -- residuals -------------------------------------------------------------------------------------------------
+
+    def _noise(self, added: Array) -> tuple[Array, bool]:
+        """Return the noise of each effort (k,) and whether it was declared; else what no curve takes away."""
+        declared = self.recording.noise.effort
+        if declared:
+            return np.full(len(self.at.driven), declared), True
+        x, _ = fit(self.given, self.chosen)
+        rest = (self.motion.efforts - self.at.rigid - self.efforts.added_raw(self.chosen, x))[self.efforts.every]
+        sizes = [_rms(rest[self.efforts.good[:, k], k]) for k in range(rest.shape[1])]
+        return np.maximum(np.nan_to_num(sizes), np.finfo(float).tiny), False
+
+    def _residuals(
+        self, added: Array, noise: Array
+    ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
+        """Return the residual in multiples of the noise before and after, of all and by joint."""
+        every, good = self.efforts.every, self.efforts.good
+        raw = (self.motion.efforts - self.at.rigid)[every]
+        first, last = raw / noise, (raw - added[every]) / noise
+        ratio = self._held_ratio()
+        before = _rms(first[good])
+        after = _rms(last[good])
+        by_joint = {
+            name: {"before": _rms(first[good[:, k], k]), "after": _rms(last[good[:, k], k])}
+            for k, name in enumerate(self.at.driven)
+        }
+        return {"fit": before, "heldout": before}, {"fit": after, "heldout": after * ratio}, by_joint
+
+    def _held_ratio(self) -> float:
+        """Return how much larger held-out blocks' residual is than the fitted one, root mean square."""
+        from .search import saved
+
+        fitted = float(saved(self.given, self.named, self.x_named).sum())
+        return float(np.sqrt(max(self.held.sum() / max(fitted, np.finfo(float).tiny), 1.0)))
+
+    def _shares(self, predicted: Array) -> dict[str, dict[str, float]]:
+        """Return what is left of each joint's effort below the cut-off, as a share of it, and of all together."""
+        efforts = self.efforts
+        measured, rigid = efforts.measured[efforts.every], efforts.rigid[efforts.every]
+        held = np.empty_like(predicted)
+        count = self.given.columns.count
+        for part in efforts.folds(count):
+            x, _ = fit(self.given, self.named, part)
+            rows = np.isin(efforts.blocks, part)
+            held[rows] = (rigid + efforts.filter(efforts.added_raw(self.named, x))[efforts.every])[rows]
+        out: dict[str, dict[str, float]] = {}
+        columns = {name: [k] for k, name in enumerate(self.at.driven)}
+        for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():
+            good = efforts.good[:, where]
+            size = max(_rms(measured[:, where][good]), np.finfo(float).tiny)
+            out[name] = {
+                key: _rms((measured - values)[:, where][good]) / size
+                for key, values in (("rigid", rigid), ("fit", predicted), ("heldout", held))
+            }
+        return out
+
+    # -- findings --------------------------------------------------------------------------------------------------
+
+    def _covariance(self, chosen: Chosen, x: Array) -> tuple[Array, int]:
+        """Return the coefficients' covariance by the scatter of whole blocks, and its degrees of freedom."""
+        where = chosen.where
+        _, matrix = fit(self.given, chosen)
+        gram = self.given.columns.gram[:, where][:, :, where]
+        pulls = self.given.columns.moment[:, where] - gram @ x
+        middle = pulls.T @ pulls
+        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+        inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-12, hermitian=True)
+        inverse = scale[:, None] * inverse * scale
+        count = self.given.columns.count
+        degrees = max(count - 1, 1)
+        # beside the scatter of blocks the least that white noise of the whitened size gives
+        return inverse @ middle @ inverse * count / degrees + inverse, degrees
+
+    def _finding(self, term: EffortCandidate) -> Finding:
+        values = term.law.fitted(term.place, self.x_named[self.named.own(term)], term.values)
+        effect = self._effect(term, values)
+        without = held_out(self.given, self.named.without(term))
+        gain = float(np.clip(1 - self.held.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0))
+        places, laws = self._rivals(term, without)
+        return Finding(
+            physics=term.law.physics,
+            location=term.place.name,
+            candidates=tuple(dict.fromkeys((term.place.name, *places))),
+            parameters=self._parameters(term, values),
+            heldout_gain=gain,
+            statement=effect.statement(self.mechanism),
+            effect=effect,
+            alternatives=tuple(dict.fromkeys(laws)),
+        )
+
+    def _effect(self, term: EffortCandidate, values: Mapping[str, float]) -> Effect:
+        kept = {q.name: float(values[q.name]) for q in term.law.quantities_at(term.place, self.mechanism)}
+        return Effect(term.law, term.place, kept)
+
+    def _parameters(self, term: EffortCandidate, values: Mapping[str, float]) -> dict[str, FittedParameter]:
+        covariance, degrees = self._covariance(self.named, self.x_named)
+        own = self.named.own(term)
+        x = self.x_named[own]
+        deviation = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
+        reach = float(student.ppf(0.975, degrees))
+        out = {}
+        quantities = {q.name: q for q in term.law.quantities_at(term.place, self.mechanism)}
+        # by the coefficients' own scatter, followed into what they stand for
+        ends: dict[str, list[float]] = {name: [values[name]] for name in quantities}
+        spread = dict.fromkeys(quantities, 0.0)
+        for index, size in enumerate(deviation):
+            moved = x.copy()
+            moved[index] += reach * size
+            other = term.law.fitted(term.place, moved, term.values)
+            for name in quantities:
+                spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
+        for name, quantity in quantities.items():
+            if name in term.values and name not in term.law.linear and spread[name] == 0.0:
+                out[name] = FittedParameter(values[name], quantity.unit, (values[name], values[name]))
+                continue
+            low, high = values[name] - spread[name], values[name] + spread[name]
+            out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))
+        del ends
+        return out
+
+    def _rivals(self, term: EffortCandidate, without: Array) -> tuple[list[str], list[str]]:
+        """Return other places and other laws that explain as well as a term what it explains."""
+        rest = self.named.without(term)
+        places = list(term.law.same_places(term.place, self.mechanism))
+        laws: list[str] = []
+        ranked, _ = scores(self.given.without_curves(), rest)
+        gain = float((without - self.held).sum())
+        for score in sorted(ranked, key=lambda item: -item.gain)[:_RIVALS]:
+            other = score.candidate
+            same = other.law is term.law and other.place == term.place
+            if not score.possible or same or other.size > term.size:
+                continue
+            after = held_out(self.given, rest.with_term(other))
+            apart = after - self.held
+            error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
+            if float(apart.sum()) > min(max(EFFORT_ALIKE * error, EFFORT_CLASS * gain), 0.2 * gain):
+                continue
+            if other.law.physics == term.law.physics:
+                places += [other.place.name, *other.law.same_places(other.place, self.mechanism)]
+            else:
+                laws.append(f"{other.law.physics} at {other.place.name}")
+                places.append(other.place.name)
+        return places, laws
+
+    def _beyond(self) -> Iterator[Finding]:
+        """Yield parameters that lie beyond their tolerances."""
+        covariance, degrees = self._covariance(self.named, self.x_named)
+        limit = beyond_tolerance(len(self.efforts.bases))
+        for index in self.named.base:
+            base, amount = self.efforts.bases[index], float(self.x_named[index])
+            if abs(amount) <= limit:
+                continue
+            value = base.nominal + amount * base.tolerance
+            reach = float(student.ppf(0.975, degrees)) * float(np.sqrt(covariance[index, index])) * base.tolerance
+            yield Finding(
+                physics=base.physics,
+                location=base.place,
+                candidates=(base.place,),
+                parameters={base.name: FittedParameter(value, base.unit, (value - reach, value + reach))},
+                heldout_gain=float(amount**2 / (amount**2 + self.held.sum())),
+                statement=(
+                    f"{base.name} lies {abs(amount):.3g} tolerances beside the robot file: {value:.6g} {base.unit} "
+                    f"instead of {base.nominal:.6g}"
+                ),
+            )
+
+    def _unknown(self, term: EffortCandidate) -> Finding:
+        law = term.law
+        assert isinstance(law, FreeCurve)
+        without = held_out(self.given, self.chosen.without(term))
+        whole = held_out(self.given, self.chosen)
+        share = float(np.clip(1 - whole.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0))
+        return _plain_unknown(
+            term.place.name,
+            f"structure is left over at {term.place.name} that no law of the library takes away; an effort that follows "
+            f"the joint's {law.variable} by a curve of its own would take away {100 * share:.0f} % of what is left",
+            share,
+        )
+
+    def _effects(self) -> Iterator[Effect]:
+        """Yield everything that the corrected model holds: what was found, and what lies within tolerance."""
+        yield from self.efforts.within_tolerance(self.x_named[: len(self.named.base)])
+        for term in self.named.terms:
+            values = term.law.fitted(term.place, self.x_named[self.named.own(term)], term.values)
+            yield self._effect(term, values)
+
+    # -- pictures and advice ---------------------------------------------------------------------------------------
+
+    def _curves(self) -> Iterator[EffortCurve]:
+        """Yield, for each finding that one variable drives, what the efforts ask for against it."""
+        efforts = self.efforts
+        every = efforts.every
+        full = efforts.filter(efforts.added_raw(self.named, self.x_named))[every]
+        left = efforts.measured[every] - efforts.rigid[every] - full
+        for term in (*self.named.terms, *self.free):
+            joint = term.place.name
+            variable = term.law.variable if isinstance(term.law, FreeCurve) else _AGAINST.get(term.law.physics)
+            if variable is None or joint not in self.at.driven:
+                continue
+            column = self.at.driven.index(joint)
+            good = efforts.good[:, column]
+            own = np.zeros(len(left))
+            if not isinstance(term.law, FreeCurve):
+                same = [other for other in self.named.terms if other.place.name == joint and _AGAINST.get(other.law.physics) == variable]
+                if same and same[0] is not term:
+                    continue  # drawn once, together
+                for other in same:
+                    own = own + self._alone(other)[:, column]
+            x = variable_of(self.at, joint, variable)[every]
+            drawn = _means(x[good], (left[:, column] + own)[good], own[good] if own.any() else None)
+            slides = self.mechanism.joint(joint).slides
+            yield EffortCurve(
+                joint, variable, *drawn, VARIABLES[variable][1 if slides else 0], "N" if slides else "N m"
+            )
+
+    def _alone(self, term: EffortCandidate) -> Array:
+        efforts = self.efforts
+        x = np.zeros_like(self.x_named)
+        x[self.named.own(term)] = self.x_named[self.named.own(term)]
+        return efforts.filter(efforts.added_raw(self.named, x))[efforts.every]
+
+    def _not_detectable(self) -> Iterator[Detectable]:
+        """Yield laws of one parameter that would have stayed below chance even at a strong size, and joints at rest."""
+        given = self.given.without_curves()
+        pull_scores, best = scores(given, self.named)
+        limit = threshold(best)
+        at_rest = [name for name in self.at.driven if not self.at.moves(name)]
+        for name in at_rest:
+            reason = f"{name} stood still"
+            for physics, parameter in (("coulomb_friction", "limit"), ("viscous_friction", "damping")):
+                yield Detectable(physics, name, parameter, None, "", reason)
+        seen: set[tuple[str, str]] = set()
+        rest = self.efforts.free_size(given, self.named)
+        for score in pull_scores:
+            candidate = score.candidate
+            if candidate.size != 1 or candidate.name in seen or score.log_chance < limit:
+                continue
+            seen.add(candidate.name)
+            size, scatter = rest[candidate.where.start]
+            if not size > 0:
+                continue
+            need = float(np.sqrt(chi2.isf(np.exp(max(limit, -700.0)), 1)) * scatter / size)
+            quantity = candidate.law.quantities_at(candidate.place, self.mechanism)[0]
+            strong = float(quantity.default or 1.0)  # type: ignore[arg-type]
+            if need > abs(strong):
+                yield Detectable(
+                    *candidate.name, candidate.law.linear[0], need, quantity.unit, "smaller ones drown in what is left"
+                )
+
+    def _advice(self, unknown: Sequence[Finding]) -> str:
+        slow = [
+            name
+            for name in self.at.driven
+            if not self.at.moves(name) or self.motion.still[:, self.motion.names.index(name)].mean() > 0.5
+            if name in self.motion.names
+        ]
+        if slow:
+            return f"record again with {', '.join(slow)} in motion, at several speeds and both ways: nothing is known of them"
+        if unknown:
+            where = unknown[0].location
+            return (
+                f"move {where} alone, slowly and fast, over its whole travel and both ways, with the others in several "
+                "postures: that tells apart what depends on its speed, its position and its load"
+            )
+        doubtful = [term for term in self.named.terms if self._rivals(term, held_out(self.given, self.named.without(term)))[1]]
+        if doubtful:
+            return (
+                f"move {doubtful[0].place.name} at several constant speeds, both ways, and let it accelerate hard in between"
+            )
+        return ""
+
+    def _remarks(self) -> list[str]:
+        motion, efforts = self.motion, self.efforts
+        remarks = list(motion.remarks)
+        for column, name in enumerate(self.at.driven):
+            left_out = 1 - efforts.good[:, column].mean()
+            if left_out > 0.02:
+                remarks.append(
+                    f"{name} stands still in {100 * left_out:.2g} % of the samples: friction takes any value there, and they "
+                    "were left out for it"
+                )
+        rank, count = efforts.inertial_rank()
+        if count:
+            remarks.append(
+                f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links; "
+                "the others stay as drawn"
+            )
+        silent = [name for name in self.mechanism.actuated if name not in self.motion.names]
+        if silent:
+            remarks.append(f"no position was recorded of {', '.join(silent)}: taken to stand at home")
+        return remarks
+
+
+#: What a word's effort is drawn against.
+_AGAINST = {
+    "viscous_friction": "speed",
+    "coulomb_friction": "speed",
+    "stribeck_friction": "speed",
+    "counterbalance": "position",
+    "cogging": "position",
+    "effort_gain": "load",
+}
+
+
+def _plain_unknown(where: str, statement: str, share: float = 0.0) -> Finding:
+    return Finding(
+        physics="unknown",
+        location=where,
+        candidates=(where,),
+        parameters={},
+        heldout_gain=share,
+        statement=statement,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if np.size(values) else float("nan")
+
+
+def _means(x: Array, y: Array, law: Array | None) -> tuple[Array, Array, Array, Array | None]:
+    """Return means of neighbours, sorted by x, as many in each: x, y, its standard error, the law's."""
+    order = np.argsort(x, kind="stable")
+    parts = [part for part in np.array_split(order, _BINS) if len(part) > 1]
+    mean = np.array([x[part].mean() for part in parts])
+    values = np.array([y[part].mean() for part in parts])
+    error = np.array([y[part].std(ddof=1) / np.sqrt(len(part)) for part in parts])
+    return mean, values, error, None if law is None else np.array([law[part].mean() for part in parts])
