@@ -14,7 +14,7 @@ __all__ = ["Noise"]
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: position [m], rotation [rad], force [N], moment [N m]; where they come from.
+    """Standard deviations: position [m], rotation [rad], force [N], moment [N m]; where they come from; effort [N or N m].
 
     Of several recordings with noise of their own, `each` by their places, and which (N,) of them each sample is from;
     the four are then those of all samples together.
@@ -25,6 +25,7 @@ class Noise:
     force: float
     moment: float
     source: str
+    effort: float = 0.0
     each: tuple[Noise, ...] = ()
     which: np.ndarray | None = field(default=None, compare=False, repr=False)
 

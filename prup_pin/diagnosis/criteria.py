@@ -303,6 +303,7 @@ def beyond_tolerance(count: int) -> float:
     """Return how many tolerances off a parameter must be to be a finding, one of `count` that may be off."""
     return max(BEYOND, float(norm.isf(FALSE_ALARM / (2 * max(count, 1)))))
 
+
 # -- efforts -----------------------------------------------------------------------------------------------------------
 
 #: Blocks of time whose residuals are taken to be independent of each other; fewer where they would be too short.

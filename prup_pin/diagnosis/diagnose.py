@@ -10,6 +10,7 @@ from scipy.stats import chi2 as chi_squared
 from threadpoolctl import threadpool_limits
 
 from ..channels import Linear, Noise, Stack, channels_of
+from ..dynamics import is_standing
 from ..errors import InputError
 from ..laws import Effect, Inputs
 from ..laws.deviations import without_effect
@@ -57,6 +58,8 @@ from .criteria import (
 )
 from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
+from .efforts import diagnose_efforts
+from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
 from .fit import Fit, Problem, Term
 from .limits import limits_heard
 from .local_curve import LocalCurve, strongest_curve
@@ -101,8 +104,24 @@ def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: 
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
     with threadpool_limits(1, user_api="blas"), limits_heard() as told:
-        found = _diagnosed(robot, recording, _only_forward(tell))
+        found = _of_channels(robot, recording, _only_forward(tell))
     return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
+
+
+def _of_channels(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:
+    """Return the diagnosis of what was recorded: poses and markers, efforts, or both."""
+    given = [recording] if isinstance(recording, Recording) else list(recording)
+    mechanism = robot.mechanism
+    if not given or not has_efforts(given, mechanism):
+        return _diagnosed(robot, recording, tell)
+    poses = has_poses(given, mechanism)
+    positions = [name for name in mechanism.actuated if name in given[0].positions]
+    if poses and is_standing(given[0], positions):
+        return _diagnosed(robot, recording, tell)  # what drives hold at rest says little beside a pose
+    efforts = diagnose_efforts(robot, together_in_time(given, mechanism), tell)
+    if not poses:
+        return of_efforts(efforts, given, mechanism)
+    return joined(_diagnosed(robot, recording, tell), efforts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,8 @@ from .recovered import Agreement, Recovered, Residuals
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from .efforts import EffortDiagnosis
+
 __all__ = ["Detectable", "Diagnosis", "Finding", "FittedParameter"]
 
 VERDICTS = ("nothing_missing", "explained", "unexplained")
@@ -105,6 +107,7 @@ class Diagnosis:
     recordings: tuple[ByRecording, ...] = ()
     residuals: Residuals | None = None  # in multiples of the noise; None where nothing was compared
     final: Run | None = None
+    efforts: EffortDiagnosis | None = None  # of drives in motion, where there were any
 
     @property
     def explained(self) -> bool:

@@ -8,7 +8,7 @@ from .clock import EvenClock, even_clock
 from .in_motion import InMotion
 from .inertial import INERTIAL, in_frame
 from .inverse import InverseDynamics, Trajectory
-from .motion import Motion, motion_of
+from .motion import Motion, is_standing, motion_of
 from .smoothing import LowPass, bandwidth
 
 __all__ = [
@@ -22,5 +22,6 @@ __all__ = [
     "bandwidth",
     "even_clock",
     "in_frame",
+    "is_standing",
     "motion_of",
 ]

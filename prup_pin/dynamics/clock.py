@@ -51,9 +51,7 @@ class EvenClock:
             time[own] = np.linspace(begin, end, len(own))
             step += (end - begin) / (len(own) - 1) * len(own) / len(self.rows)
         told = "the stamps jitter, but the samples are smoother when taken as even: they were"
-        return EvenClock(
-            self.rows, time, self.row_piece, step, True, time, self.row_piece, (*self.remarks[:-1], told)
-        )
+        return EvenClock(self.rows, time, self.row_piece, step, True, time, self.row_piece, (*self.remarks[:-1], told))
 
     def sampled(self, values: Array) -> Array:
         """Return a table's columns (rows, ...) at the samples, (N, ...): straight lines between the rows that count."""
@@ -88,7 +86,9 @@ def even_clock(time: Array, columns: Array, run: np.ndarray) -> EvenClock:
         repeated[1:] = (columns[1:] == columns[:-1]).all(axis=1) & (run[1:] == run[:-1])
     share = repeated.mean() if n else 0.0
     if share > _REPEATS:
-        remarks.append(f"{100 * share:.2g} % of the rows repeat the row before them: logged again, not measured; left out")
+        remarks.append(
+            f"{100 * share:.2g} % of the rows repeat the row before them: logged again, not measured; left out"
+        )
     else:
         repeated[:] = False
     rows = np.flatnonzero(whole & ~repeated)

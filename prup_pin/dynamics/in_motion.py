@@ -117,7 +117,7 @@ class InMotion:
 
     def moves(self, joint: str) -> bool:
         """Return whether a joint moves at all."""
-        return bool(np.abs(self.speed(joint)).max(initial=0.0) > 0)
+        return bool(np.ptp(self.position(joint)) > 0)
 
     def along(self, joint: str, effort: Array) -> Array:
         """Return what the drives give (N, k) for an effort (N,) needed along a joint, be it driven or not."""
@@ -132,6 +132,8 @@ class InMotion:
 
     def rate(self, values: Array) -> Array:
         """Return the rate of change of values (N, ...)."""
+        if self.motion.standing:
+            return np.zeros_like(values)
         return differences(values, self.motion.piece, 1 / self.motion.rate)
 
     def rigid_under(self, gravity: Array) -> Array:
@@ -164,9 +166,9 @@ class InMotion:
         for where in pieces(self.motion.piece):
             for index in np.ndindex(values.shape[1:]):
                 own = values[(where, *index)]
-                out[(where, *index)] = CubicSpline(time[where], own)(
-                    np.clip(time[where] - delay, time[where][0], time[where][-1])
-                ) - own
+                out[(where, *index)] = (
+                    CubicSpline(time[where], own)(np.clip(time[where] - delay, time[where][0], time[where][-1])) - own
+                )
         return out
 
     def shifted(self, joint: str) -> Array:
@@ -185,7 +187,11 @@ class InMotion:
         motion, values = self.motion, []
         for sign in (0.5, -0.5):
             moved = []
-            for table, rate in ((motion.position, position), (motion.speed, speed), (motion.acceleration, acceleration)):
+            for table, rate in (
+                (motion.position, position),
+                (motion.speed, speed),
+                (motion.acceleration, acceleration),
+            ):
                 other = table.copy()
                 other[:, column] += sign * _STEP * rate
                 moved.append(other)

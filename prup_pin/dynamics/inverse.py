@@ -87,7 +87,9 @@ class InverseDynamics:
         mechanism, model = self.mechanism, self.model
         missing = [name for name in mechanism.actuated if name not in motion.names]
         if missing:
-            raise InputError(f"a robot with loops needs the positions of all actuators; missing: q.{', q.'.join(missing)}")
+            raise InputError(
+                f"a robot with loops needs the positions of all actuators; missing: q.{', q.'.join(missing)}"
+            )
         columns = [motion.names.index(name) for name in mechanism.actuated]
         tree = LoopedTree(mechanism)
         kinematics = LoopKinematics(mechanism, tree)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..spatial import Array
 from .clock import EvenClock, even_clock
 from .smoothing import LowPass, bandwidth, differences, floor_of, pieces, spectrum
 
-__all__ = ["Motion", "motion_of"]
+__all__ = ["Motion", "is_standing", "motion_of"]
 
 #: The slowest cut-off [Hz]: what a drive's friction does at a reversal is faster than the motion itself.
 _SLOWEST = 10.0
@@ -25,6 +26,8 @@ _WIDER = 2.0
 _STILL, _STILL_SHARE = 4.0, 2e-3
 #: Samples beyond which blocks of time are chosen instead of all, evenly.
 MOST_SAMPLES = 400_000
+#: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
+_SLOW_CLOCK, _MOVING = 0.3, 0.3
 #: Recorded speeds that differ from the positions' by more than this share are not those of the positions.
 _STRANGE = 0.3
 
@@ -55,6 +58,7 @@ class Motion:
     rows: np.ndarray
     low_pass: LowPass
     remarks: tuple[str, ...] = ()
+    standing: bool = False  # postures one after the other: nothing is known of the ways between them
 
     def __len__(self) -> int:
         return len(self.time)
@@ -64,24 +68,48 @@ class Motion:
         return replace(self, position=position, speed=speed, acceleration=acceleration)
 
 
-def motion_of(recording: Recording, mechanism: Mechanism) -> Motion:
+def is_standing(recording: Recording, names: Sequence[str]) -> bool:
+    """Return whether a recording is of postures in which the joints `names` stand, not of motions between them."""
+    if len(recording) < 2 or not names:
+        return True
+    steps = np.diff(recording.time)[np.diff(recording.run) == 0]
+    if not len(steps) or float(np.median(steps)) > _SLOW_CLOCK:
+        return True
+    logged = [recording.velocities[name] for name in names if name in recording.velocities]
+    if len(logged) == len(names) and not np.nanmax(np.abs(np.column_stack(logged))) > 0:
+        return True
+    moved = np.diff(np.column_stack([recording.positions[name] for name in names]), axis=0)
+    return bool((np.abs(np.nan_to_num(moved)) > 0).any(axis=1).mean() < _MOVING)
+
+
+def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] | None = None) -> Motion:
     """Return the motion that a recording tells of a mechanism's joints.
+
+    driven: the joints whose efforts are asked for, be they recorded or not; None: those that were recorded.
 
     Raises InputError where no joint has a position, or nothing lasts long enough to tell a speed.
     """
     joints = [joint.name for joint in mechanism.joints if joint.nv == 1 and joint.name in recording.positions]
     names = tuple(name for name in joints if np.isfinite(recording.positions[name]).any())
-    driven = tuple(
+    drives = tuple(
         name for name in mechanism.actuated if name in recording.efforts and np.isfinite(recording.efforts[name]).any()
     )
     if not names:
         raise InputError("no column q.<joint> of this robot's joints holds a number: its motion is unknown")
+    if driven is not None:
+        nothing = np.zeros(len(recording))
+        recording = recording.with_measurements(efforts=dict.fromkeys(driven, nothing))
+        drives = tuple(driven)
+    if is_standing(recording, names):
+        return _standing_motion(recording, names, drives)
     remarks: list[str] = []
     recording = _bounded(recording, remarks)
     speeds = _logged(recording.velocities, names)
     accelerations = _logged(recording.accelerations, names)
-    columns = [recording.positions[name] for name in names] + [recording.efforts[name] for name in driven]
-    columns += [recording.velocities[name] for name in speeds] + [recording.accelerations[name] for name in accelerations]
+    columns = [recording.positions[name] for name in names] + [recording.efforts[name] for name in drives]
+    columns += [recording.velocities[name] for name in speeds] + [
+        recording.accelerations[name] for name in accelerations
+    ]
     table = np.column_stack(columns)
     clock = even_clock(recording.time, table, recording.run)
     if not clock.exact:
@@ -94,8 +122,8 @@ def motion_of(recording: Recording, mechanism: Mechanism) -> Motion:
         )
     rate = 1 / clock.step
     position = _unwrapped(clock.sampled(table[:, : len(names)]), names, mechanism)
-    efforts = clock.sampled(table[:, len(names) : len(names) + len(driven)])
-    at = len(names) + len(driven)
+    efforts = clock.sampled(table[:, len(names) : len(names) + len(drives)])
+    at = len(names) + len(drives)
     logged_speed = dict(zip(speeds, clock.sampled(table[:, at : at + len(speeds)]).T, strict=True))
     at += len(speeds)
     logged_acceleration = dict(zip(accelerations, clock.sampled(table[:, at:]).T, strict=True))
@@ -142,7 +170,7 @@ def motion_of(recording: Recording, mechanism: Mechanism) -> Motion:
     wrench = recording.wrench if recording.has_wrench else None
     return Motion(
         names=names,
-        driven=driven,
+        driven=drives,
         time=clock.time[keep],
         piece=clock.piece[keep],
         rate=rate,
@@ -157,6 +185,38 @@ def motion_of(recording: Recording, mechanism: Mechanism) -> Motion:
         rows=rows[keep],
         low_pass=LowPass(cutoff, rate),
         remarks=tuple(remarks),
+    )
+
+
+def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple[str, ...]) -> Motion:
+    table = np.column_stack(
+        [recording.positions[name] for name in names] + [recording.efforts[name] for name in driven]
+    )
+    rows = np.flatnonzero(np.isfinite(table).all(axis=1))
+    position, count = table[rows, : len(names)], len(names)
+    remarks = [
+        "the joints stand in every row: efforts are those of weight and load, and nothing shows that needs motion"
+    ]
+    if len(rows) < len(recording):
+        remarks.append(f"{len(recording) - len(rows)} of {len(recording)} rows lack a position or an effort")
+    return Motion(
+        names=names,
+        driven=driven,
+        time=np.asarray(recording.time)[rows],
+        piece=np.arange(len(rows)),
+        rate=1.0,
+        position=position,
+        speed=np.zeros_like(position),
+        acceleration=np.zeros_like(position),
+        still=np.zeros(position.shape, bool),
+        slow=np.full(count, np.finfo(float).tiny),
+        efforts=table[rows, count:],
+        wrench=np.nan_to_num(np.asarray(recording.wrench))[rows] if recording.has_wrench else None,
+        gravity=None if recording.gravity is None else np.asarray(recording.gravity)[rows],
+        rows=rows,
+        low_pass=LowPass(1.0, 1.0),
+        remarks=tuple(remarks),
+        standing=True,
     )
 
 
@@ -216,7 +276,12 @@ def _strange_speeds(names: tuple[str, ...], position: Array, logged: dict[str, A
         alike = float(moved @ told) / np.sqrt(size * float(told @ told))
         if alike > 0.9 and abs(ratio - 1) > _STRANGE:
             seems = ""
-            for factor, unit in ((57.29578, "degrees"), (9.549297, "revolutions per minute"), (1e3, "mm/s"), (-1.0, "")):
+            for factor, unit in (
+                (57.29578, "degrees"),
+                (9.549297, "revolutions per minute"),
+                (1e3, "mm/s"),
+                (-1.0, ""),
+            ):
                 if abs(ratio / factor - 1) < 0.1:
                     seems = f": they seem to be in {unit}" if unit else ": their sign is turned round"
             unit = "m/s" if clock is None else "rad/s or m/s"
@@ -238,4 +303,3 @@ def _standing(slow: np.ndarray, piece: np.ndarray, rate: float, cutoff: float) -
                     begin = where.start + max(start - least // 2, 0)
                     out[begin : min(where.start + end + least // 2, where.stop), column] = True
     return out
-

@@ -72,10 +72,7 @@ def floor_of(frequency: Array, power: Array, rate: float) -> float:
 
 
 def bandwidth(values: Array, piece: np.ndarray, rate: float) -> float:
-    """Return the frequency [Hz] up to which a signal (N,) stands above the white noise of its sensor.
-
-
-    """
+    """Return the frequency [Hz] up to which a signal (N,) stands above the white noise of its sensor."""
     frequency, power = spectrum(values, piece, rate)
     if not len(frequency):
         return 0.0

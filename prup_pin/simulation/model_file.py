@@ -14,6 +14,7 @@ from .. import robots
 from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError, nearest_names
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
+from ..laws.efforts import EFFORT_LAWS
 from ..laws.target import of_markers
 from ..loading import Reading
 from ..mechanism import Mechanism
@@ -35,6 +36,9 @@ __all__ = [
     "read_model",
     "write_model",
 ]
+
+#: Of both channels; where they share a word, the aspect of a place tells.
+EVERY_LAW: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
@@ -72,10 +76,10 @@ def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | N
     """Return the law of that name; where several share it, the one that acts at `place`. Raises UnknownNameError."""
     if physics == Calibration.physics:
         return Calibration(()) if mechanism is None else calibration_of(mechanism)
-    every = LAWS if mechanism is None else (*LAWS, *of_markers(mechanism))
+    every = EVERY_LAW if mechanism is None else (*EVERY_LAW, *of_markers(mechanism))
     named = [law for law in every if law.physics == physics]
     if not named:
-        raise UnknownNameError("law", physics, sorted({law.physics for law in LAWS}))
+        raise UnknownNameError("law", physics, sorted({law.physics for law in EVERY_LAW}))
     if place is not None and mechanism is not None:
         for law in named:
             if place in law.places(mechanism):
@@ -88,7 +92,7 @@ def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> P
     if physics == Calibration.physics:
         return Place(name, aspect)
     law_named(physics)
-    every = (*LAWS, *of_markers(mechanism))
+    every = (*EVERY_LAW, *of_markers(mechanism))
     places = [place for law in every if law.physics == physics for place in law.places(mechanism)]
     if not places:
         raise UnknownNameError(f"place of {physics}", name, [], f"{physics} cannot act on '{mechanism.name}'.")

@@ -100,7 +100,7 @@ def autoregression(residual: Array, good: np.ndarray, piece: np.ndarray, order: 
         if not lags[0] > 0:
             continue
         lags[0] *= 1 + AR_FLOOR
-        past = solve_toeplitz(lags[:-1], lags[1:])
+        past = solve_toeplitz(lags[:-1], lags[1:]) if order else np.zeros(0)
         innovation = (lags[0] - past @ lags[1:]) / max(good[:, joint].sum(), 1)
         filters[joint] = np.concatenate(([1.0], -past)) / np.sqrt(innovation)
     return filters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +14,9 @@ from ...laws.efforts.effort_sensor import EffortGain, EffortOffset
 from ...laws.efforts.encoder import OffsetEncoder
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
-from ...mechanism import Mechanism
 from ...spatial import Array
+from ..criteria import AR_ORDER, EFFORT_FOLDS
 from .columns import Columns, EffortCandidate, Gathered, Whitening, autoregression, column_blocks, kept_samples, usable
-from ..criteria import EFFORT_FOLDS
 from .search import Chosen, fit, held_out, pulls
 
 __all__ = ["Base", "Efforts"]
@@ -57,7 +56,7 @@ class Efforts:
         self._moving: list[tuple[EffortLaw, Place]] = []
         for law in EFFORT_LAWS:
             for place in law.places(at.mechanism):
-                if not law.acts(place, at):
+                if (law.of_motion and motion.standing) or not law.acts(place, at):
                     continue
                 if law.physics in _DEPENDENT or (law.physics == "encoder_delay" and place.name == "robot"):
                     self._moving.append((law, place))
@@ -92,8 +91,9 @@ class Efforts:
             eased = Gathered(self.at.mechanism, given.columns, given.candidates, given.prior + 1e-6 * scale)
             x, _ = fit(eased, everything)
             residual = given.columns.residual(everything.where, x) / np.where(flat[:, 0] > 0, flat[:, 0], 1.0)
-        filters = autoregression(residual, self.good, self.piece)
-        return Whitening(filters, usable(self.good, self.piece), self.every)
+        order = 0 if self.at.motion.standing else AR_ORDER
+        filters = autoregression(residual, self.good, self.piece, order)
+        return Whitening(filters, usable(self.good, self.piece, order), self.every)
 
     def rewhitened(self, given: Gathered, chosen: Chosen) -> None:
         """Learn the noise's correlation anew from what is left of a fit."""
@@ -112,7 +112,7 @@ class Efforts:
         new, prior = [], list(given.prior)
         for law in map(FreeCurve, VARIABLES):
             for place in law.places(self.at.mechanism):
-                if law.acts(place, self.at):
+                if law.acts(place, self.at) and not (law.variable in ("speed", "time") and self.at.motion.standing):
                     own = given.columns.add(self.whitening(self.filter(law.efforts_per(place, {}, self.at))))
                     new.append(EffortCandidate(law, place, {}, own))
                     prior += [0.0] * (own.stop - own.start)
@@ -293,7 +293,19 @@ def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
         body = at.regressor[:, :, joint.id - 1]
         if size := tolerances.get("mass", 0.0):
             efforts = body @ (drawn - central)
-            out.append(Base(f"{link}.mass", "mass", "inertial_parameters", link, m, size * m, "kg", size * efforts, size * (drawn - central)))
+            out.append(
+                Base(
+                    f"{link}.mass",
+                    "mass",
+                    "inertial_parameters",
+                    link,
+                    m,
+                    size * m,
+                    "kg",
+                    size * efforts,
+                    size * (drawn - central),
+                )
+            )
         if size := tolerances.get("inertia", 0.0):
             for index, name in enumerate(INERTIAL[4:], start=4):
                 if abs(central[index]) > 0:

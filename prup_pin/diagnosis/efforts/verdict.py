@@ -6,15 +6,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, t as student
+from scipy.stats import chi2
+from scipy.stats import t as student
 
 from ...dynamics import InMotion, Motion, motion_of
 from ...errors import InputError
-from ...laws import Effect, Place
-from ...laws.efforts import EFFORT, EffortLaw
+from ...laws import Effect
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
-from ...laws.efforts.inertial_parameters import InertialParameters
-from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -33,7 +31,7 @@ from .columns import EffortCandidate, Gathered
 from .gather import Efforts
 from .search import Chosen, fit, held_out, scores, searched, threshold, worth
 
-__all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts"]
+__all__ = ["EffortCurve", "EffortDiagnosis", "against_of", "diagnose_efforts"]
 
 #: Candidates beside a finding that are looked at as its rivals.
 _RIVALS = 24
@@ -180,9 +178,7 @@ class _Verdict:
         self.motion: Motion = efforts.at.motion
         self.x, self.matrix = fit(given, chosen)
         self.base_only = Chosen(chosen.base)
-        self.named = Chosen(
-            chosen.base, tuple(term for term in chosen.terms if not isinstance(term.law, FreeCurve))
-        )
+        self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not isinstance(term.law, FreeCurve)))
         self.x_named, _ = fit(given, self.named)
         self.held = held_out(given, self.named)
 
@@ -439,7 +435,11 @@ class _Verdict:
             good = efforts.good[:, column]
             own = np.zeros(len(left))
             if not isinstance(term.law, FreeCurve):
-                same = [other for other in self.named.terms if other.place.name == joint and _AGAINST.get(other.law.physics) == variable]
+                same = [
+                    other
+                    for other in self.named.terms
+                    if other.place.name == joint and _AGAINST.get(other.law.physics) == variable
+                ]
                 if same and same[0] is not term:
                     continue  # drawn once, together
                 for other in same:
@@ -500,11 +500,11 @@ class _Verdict:
                 f"move {where} alone, slowly and fast, over its whole travel and both ways, with the others in several "
                 "postures: that tells apart what depends on its speed, its position and its load"
             )
-        doubtful = [term for term in self.named.terms if self._rivals(term, held_out(self.given, self.named.without(term)))[1]]
+        doubtful = [
+            term for term in self.named.terms if self._rivals(term, held_out(self.given, self.named.without(term)))[1]
+        ]
         if doubtful:
-            return (
-                f"move {doubtful[0].place.name} at several constant speeds, both ways, and let it accelerate hard in between"
-            )
+            return f"move {doubtful[0].place.name} at several constant speeds, both ways, and let it accelerate hard in between"
         return ""
 
     def _remarks(self) -> list[str]:
@@ -538,6 +538,11 @@ _AGAINST = {
     "cogging": "position",
     "effort_gain": "load",
 }
+
+
+def against_of(finding: Finding) -> str | None:
+    """Return what a finding's effort is drawn against; None of an unknown one, which has a curve of its own."""
+    return _AGAINST.get(finding.physics)
 
 
 def _plain_unknown(where: str, statement: str, share: float = 0.0) -> Finding:

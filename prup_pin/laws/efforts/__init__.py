@@ -16,7 +16,7 @@ from .payload import HeldBody
 from .rotor_inertia import RotorInertia
 from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
-from .viscous_friction import DirectedViscousFriction, Damping
+from .viscous_friction import Damping, DirectedViscousFriction
 
 EFFORT_LAWS: tuple[EffortLaw, ...] = (
     Damping(),

@@ -22,7 +22,9 @@ class Counterbalance(DrivenEffortLaw):
     summary = "a counterbalance, by the sine of the joint's angle"
     linear = ("cosine", "sine")
     quantities = tuple(
-        Quantity(name, "N m", f"effort in proportion to the {name} of the joint's angle", 1.0, positive=False, lower=-1e6)
+        Quantity(
+            name, "N m", f"effort in proportion to the {name} of the joint's angle", 1.0, positive=False, lower=-1e6
+        )
         for name in ("cosine", "sine")
     )
     neutral: ClassVar = {"cosine": 0.0, "sine": 0.0}

@@ -14,7 +14,6 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import DrivenEffortLaw, EffortLaw, effort_unit, in_units
 
-
 #: Ages of a signal among which the best is looked for [s]; between them its effect is nearly in proportion.
 _AGES = (2e-3, 8e-3, 16e-3, 28e-3, 40e-3, 60e-3)
 

@@ -10,8 +10,8 @@ from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_sensor import _YOUNGEST, delays
 from .effort_law import DrivenEffortLaw, EffortLaw, in_units
+from .effort_sensor import _YOUNGEST, delays
 
 
 class OffsetEncoder(DrivenEffortLaw):

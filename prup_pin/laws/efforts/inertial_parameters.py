@@ -42,7 +42,9 @@ class InertialParameters(EffortLaw):
     summary = "the mass of a link, its centre and its inertia"
     linear = INERTIAL
     quantities = tuple(
-        Quantity(name, unit, "beyond the robot file, about the joint's frame", 0.0, positive=False, lower=-1e6, upper=1e6)
+        Quantity(
+            name, unit, "beyond the robot file, about the joint's frame", 0.0, positive=False, lower=-1e6, upper=1e6
+        )
         for name, unit in zip(INERTIAL, _UNITS, strict=True)
     )
     neutral: ClassVar = dict.fromkeys(INERTIAL, 0.0)

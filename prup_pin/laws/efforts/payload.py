@@ -30,7 +30,9 @@ class HeldBody(EffortLaw):
     quantities = (
         Quantity("mass", "kg", "of the body", 1.0, positive=False, lower=-1e4, upper=1e4),
         *(
-            Quantity(axis, "m", f"centre of its mass along the tool's {axis}", 0.0, positive=False, lower=-1e3, upper=1e3)
+            Quantity(
+                axis, "m", f"centre of its mass along the tool's {axis}", 0.0, positive=False, lower=-1e3, upper=1e3
+            )
             for axis in _CENTRE
         ),
         *(

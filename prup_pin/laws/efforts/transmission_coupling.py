@@ -33,7 +33,9 @@ class TransmissionCoupling(EffortLaw):
         Quantity("limit", "N m", "dry friction of the motor, seen at the joint", 1.0, positive=False, upper=1e6),
         Quantity("damping", "N m s/rad", "its viscous friction", 1.0, positive=False, upper=1e6),
         Quantity("inertia", "kg m^2", "its inertia", 0.1, positive=False, upper=1e5),
-        Quantity("ratio", "", "turns of the motor per turn of the other joint", 1.0, positive=False, lower=-10, upper=10),
+        Quantity(
+            "ratio", "", "turns of the motor per turn of the other joint", 1.0, positive=False, lower=-10, upper=10
+        ),
         PRESLIDING,
     )
     neutral: ClassVar = {"limit": 0.0, "damping": 0.0, "inertia": 0.0}

@@ -7,8 +7,10 @@ from typing import Any
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.by_recording import ByRecording
 from ...diagnosis.calibrate import CalibratedParameter
+from ...diagnosis.efforts import EffortDiagnosis, against_of
 from ...diagnosis.local_curve import LocalCurve
 from ...laws.drawn import load_units
+from ...laws.efforts import EffortLaw
 from ...robot import Robot
 from .as_json import plain
 
@@ -34,6 +36,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
             "rotation": noise.rotation,
             "force": noise.force,
             "moment": noise.moment,
+            "effort": noise.effort or None,
         },
         "residual": {
             "unit": UNIT,
@@ -42,7 +45,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
             **diagnosis.within,
             "by_channel": {name: dict(values) for name, values in diagnosis.by_channel.items()},
         },
-        "findings": [_finding(finding, robot) for finding in diagnosis.findings],
+        "findings": [_finding(finding, robot, diagnosis.efforts) for finding in diagnosis.findings],
         "calibration": [_calibrated(item) for item in diagnosis.calibration],
         "not_detectable": [
             {
@@ -90,7 +93,26 @@ def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
     }
 
 
-def _finding(finding: Finding, robot: Robot | None) -> dict[str, Any]:
+def _effort_curve(finding: Finding, efforts: EffortDiagnosis | None) -> dict[str, Any] | None:
+    """Return what the efforts ask for at a finding's joint, against what drives it; None where nothing was drawn."""
+    if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
+        return None
+    against = against_of(finding)
+    for curve in efforts.curves:
+        if curve.joint == finding.location and (against is None or curve.against == against):
+            return {
+                "joint": curve.joint,
+                "against": curve.against,
+                curve.against: curve.x,
+                "effort": curve.y,
+                "deviation": curve.deviation,
+                "law": curve.law,
+                "units": {curve.against: curve.x_unit, "effort": curve.y_unit},
+            }
+    return None
+
+
+def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
     value: dict[str, Any] = {
         "physics": finding.physics,
         "location": finding.location,
@@ -106,6 +128,8 @@ def _finding(finding: Finding, robot: Robot | None) -> dict[str, Any]:
     }
     if finding.curve is not None and robot is not None:
         value["curve"] = _curve(finding.curve, robot)
+    elif (effort := _effort_curve(finding, efforts)) is not None:
+        value["curve"] = effort
     return value
 
 

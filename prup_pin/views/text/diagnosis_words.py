@@ -133,6 +133,9 @@ def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     ]
     for name, values in diagnosis.by_channel.items():
         rows.append((name, number(values["before"], 3), number(values["after"], 3), "× noise"))
+        if "before_share" in values:
+            ends = (f"{number(100 * values[key], 3)}" for key in ("before_share", "heldout_share"))
+            rows.append(("", *ends, "% of the effort, held out"))
         for unit, shown in (("um", "µm"), ("urad", "µrad")):
             if f"before_{unit}" in values:
                 rows.append(("", number(values[f"before_{unit}"], 3), number(values[f"after_{unit}"], 3), shown))
@@ -153,7 +156,7 @@ def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def noise_text(diagnosis: Diagnosis) -> list[str]:
     """Return the noise of each sensor; what is zero was not declared."""
     noise = diagnosis.noise
-    items = (("position", "m"), ("rotation", "rad"), ("force", "N"), ("moment", "N m"))
+    items = (("position", "m"), ("rotation", "rad"), ("force", "N"), ("moment", "N m"), ("effort", "N or N m"))
     texts = []
     for name, unit in items:
         value = getattr(noise, name)
