@@ -14,7 +14,7 @@ __all__ = ["Noise"]
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: position [m], rotation [rad], force [N], moment [N m]; where they come from; effort [N or N m].
+    """Standard deviations: position [m], rotation [rad], force [N], moment [N m], effort [N or N m]; their source.
 
     Of several recordings with noise of their own, `each` by their places, and which (N,) of them each sample is from;
     the four are then those of all samples together.
@@ -25,9 +25,9 @@ class Noise:
     force: float
     moment: float
     source: str
-    effort: float = 0.0
     each: tuple[Noise, ...] = ()
     which: np.ndarray | None = field(default=None, compare=False, repr=False)
+    effort: float = 0.0
 
     @classmethod
     def of_several(cls, each: Sequence[Noise], which: np.ndarray) -> Noise:

@@ -332,5 +332,6 @@ EFFORT_MATERIAL = 0.005
 EFFORT_IMITATED = 0.03
 #: Multiple of the declared noise beyond which what is left is not noise.
 EFFORT_LOUD = 1.5
-#: Another place or law is as good where it loses less than so many standard errors over blocks, or this share of the gain.
+#: Another place or law is as good where it loses less than so many standard errors over blocks, or than this share
+#: of the gain.
 EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02

@@ -1,4 +1,4 @@
-"""An even clock: loggers jitter, repeat rows and skip others; filters and derivatives need even steps without breaks."""
+"""An even clock: loggers jitter, repeat rows and skip others; filters and derivatives need even steps."""
 
 from __future__ import annotations
 

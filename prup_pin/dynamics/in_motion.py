@@ -26,8 +26,8 @@ _STEP = 1e-4
 class InMotion:
     """N samples of a motion, and the rigid robot's efforts (N, k) [N or N m] of the joints `driven` in it.
 
-    `known` (N, k): the efforts as far as they are known beside the rigid robot's; `left` (N, k): what is measured beyond
-    all of that. None: nothing yet.
+    `known` (N, k): the efforts as far as they are known beside the rigid robot's; `left` (N, k): what is measured
+    beyond all of that. None: nothing yet.
     """
 
     mechanism: Mechanism
@@ -160,15 +160,14 @@ class InMotion:
         return found
 
     def later(self, values: Array, delay: float) -> Array:
-        """Return by how much values (N, ...) of a little ago differ from those of now; of a little later where negative."""
+        """Return by how much values (N, ...) of `delay` [s] ago differ from those of now."""
         out = np.zeros_like(values)
-        time = self.motion.time
+        if self.motion.standing:
+            return out
         for where in pieces(self.motion.piece):
-            for index in np.ndindex(values.shape[1:]):
-                own = values[(where, *index)]
-                out[(where, *index)] = (
-                    CubicSpline(time[where], own)(np.clip(time[where] - delay, time[where][0], time[where][-1])) - own
-                )
+            time = self.motion.time[where]
+            moved = np.clip(time - delay, time[0], time[-1])
+            out[where] = CubicSpline(time, values[where], axis=0)(moved) - values[where]
         return out
 
     def shifted(self, joint: str) -> Array:

@@ -2,8 +2,8 @@
 
     tau_a = S^T (M(q) a + C(q, v) v + g(q) - J^T w),  v = S v_a,  a = S a_a + (dS/dt) v_a
 
-with S (nv, a) the motion of all joints per motion of the actuated ones; S is the identity of an open chain. Linear in the
-inertial parameters of the bodies: tau_a = Y pi (Featherstone 2008, ch. 8; Khalil and Dombre 2002, ch. 9 and 12).
+with S (nv, a) the motion of all joints per motion of the actuated ones; S is the identity of an open chain. Linear in
+the inertial parameters of the bodies: tau_a = Y pi (Featherstone 2008, ch. 8; Khalil and Dombre 2002, ch. 9 and 12).
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class InverseDynamics:
         return Trajectory(q, v, a, dofs, spread[:, :, order])
 
     def efforts(self, at: Trajectory, wrench: Array | None = None, gravity: Array | None = None) -> Array:
-        """Return the efforts (N, k) [N or N m] under wrenches (N, 6) on the tool in base axes, gravity (3,) or (N, 3)."""
+        """Return efforts (N, k) [N or N m] under wrenches (N, 6) on the tool in base axes, gravity (3,) or (N, 3)."""
         model = self._model()
         data = model.createData()
         out = np.empty((len(at), model.nv))
@@ -127,13 +127,13 @@ class InverseDynamics:
             out[row] = pin.rnea(model, data, at.q[row], at.v[row], at.a[row])
         if wrench is not None and np.any(wrench):
             tool = self.mechanism.need_tool()
-            for row in np.flatnonzero(np.any(wrench, axis=1)):
+            for row in np.flatnonzero(np.any(wrench, axis=1)).tolist():
                 jacobian = self._jacobian(model, data, at.q[row], tool)
                 out[row] -= jacobian.T @ wrench[row]
         return at.of_actuators(out)
 
     def regressor(self, at: Trajectory, gravity: Array | None = None) -> Array:
-        """Return Y (N, k, bodies, 10): the efforts per inertial parameter (`inertial.INERTIAL`) of each joint's body."""
+        """Return Y (N, k, bodies, 10): efforts per inertial parameter (`inertial.INERTIAL`) of each joint's body."""
         model = self._model()
         data = model.createData()
         bodies = model.njoints - 1

@@ -18,7 +18,8 @@ __all__ = ["Motion", "is_standing", "motion_of"]
 
 #: The slowest cut-off [Hz]: what a drive's friction does at a reversal is faster than the motion itself.
 _SLOWEST = 10.0
-#: Samples per period of the cut-off that are kept, for friction turns round faster than the motion; fewer of long recordings.
+#: Samples per period of the cut-off that are kept, for friction turns round faster than the motion; fewer where
+#: there are more samples than this.
 _KEPT, _LONG = 10.0, 40_000
 #: Positions and speeds are smoothed with a wider band than efforts: products of them are to be right within that.
 _WIDER = 2.0
@@ -28,6 +29,7 @@ _STILL, _STILL_SHARE = 4.0, 2e-3
 MOST_SAMPLES = 400_000
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
 _SLOW_CLOCK, _MOVING = 0.3, 0.3
+_OTHER_UNITS = ((57.29578, "degrees"), (9.549297, "revolutions per minute"), (1e3, "mm/s"), (-1.0, ""))
 #: Recorded speeds that differ from the positions' by more than this share are not those of the positions.
 _STRANGE = 0.3
 
@@ -246,8 +248,8 @@ def _bounded(recording: Recording, remarks: list[str]) -> Recording:
     starts = np.linspace(0, n - length, count).astype(int)
     rows = np.unique((starts[:, None] + np.arange(length)).ravel())
     remarks.append(
-        f"{n} rows are more than are needed: {count} pieces of {length} rows, evenly spread, were used; the others were "
-        "not looked at"
+        f"{n} rows are more than are needed: {count} pieces of {length} rows, evenly spread, were used, the others "
+        "were not looked at"
     )
     return recording.select(rows)
 
@@ -292,7 +294,7 @@ def _strange_speeds(names: tuple[str, ...], position: Array, logged: dict[str, A
 
 def _standing(slow: np.ndarray, piece: np.ndarray, rate: float, cutoff: float) -> np.ndarray:
     """Return where a joint really stands (N, j): slow for longer than the filter's memory, and a little around."""
-    least = max(3, int(round(rate / cutoff)))
+    least = max(3, round(rate / cutoff))
     out = np.zeros_like(slow)
     for where in pieces(piece):
         for column in range(slow.shape[1]):

@@ -15,8 +15,8 @@ __all__ = ["LowPass", "bandwidth", "differences", "pieces"]
 _ORDER = 4
 #: Power above that of the sensor's noise at which a motion still counts.
 _ABOVE_NOISE = 3.0
-#: The noise is read off this band, as shares of half the rate: above it, filters of the logger and straight lines between
-#: samples may have taken it away.
+#: The noise is read off this band, as shares of half the rate: above it, filters of the logger and straight lines
+#: between samples may have taken it away.
 _NOISE_BAND = (0.25, 0.6)
 _WINDOW = 4096
 
@@ -40,7 +40,7 @@ class LowPass:
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
         sections = signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
-        longest = int(round(3 * self.rate / self.cutoff)) + 3 * _ORDER
+        longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
         out = np.empty(np.shape(values))
         for where in pieces(piece):
             part = values[where]
@@ -57,7 +57,7 @@ def differences(values: Array, piece: np.ndarray, step: float) -> Array:
 
 
 def spectrum(values: Array, piece: np.ndarray, rate: float) -> tuple[Array, Array]:
-    """Return frequencies (f,) [Hz] and power densities (f,) of the longest piece; empty where it is short or constant."""
+    """Return frequencies (f,) [Hz] and power densities (f,) of the longest piece; empty where it tells nothing."""
     longest = max(pieces(piece), key=lambda where: where.stop - where.start, default=slice(0, 0))
     part = np.asarray(values[longest], float)
     if len(part) < 64 or not np.ptp(part) > 0:

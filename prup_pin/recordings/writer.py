@@ -123,6 +123,8 @@ def _triple(prefix: str, values: ArrayLike | None, all_axes: bool = False) -> di
     if values is None:
         return {}
     array = np.asarray(values, float)
+    if array.ndim == 2 and array.shape[1] == 0:
+        return {}  # nothing was asked for
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"columns {prefix}.x {prefix}.y {prefix}.z need an array (N, 3); got {array.shape}")
     there = ~np.isnan(array).all(axis=0)

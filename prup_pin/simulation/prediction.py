@@ -15,6 +15,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
 from .as_recorded import as_recorded
+from .moving_efforts import efforts_in_motion, is_of_efforts
 from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
 
 __all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
@@ -28,7 +29,8 @@ Progress = Callable[[int, int], None]
 class Prediction:
     """What a bench would measure, N rows. SI units, base axes; NaN where the status is not 'ok'.
 
-    time (N,) [s]; position (N, 3) of the tool point [m]; rotation (N, 3), its rotation vector [rad];
+    time (N,) [s]; position (N, 3) of the tool point [m]; rotation (N, 3), its rotation vector [rad], both (N, 0) of a
+    motion whose efforts alone were asked for;
     efforts: actuated joint -> (N,), what its actuator holds at rest, positive where it pushes towards positive q
     [N or N m]; markers: frame -> (N, 3) [m]; marker_rotations: frame -> (N, 3), rotation vector [rad].
     status: 'ok', 'no input', 'unreachable' or 'not converged', row by row; reasons: by status what is wrong with the
@@ -130,6 +132,8 @@ def simulate(
     adapted = as_recorded(robot, recording)
     robot = adapted.robot
     mechanism = robot.mechanism
+    if is_of_efforts(recording, robot) and not markers:
+        return _in_motion(robot, recording, tuple(effect.checked(mechanism) for effect in effects))
     mechanism.need_tool()
     effects = tuple(effect.checked(mechanism) for effect in effects)
     inputs = inputs_of(recording, robot)
@@ -205,6 +209,23 @@ def simulate(
     finally:
         parts.close()  # type: ignore[attr-defined]
     return result(slice(None))
+
+
+def _in_motion(robot: Robot, recording: Recording, effects: Sequence[Effect]) -> Prediction:
+    """Return the efforts of a motion; nothing deforms, and no pose was asked for."""
+    efforts = efforts_in_motion(robot, recording, effects)
+    known = np.all([np.isfinite(values) for values in efforts.values()], axis=0)
+    status = np.where(known, "ok", "no input")
+    reasons = {} if known.all() else {"no input": "no position, or a motion too short to tell a speed"}
+    nothing = np.zeros((len(recording), 0))
+    return Prediction(
+        time=recording.time,
+        position=nothing,
+        rotation=nothing,
+        efforts=MappingProxyType(efforts),
+        status=tuple(status.tolist()),
+        reasons=MappingProxyType(reasons),
+    )
 
 
 def _missing_inputs(effects: Sequence[Effect], inputs: Inputs, mechanism: Mechanism) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -129,7 +130,7 @@ class Columns:
         self.gram = np.zeros((self.count, 0, 0))
         self.moment = np.zeros((self.count, 0))
         starts = np.searchsorted(blocks, np.arange(self.count + 1))
-        self._parts = [slice(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        self._parts = [slice(int(a), int(b)) for a, b in pairwise(starts)]
         self.power = np.array([float((target[part] ** 2).sum()) for part in self._parts])
         self.power_of = np.array([(target[part] ** 2).sum(axis=0) for part in self._parts])
 

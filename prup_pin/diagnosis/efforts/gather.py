@@ -156,7 +156,6 @@ class Efforts:
 
     def within_tolerance(self, amounts: Array) -> list[Effect]:
         """Return the parameters within tolerance as effects of a corrected model, by amounts in tolerances."""
-        mechanism = self.at.mechanism
         inertial: dict[str, Array] = {}
         out: list[Effect] = []
         for base, amount in zip(self.bases, amounts, strict=True):
@@ -168,7 +167,6 @@ class Efforts:
         law = InertialParameters()
         for link, change in inertial.items():
             out.append(Effect(law, Place(link, law.variant), dict(zip(INERTIAL, map(float, change), strict=True))))
-        del mechanism
         return out
 
     def _gathered(self, whitening: Whitening, chosen: Chosen, moving: bool) -> Gathered:

@@ -78,7 +78,7 @@ def of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechan
         remarks += [*recording.remarks, *suspicions(recording)]
     if unused:
         remarks.append(f"not used: {', '.join(dict.fromkeys(unused))}")
-    noise = Noise(0.0, 0.0, 0.0, 0.0, "declared" if efforts.declared else "estimated", _noise(efforts))
+    noise = Noise(0.0, 0.0, 0.0, 0.0, "declared" if efforts.declared else "estimated", effort=_noise(efforts))
     return Diagnosis(
         verdict=efforts.verdict,
         noise=noise,

@@ -81,13 +81,13 @@ def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> 
 
     Coefficients that cannot be negative are not.
     """
-    where = chosen.where
-    blocks = np.ones(given.columns.count, bool)
+    where = np.array(chosen.where, int)
+    kept = np.ones(given.columns.count, bool)
     if left_out is not None:
-        blocks[left_out] = False
-    index = np.ix_(np.flatnonzero(blocks), where, where)
-    matrix = given.columns.gram[index].sum(axis=0) + np.diag(given.prior[where])
-    moment = given.columns.moment[np.ix_(np.flatnonzero(blocks), where)].sum(axis=0)
+        kept[left_out] = False
+    blocks = np.flatnonzero(kept)
+    matrix = given.columns.gram[np.ix_(blocks, where, where)].sum(axis=0) + np.diag(given.prior[where])
+    moment = given.columns.moment[np.ix_(blocks, where)].sum(axis=0)
     x = _solve(matrix, moment)
     bounded = np.zeros(len(where), bool)
     for term in chosen.terms:
@@ -254,7 +254,7 @@ def searched(
             after = held_out(given, with_it)
             if not _can_be(given, with_it, score.candidate):
                 continue
-            share, sure = worth(left, after)
+            sure = worth(left, after)[1]
             if sure > EFFORT_SURE and _enough(given, left, after):
                 tried.append((float((left - after).sum()), after, score.candidate))
         if not tried:

@@ -123,9 +123,9 @@ def diagnose_efforts(
 
 
 def _with_curves(efforts: Efforts, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen, list[EffortCandidate]]:
-    """Return what is chosen, and the curves of no law that the efforts still ask for; a law that they make needless goes.
+    """Return what is chosen, and the curves of no law that the efforts still ask for.
 
-    A law that only imitates what is there leaves its shape behind.
+    A law that only imitates what is there leaves its shape behind: it goes.
     """
     free: list[EffortCandidate] = []
     began = held_out(given, Chosen(chosen.base))
@@ -200,8 +200,8 @@ class _Verdict:
             unknown = [
                 _plain_unknown(
                     worst,
-                    f"what is left at {worst} is {by_joint[worst]['after']:.3g} times the declared noise; no law of the "
-                    "library takes it away, and it follows neither speed, position, load nor time",
+                    f"what is left at {worst} is {by_joint[worst]['after']:.3g} times the declared noise; no law of "
+                    "the library takes it away, and it follows neither speed, position, load nor time",
                 )
             ]
         verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
@@ -335,7 +335,6 @@ class _Verdict:
         out = {}
         quantities = {q.name: q for q in term.law.quantities_at(term.place, self.mechanism)}
         # by the coefficients' own scatter, followed into what they stand for
-        ends: dict[str, list[float]] = {name: [values[name]] for name in quantities}
         spread = dict.fromkeys(quantities, 0.0)
         for index, size in enumerate(deviation):
             moved = x.copy()
@@ -349,7 +348,6 @@ class _Verdict:
                 continue
             low, high = values[name] - spread[name], values[name] + spread[name]
             out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))
-        del ends
         return out
 
     def _rivals(self, term: EffortCandidate, without: Array) -> tuple[list[str], list[str]]:
@@ -375,6 +373,9 @@ class _Verdict:
                 laws.append(f"{other.law.physics} at {other.place.name}")
                 places.append(other.place.name)
         return places, laws
+
+    def _alternatives(self, term: EffortCandidate) -> list[str]:
+        return self._rivals(term, held_out(self.given, self.named.without(term)))[1]
 
     def _beyond(self) -> Iterator[Finding]:
         """Yield parameters that lie beyond their tolerances."""
@@ -406,8 +407,9 @@ class _Verdict:
         share = float(np.clip(1 - whole.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0))
         return _plain_unknown(
             term.place.name,
-            f"structure is left over at {term.place.name} that no law of the library takes away; an effort that follows "
-            f"the joint's {law.variable} by a curve of its own would take away {100 * share:.0f} % of what is left",
+            f"structure is left over at {term.place.name} that no law of the library takes away; an effort that "
+            f"follows the joint's {law.variable} by a curve of its own would take away {100 * share:.0f} % of "
+            "what is left",
             share,
         )
 
@@ -493,18 +495,17 @@ class _Verdict:
             if name in self.motion.names
         ]
         if slow:
-            return f"record again with {', '.join(slow)} in motion, at several speeds and both ways: nothing is known of them"
+            return f"record again with {', '.join(slow)} in motion, at several speeds and both ways"
         if unknown:
             where = unknown[0].location
             return (
                 f"move {where} alone, slowly and fast, over its whole travel and both ways, with the others in several "
                 "postures: that tells apart what depends on its speed, its position and its load"
             )
-        doubtful = [
-            term for term in self.named.terms if self._rivals(term, held_out(self.given, self.named.without(term)))[1]
-        ]
-        if doubtful:
-            return f"move {doubtful[0].place.name} at several constant speeds, both ways, and let it accelerate hard in between"
+        doubtful = [term.place.name for term in self.named.terms if self._alternatives(term)]
+        moving = [name for name in doubtful if name in self.at.driven]
+        if moving:
+            return f"move {moving[0]} at several constant speeds, both ways, and accelerate it hard in between"
         return ""
 
     def _remarks(self) -> list[str]:
@@ -514,8 +515,8 @@ class _Verdict:
             left_out = 1 - efforts.good[:, column].mean()
             if left_out > 0.02:
                 remarks.append(
-                    f"{name} stands still in {100 * left_out:.2g} % of the samples: friction takes any value there, and they "
-                    "were left out for it"
+                    f"{name} stands still in {100 * left_out:.2g} % of the samples: friction takes any value there, "
+                    "and they were left out for it"
                 )
         rank, count = efforts.inertial_rank()
         if count:

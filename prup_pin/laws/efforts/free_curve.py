@@ -78,4 +78,4 @@ class FreeCurve(EffortLaw):
         return np.stack([at.along(place.name, column) for column in both.T], axis=-1)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"structure is left over at {place.name}: the effort follows the joint's {self.variable} by no law known here"
+        return f"the effort at {place.name} follows the joint's {self.variable} by no law known here"

@@ -28,7 +28,7 @@ def body_of(place: Place, mechanism: Mechanism) -> int:
 
 
 def usual_inertia(mechanism: Mechanism) -> Array:
-    """Return inverse variances (10,) about nothing of a body's parameters: no part outweighs or outreaches the robot."""
+    """Return inverse variances (10,) of a body's parameters: no part outweighs or outreaches the robot."""
     mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
     reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
     lever = reach / max(mechanism.model.njoints - 1, 1)

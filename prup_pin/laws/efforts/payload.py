@@ -22,7 +22,7 @@ _ALL = 1.05
 
 
 class HeldBody(EffortLaw):
-    """A rigid body fixed to the tool: mass, centre and inertia about the tool's frame. Less than nothing may be true."""
+    """A rigid body fixed to the tool: mass, centre, inertia about the tool's frame. Less than nothing may be true."""
 
     physics = "payload"
     summary = "a body that the tool holds"

@@ -35,6 +35,4 @@ class RotorInertia(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "kg" if mechanism.joint(place.name).slides else "kg m^2"
-        return (
-            f"the drive of {place.name} accelerates {values['inertia']:.3g} {unit} of rotor and gears besides the links"
-        )
+        return f"the drive of {place.name} accelerates {values['inertia']:.3g} {unit} of rotor and gears too"

@@ -79,6 +79,7 @@ class TransmissionCoupling(EffortLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         other = place.aspect.removeprefix(_WITH)
         return (
-            f"the motor of {place.name} turns {values['ratio']:+.3g} times with {other} too: friction {values['limit']:.3g} N m "
-            f"and {values['damping']:.3g} N m s/rad, inertia {values['inertia']:.3g} kg m^2 act on both"
+            f"the motor of {place.name} turns {values['ratio']:+.3g} times with {other} too: friction "
+            f"{values['limit']:.3g} N m and {values['damping']:.3g} N m s/rad, inertia "
+            f"{values['inertia']:.3g} kg m^2 act on both"
         )

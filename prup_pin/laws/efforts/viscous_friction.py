@@ -59,6 +59,6 @@ class DirectedViscousFriction(JointEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
-            f"{place.name} resists its speed, by {values['damping_forwards']:.3g} {per_speed(place, mechanism)} forwards "
-            f"and {values['damping_backwards']:.3g} backwards"
+            f"{place.name} resists its speed, by {values['damping_forwards']:.3g} {per_speed(place, mechanism)} "
+            f"forwards and {values['damping_backwards']:.3g} backwards"
         )

@@ -134,8 +134,8 @@ def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     for name, values in diagnosis.by_channel.items():
         rows.append((name, number(values["before"], 3), number(values["after"], 3), "× noise"))
         if "before_share" in values:
-            ends = (f"{number(100 * values[key], 3)}" for key in ("before_share", "heldout_share"))
-            rows.append(("", *ends, "% of the effort, held out"))
+            shares = [number(100 * values[key], 3) for key in ("before_share", "heldout_share")]
+            rows.append(("", shares[0], shares[1], "% of the effort, held out"))
         for unit, shown in (("um", "µm"), ("urad", "µrad")):
             if f"before_{unit}" in values:
                 rows.append(("", number(values[f"before_{unit}"], 3), number(values[f"after_{unit}"], 3), shown))
