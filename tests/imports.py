@@ -25,6 +25,7 @@ LAYERS = [
     "statics",
     "recordings",
     "imports",
+    "dynamics",
     "loaded",
     "laws",
     "sensitivity",

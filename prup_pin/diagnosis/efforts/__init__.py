@@ -1,5 +1,5 @@
 """The second forward model's diagnosis: drives' efforts against inverse dynamics."""
 
-from .verdict import EffortCurve, EffortDiagnosis, against_of, diagnose_efforts
+from .verdict import EffortCurve, EffortDiagnosis, diagnose_efforts, effort_curve_of
 
-__all__ = ["EffortCurve", "EffortDiagnosis", "against_of", "diagnose_efforts"]
+__all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]

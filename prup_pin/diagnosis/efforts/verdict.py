@@ -12,6 +12,7 @@ from scipy.stats import t as student
 from ...dynamics import InMotion, Motion, motion_of
 from ...errors import InputError
 from ...laws import Effect
+from ...laws.efforts import EffortLaw
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
 from ...recordings import Recording
 from ...robot import Robot
@@ -31,7 +32,7 @@ from .columns import EffortCandidate, Gathered
 from .gather import Efforts
 from .search import Chosen, fit, held_out, scores, searched, threshold, worth
 
-__all__ = ["EffortCurve", "EffortDiagnosis", "against_of", "diagnose_efforts"]
+__all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
 
 #: Candidates beside a finding that are looked at as its rivals.
 _RIVALS = 24
@@ -541,9 +542,15 @@ _AGAINST = {
 }
 
 
-def against_of(finding: Finding) -> str | None:
-    """Return what a finding's effort is drawn against; None of an unknown one, which has a curve of its own."""
-    return _AGAINST.get(finding.physics)
+def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> EffortCurve | None:
+    """Return what the efforts ask for at a finding's joint, against what drives it; None where nothing was drawn."""
+    if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
+        return None
+    against = _AGAINST.get(finding.physics)
+    if against is None and finding.physics != "unknown":
+        return None
+    here = [curve for curve in efforts.curves if curve.joint == finding.location]
+    return next((curve for curve in here if against in (None, curve.against)), None)
 
 
 def _plain_unknown(where: str, statement: str, share: float = 0.0) -> Finding:

@@ -7,10 +7,9 @@ from typing import Any
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.by_recording import ByRecording
 from ...diagnosis.calibrate import CalibratedParameter
-from ...diagnosis.efforts import EffortDiagnosis, against_of
+from ...diagnosis.efforts import EffortCurve, EffortDiagnosis, effort_curve_of
 from ...diagnosis.local_curve import LocalCurve
 from ...laws.drawn import load_units
-from ...laws.efforts import EffortLaw
 from ...robot import Robot
 from .as_json import plain
 
@@ -93,23 +92,16 @@ def _calibrated(item: CalibratedParameter) -> dict[str, Any]:
     }
 
 
-def _effort_curve(finding: Finding, efforts: EffortDiagnosis | None) -> dict[str, Any] | None:
-    """Return what the efforts ask for at a finding's joint, against what drives it; None where nothing was drawn."""
-    if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
-        return None
-    against = against_of(finding)
-    for curve in efforts.curves:
-        if curve.joint == finding.location and (against is None or curve.against == against):
-            return {
-                "joint": curve.joint,
-                "against": curve.against,
-                curve.against: curve.x,
-                "effort": curve.y,
-                "deviation": curve.deviation,
-                "law": curve.law,
-                "units": {curve.against: curve.x_unit, "effort": curve.y_unit},
-            }
-    return None
+def _effort_curve(curve: EffortCurve) -> dict[str, Any]:
+    return {
+        "joint": curve.joint,
+        "against": curve.against,
+        curve.against: curve.x,
+        "effort": curve.y,
+        "deviation": curve.deviation,
+        "law": curve.law,
+        "units": {curve.against: curve.x_unit, "effort": curve.y_unit},
+    }
 
 
 def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | None = None) -> dict[str, Any]:
@@ -128,8 +120,8 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
     }
     if finding.curve is not None and robot is not None:
         value["curve"] = _curve(finding.curve, robot)
-    elif (effort := _effort_curve(finding, efforts)) is not None:
-        value["curve"] = effort
+    elif (drawn := effort_curve_of(finding, efforts)) is not None:
+        value["curve"] = _effort_curve(drawn)
     return value
 
 

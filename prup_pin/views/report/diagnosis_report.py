@@ -13,10 +13,12 @@ import numpy as np
 
 from ... import __version__
 from ...diagnosis import Diagnosis, Finding
+from ...diagnosis.efforts import effort_curve_of
 from ...recordings import Recording, Together
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
 from ..drawing import diagnosis_figures as figures
+from ..drawing.effort_figures import effort_curve_figure, effort_figure
 from ..text.diagnosis_words import (
     alternative_text,
     channel_rows,
@@ -30,7 +32,7 @@ from ..text.diagnosis_words import (
 )
 from ..text.joints import dimension
 from ..text.quantities import number
-from .pose_report import page_template, picture
+from .pose_report import Picture, page_template, picture
 
 __all__ = ["diagnosis_html", "page"]
 
@@ -42,7 +44,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
     """Return one self-contained HTML page on a diagnosis of `recording`, or of several. Raises MissingExtraError."""
     recordings = [recording] if isinstance(recording, Recording) else list(recording)
     template = page()
-    white = diagnosis.residuals
+    white, efforts = diagnosis.residuals, diagnosis.efforts
     drawn = white is not None and bool(white.exists.any())
     many = len(diagnosis.samples) > _MOST_DRAWN
     plan = diagnosis.next_experiment.get("plan") or {}
@@ -62,6 +64,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         histogram=None
         if white is None or not drawn
         else picture(lambda narrow: figures.histogram_figure(white, narrow=narrow)),
+        efforts=None if efforts is None else picture(lambda narrow: effort_figure(efforts, narrow=narrow), True),
         hidden=hidden_rows(diagnosis.not_detectable),
         remarks=list(diagnosis.remarks),
         why=_sentence(str(diagnosis.next_experiment.get("why", ""))),
@@ -108,7 +111,7 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
         name for name in ("position", "rotation", "gravity", "temperature") if getattr(recording, name) is not None
     ]
     names += [f"marker {name}" for name in recording.marker_names if name in robot.mechanism.frame_names]
-    rows.append(("Channels", [*names, *(["efforts, not used"] if recording.efforts else [])] or ["none"]))
+    rows.append(("Channels", [*names, *_efforts_measured(diagnosis, recording)] or ["none"]))
     warm = recording.temperature
     if warm is not None and np.isfinite(warm).any():
         rows.append(("Temperature", [f"{number(float(np.nanmin(warm)), 3)} to {number(float(np.nanmax(warm)), 3)} °C"]))
@@ -120,6 +123,12 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
     return rows
 
 
+def _efforts_measured(diagnosis: Diagnosis, recording: Recording) -> list[str]:
+    if diagnosis.efforts is not None:
+        return [f"efforts of {', '.join(diagnosis.efforts.joints)}"]
+    return ["efforts, not used"] if recording.efforts else []
+
+
 def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
     many = len(diagnosis.samples) > _MOST_DRAWN
     return {
@@ -128,11 +137,19 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "gain": gain_text(finding),
         "unknown": finding.physics == "unknown",
         "parameters": parameter_texts(finding.parameters),
-        "response": None
-        if finding.recovered is None
-        else picture(lambda narrow: figures.response_figure(finding, narrow=narrow), many),
+        "response": _response(diagnosis, finding, many),
         "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
     }
+
+
+def _response(diagnosis: Diagnosis, finding: Finding, many: bool) -> Picture | None:
+    """Return the picture of what a recording asks of a finding's place; None where nothing can be drawn."""
+    if finding.recovered is not None:
+        return picture(lambda narrow: figures.response_figure(finding, narrow=narrow), many)
+    curve = effort_curve_of(finding, diagnosis.efforts)
+    if curve is None:
+        return None
+    return picture(lambda narrow: effort_curve_figure(finding, curve, narrow=narrow))
 
 
 def _sentence(text: str) -> str:

@@ -1,0 +1,137 @@
+"""Pictures of efforts: over time, what is left against the speed, and a law's curve. Needs matplotlib."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...diagnosis import Finding
+from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
+from ..scene.colours import FOUND
+from ..text.diagnosis_words import finding_text, scaled
+from .plotting import Figure, FigureCanvasAgg, plain_words
+
+__all__ = ["effort_curve_figure", "effort_figure"]
+
+_BEFORE, _AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
+#: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
+_MOST_JOINTS, _SECONDS = 6, 12.0
+
+
+@plain_words
+def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
+    """Return measured and predicted efforts over time, and what is left of them against the speed, joint by joint.
+
+    `narrow`: for a phone, without the latter.
+    """
+    gain = [efforts.by_joint[name]["before"] - efforts.by_joint[name]["after"] for name in efforts.joints]
+    chosen = sorted(np.argsort(gain)[::-1][:_MOST_JOINTS].tolist())
+    rows = len(chosen)
+    height = 0.7 + 2.1 * rows
+    figure = Figure(figsize=(5.2 if narrow else 11, height), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(
+        rows,
+        1 if narrow else 2,
+        width_ratios=(1,) if narrow else (2.3, 1),
+        left=0.14 if narrow else 0.09,
+        right=0.985,
+        top=1 - 0.62 / height,
+        bottom=0.55 / height,
+        hspace=0.55,
+    )
+    shown = _window(efforts)
+    for row, column in enumerate(chosen):
+        _draw_time(figure.add_subplot(grid[row, 0]), efforts, column, shown, row == rows - 1)
+        if not narrow:
+            _draw_left(figure.add_subplot(grid[row, 1]), efforts, column, row == rows - 1)
+    for x, colour, label in (
+        (0.02 if narrow else 0.09, _MEASURED, "measured"),
+        (0.26 if narrow else 0.2, _BEFORE, "rigid, as drawn"),
+        (0.62 if narrow else 0.38, _AFTER, "with the findings"),
+    ):
+        figure.text(x, 1 - 0.2 / height, f"— {label}", color=colour, fontsize=9 if narrow else 11, va="center", weight="bold")
+    return figure
+
+
+def _window(efforts: EffortDiagnosis) -> np.ndarray:
+    """Return the samples of the stretch of time that is drawn: where the efforts change most."""
+    time = efforts.time
+    if time[-1] - time[0] <= _SECONDS:
+        return np.arange(len(time))
+    change = np.abs(efforts.predicted - efforts.rigid).sum(axis=1)
+    starts = np.arange(time[0], time[-1] - _SECONDS + 1e-9, _SECONDS / 2)
+    sums = [change[(time >= start) & (time < start + _SECONDS)].sum() for start in starts]
+    start = starts[int(np.argmax(sums))]
+    return np.flatnonzero((time >= start) & (time < start + _SECONDS))
+
+
+def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, last: bool) -> None:
+    name, unit = efforts.joints[column], efforts.units[column]
+    time = efforts.time[shown]
+    # pieces apart in time are no line
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if len(time) > 2 else np.zeros(0, int)
+    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    for values, colour, width, order in (
+        (efforts.rigid, _BEFORE, 1.2, 2),
+        (efforts.measured, _MEASURED, 1.6, 3),
+        (efforts.predicted, _AFTER, 1.1, 4),
+    ):
+        own = np.insert(values[shown, column], gaps, np.nan)
+        axes.plot(np.insert(time, gaps, np.nan), own, color=colour, lw=width, zorder=order)
+    share = efforts.shares[name]
+    text = f"{100 * share['rigid']:.3g} % of it unexplained as drawn, {100 * share['heldout']:.3g} % with the findings"
+    axes.set_title(f"{name}: {text}", fontsize=9.5, loc="left")
+    axes.set_ylabel(f"effort [{unit}]", fontsize=9)
+    if last:
+        axes.set_xlabel("time [s]", fontsize=9)
+    _plain(axes)
+
+
+def _draw_left(axes, efforts: EffortDiagnosis, column: int, last: bool) -> None:
+    good = efforts.good[:, column]
+    speed = efforts.speed[good, column]
+    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    for values, colour, order in ((efforts.rigid, _BEFORE, 2), (efforts.predicted, _AFTER, 3)):
+        left = (efforts.measured - values)[good, column]
+        axes.scatter(speed, left, s=3, color=colour, linewidths=0, alpha=0.5, zorder=order, rasterized=True)
+    axes.set_ylabel(f"left [{efforts.units[column]}]", fontsize=9)
+    if last:
+        axes.set_xlabel(f"speed [{'m/s' if efforts.units[column] == 'N' else 'rad/s'}]", fontsize=9)
+    _plain(axes)
+
+
+@plain_words
+def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = False) -> Figure:
+    """Return what the efforts ask for at a joint against what drives it, before any law, and the law.
+
+    `narrow`: for a phone.
+    """
+    figure = Figure(figsize=(5.2, 4.2) if narrow else (9.5, 4.2), dpi=130, facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.15, 0.14, 0.81, 0.73) if narrow else (0.1, 0.14, 0.87, 0.73))
+    factor, unit = scaled(float(np.abs(curve.x).max(initial=0.0)), curve.x_unit)
+    x = factor * curve.x
+    axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    if x.min() < 0 < x.max():
+        axes.axvline(0, color="#C3C9D0", lw=0.8, zorder=1)
+    axes.errorbar(
+        x, curve.y, 1.96 * curve.deviation, fmt="o", ms=5, color=_AFTER, lw=1.2, zorder=3,
+        label="what the efforts ask for, means of neighbours, 95 %",
+    )  # fmt: skip
+    if curve.law is not None:
+        axes.plot(x, curve.law, color=FOUND, lw=2.2, zorder=4, label=f"the law: {finding.physics.replace('_', ' ')}")
+    axes.set_xlabel(f"{curve.against} of {curve.joint} [{unit}]", fontsize=10)
+    axes.set_ylabel(f"effort beyond the rest of the model [{curve.y_unit}]", fontsize=10)
+    axes.legend(frameon=False, fontsize=9.5, loc="best")
+    _plain(axes)
+    figure.text(0.04 if narrow else 0.1, 0.94, finding_text(finding), fontsize=11.5 if narrow else 13, weight="bold", va="center")
+    return figure
+
+
+def _plain(axes) -> None:
+    axes.tick_params(labelsize=8.5)
+    axes.grid(color="#EDF0F2", zorder=0)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
