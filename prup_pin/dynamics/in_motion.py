@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..mechanism import Mechanism
 from ..spatial import Array
@@ -161,6 +160,8 @@ class InMotion:
 
     def later(self, values: Array, delay: float) -> Array:
         """Return by how much values (N, ...) of `delay` [s] ago differ from those of now."""
+        from scipy.interpolate import CubicSpline  # heavy; not needed to load a robot
+
         out = np.zeros_like(values)
         if self.motion.standing:
             return out

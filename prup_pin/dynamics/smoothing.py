@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from ..spatial import Array
 
@@ -39,6 +38,8 @@ class LowPass:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
+        from scipy import signal  # heavy; not needed to load a robot
+
         sections = signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
         out = np.empty(np.shape(values))
@@ -58,6 +59,8 @@ def differences(values: Array, piece: np.ndarray, step: float) -> Array:
 
 def spectrum(values: Array, piece: np.ndarray, rate: float) -> tuple[Array, Array]:
     """Return frequencies (f,) [Hz] and power densities (f,) of the longest piece; empty where it tells nothing."""
+    from scipy import signal
+
     longest = max(pieces(piece), key=lambda where: where.stop - where.start, default=slice(0, 0))
     part = np.asarray(values[longest], float)
     if len(part) < 64 or not np.ptp(part) > 0:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
+from ...laws.efforts import EFFORT
 from .quantities import number
 
 __all__ = [
@@ -82,7 +83,8 @@ def finding_text(finding: Finding) -> str:
     """Return 'backlash at leg2/ball_nut'."""
     if finding.physics == "finite_deflection":
         return "equilibrium in the deformed position"
-    aspect = f" ({finding.effect.place.aspect})" if finding.effect is not None and finding.effect.place.aspect else ""
+    shown = "" if finding.effect is None else finding.effect.place.aspect.removeprefix(EFFORT).strip()
+    aspect = f" ({shown})" if shown else ""
     words = finding.physics.replace("_", " ")
     if finding.location == "robot":
         return f"{words}{aspect}"
