@@ -49,7 +49,9 @@ def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
         (0.26 if narrow else 0.2, _BEFORE, "rigid, as drawn"),
         (0.62 if narrow else 0.38, _AFTER, "with the findings"),
     ):
-        figure.text(x, 1 - 0.2 / height, f"— {label}", color=colour, fontsize=9 if narrow else 11, va="center", weight="bold")
+        figure.text(
+            x, 1 - 0.2 / height, f"— {label}", color=colour, fontsize=9 if narrow else 11, va="center", weight="bold"
+        )
     return figure
 
 
@@ -125,7 +127,14 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
     axes.set_ylabel(f"effort beyond the rest of the model [{curve.y_unit}]", fontsize=10)
     axes.legend(frameon=False, fontsize=9.5, loc="best")
     _plain(axes)
-    figure.text(0.04 if narrow else 0.1, 0.94, finding_text(finding), fontsize=11.5 if narrow else 13, weight="bold", va="center")
+    figure.text(
+        0.04 if narrow else 0.1,
+        0.94,
+        finding_text(finding),
+        fontsize=11.5 if narrow else 13,
+        weight="bold",
+        va="center",
+    )
     return figure
 
 
