@@ -193,9 +193,16 @@ class _Verdict:
         noise, declared = self._noise(added)
         before, after, by_joint = self._residuals(added, noise)
         findings = [self._finding(term) for term in self.named.terms]
-        findings += self._beyond()
-        findings.sort(key=lambda finding: -finding.heldout_gain)
         unknown = [self._unknown(term) for term in self.free]
+        beyond = list(self._beyond())
+        remarks = self._remarks()
+        if unknown and beyond:
+            # what no law explains drives them: they are no findings of their own
+            names = ", ".join(name for finding in beyond for name in finding.parameters)
+            remarks.append(f"{names} would lie beyond tolerance, but may only stand for what is unknown")
+        else:
+            findings += beyond
+        findings.sort(key=lambda finding: -finding.heldout_gain)
         if not unknown and declared and after["fit"] > EFFORT_LOUD:
             worst = max(by_joint, key=lambda name: by_joint[name]["after"])
             unknown = [
@@ -229,7 +236,7 @@ class _Verdict:
             verdict=verdict,
             not_detectable=tuple(self._not_detectable()),
             advice=self._advice(unknown),
-            remarks=tuple(self._remarks()),
+            remarks=tuple(remarks),
             rows=motion.rows[every],
         )
 

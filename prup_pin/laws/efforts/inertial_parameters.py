@@ -22,6 +22,12 @@ def link_places(mechanism: Mechanism, variant: str) -> list[Place]:
     return [Place(mechanism.bodies[joint.id], variant) for joint in mechanism.joints if joint.id in mechanism.bodies]
 
 
+def parts_of(joint: int, mechanism: Mechanism) -> list[str]:
+    """Return all links that are one body with that of a joint, and the joint: their masses are one mass."""
+    links = [name for name in mechanism.frame_names if mechanism.frame(name).joint == joint]
+    return list(dict.fromkeys((mechanism.bodies[joint], *links, str(mechanism.model.names[joint]))))
+
+
 def body_of(place: Place, mechanism: Mechanism) -> int:
     """Return the column of a link's body in a regressor."""
     return mechanism.frame(place.name).joint - 1
@@ -55,6 +61,9 @@ class InertialParameters(EffortLaw):
     def prior(self, place: Place, mechanism: Mechanism) -> Array:
         return usual_inertia(mechanism)
 
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return parts_of(mechanism.frame(place.name).joint, mechanism)
+
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.regressor[:, :, body_of(place, at.mechanism)]
 
@@ -78,6 +87,9 @@ class ScaledInertia(EffortLaw):
             if mechanism.model.inertias[body_of(place, mechanism) + 1].mass > 0:
                 heavy.append(place)
         return heavy
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return parts_of(mechanism.frame(place.name).joint, mechanism)
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         body = body_of(place, at.mechanism)

@@ -13,7 +13,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw
-from .inertial_parameters import usual_inertia
+from .inertial_parameters import parts_of, usual_inertia
 
 _CENTRE = ("x", "y", "z")
 
@@ -68,7 +68,7 @@ class HeldBody(EffortLaw):
         return super().plausible(place, values, mechanism) and values["mass"] > -_ALL * max(drawn, 0.0)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
-        return [mechanism.bodies[mechanism.need_tool().joint]]
+        return parts_of(mechanism.need_tool().joint, mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = values["mass"]
