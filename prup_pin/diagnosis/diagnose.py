@@ -118,9 +118,11 @@ def _of_channels(robot: Robot, recording: Recording | Sequence[Recording], tell:
     positions = [name for name in mechanism.actuated if name in given[0].positions]
     if poses and is_standing(given[0], positions):
         return _diagnosed(robot, recording, tell)  # what drives hold at rest says little beside a pose
-    efforts = diagnose_efforts(robot, together_in_time(given, mechanism), tell)
+    adapted = as_recorded(robot, given)
+    efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell)
     if not poses:
-        return of_efforts(efforts, given, mechanism)
+        found = of_efforts(efforts, given, mechanism)
+        return replace(found, remarks=(*adapted.remarks, *found.remarks))
     return joined(_diagnosed(robot, recording, tell), efforts)
 
 
