@@ -161,7 +161,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     """Return what recordings ask of a robot. Raises as `diagnose` does."""
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
-    together = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity)
+    together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
     unused: list[str] = []
     remarks = [*adapted.remarks, *(together.recording.remarks if together.several else ())]
     for source in together.sources:
@@ -347,6 +347,8 @@ def _verdict(
     # what acts within tolerances is part of these; without any it is what was left out
     named = "explained" if findings or (acting and not len(final.x)) else "nothing_missing"
     verdict = "unexplained" if unknown else named
+    if unknown and count and not len(given.toleranced) and not robot.mechanism.loops:
+        remarks.append(_UNCALIBRATED)
     calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
     beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
     if beyond and unknown:
@@ -415,6 +417,13 @@ def _elsewhere(effect: Effect, deviation: Array, first: Fit, before: Array, robo
         "(tolerances frame_position and frame_rotation)",
         effect=effect,
     )
+
+
+#: What may help where a tree is left unexplained and taken at its word.
+_UNCALIBRATED = (
+    "nothing is declared to be off, and the robot file is taken at its word. Zeros of encoders, links and markers of an arm "
+    "that was never calibrated are: --tolerances arm takes usual values, docs/tolerances.md says which"
+)
 
 
 def _shows(problem: Problem, fit: Fit) -> bool:

@@ -101,12 +101,16 @@ class VariantDescription:
 class CouplingDescription:
     """A joint that follows another one (URDF's <mimic>, MJCF's <equality><joint>): harmless while it carries no load.
 
-    `what` says so in words, as the beginning of a sentence.
+    `what` says so in words, as the beginning of a sentence. It stands at ratio times the position of `leader` plus
+    `offset` [m or rad]; None: where it stands is not known.
     """
 
     joint: str
     what: str
     line: int | None = None
+    leader: str | None = None
+    ratio: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -326,7 +326,11 @@ class UrdfDocument(ExtensionDocument):
             mimic, name = joint.find("mimic"), joint.get("name")
             if mimic is not None and name in names:
                 other = self.attribute(mimic, "joint", f"joint '{name}', <mimic>")
-                coupled.append(CouplingDescription(name, f"joint '{name}' mimics '{other}'", mimic.sourceline))
+                what = f"joint '{name}', <mimic>"
+                ratio = self.numbers(mimic, "multiplier", 1, what, (1,), MAX_NUMBER) or (1.0,)
+                offset = self.numbers(mimic, "offset", 1, what, (0,), MAX_NUMBER) or (0.0,)
+                told = f"joint '{name}' mimics '{other}'"
+                coupled.append(CouplingDescription(name, told, mimic.sourceline, other, ratio[0], offset[0]))
         return tuple(coupled)
 
     # -- loops of other people -----------------------------------------------------------------------------------

@@ -20,9 +20,13 @@ _MOST_LISTED = 8
 
 @dataclass(frozen=True)
 class AsRecorded:
-    """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it."""
+    """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it.
+
+    recordings: those that were given, with positions of joints that follow others (<mimic>) by these.
+    """
 
     robot: Robot
+    recordings: tuple[Recording, ...]
     tool: str | None = None
     held: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
@@ -40,17 +44,35 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
     weight of what it carries. A base that floats stands still.
     """
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    given = [_followed(recording, robot.mechanism) for recording in given]
     remarks: list[str] = []
     markers = list(dict.fromkeys(name for recording in given for name in recording.marker_names))
     frames = [name for name in markers if name in robot.mechanism.frame_names]
     tool = None
     if robot.mechanism.tool is None and frames and not any(_needs_tool(recording) for recording in given):
-        tool = frames[0]
+        # a joint that mimics another carries no load, and behind it no tool may sit
+        tool = next((name for name in frames if not _mimics(robot.mechanism, name)), frames[0])
         robot = robot.with_tool(tool)
-        remarks.append(f"no tool frame was given: taken at '{tool}', the first marker (--tool FRAME says another one)")
+        remarks.append(f"no tool frame was given: taken at '{tool}', a marker (--tool FRAME says another one)")
     held = _held(robot.mechanism, given, frames)
     remarks += _told(robot.mechanism, held)
-    return AsRecorded(robot.with_held_joints(held), tool, held, tuple(remarks))
+    return AsRecorded(robot.with_held_joints(held), tuple(given), tool, held, tuple(remarks))
+
+
+def _mimics(mechanism: Mechanism, frame: str) -> bool:
+    """Return True for a frame behind a joint that mimics another one."""
+    at = mechanism.frame(frame).joint
+    return any(mechanism.support[mechanism.joint_id(item.joint), at] for item in mechanism.description.coupled)
+
+
+def _followed(recording: Recording, mechanism: Mechanism) -> Recording:
+    """Return a recording with the positions of joints that follow recorded ones and have no column themselves."""
+    positions = dict(recording.positions)
+    for coupling in mechanism.description.coupled:
+        if coupling.leader in positions and coupling.joint in mechanism.actuated:
+            followed = coupling.ratio * positions[coupling.leader] + coupling.offset
+            positions.setdefault(coupling.joint, followed)
+    return recording if len(positions) == len(recording.positions) else replace(recording, positions=positions)
 
 
 def _needs_tool(recording: Recording) -> bool:

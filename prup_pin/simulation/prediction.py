@@ -130,7 +130,7 @@ def simulate(
     if workers < 1:
         raise InputError(f"workers = {workers!r}: expected 1 or more")
     adapted = as_recorded(robot, recording)
-    robot = adapted.robot
+    robot, recording = adapted.robot, adapted.recordings[0]
     mechanism = robot.mechanism
     if is_of_efforts(recording, robot) and not markers:
         return _in_motion(robot, recording, tuple(effect.checked(mechanism) for effect in effects))

@@ -11,9 +11,10 @@ import pytest
 
 import prup_pin
 from prup_pin.errors import UnknownNameError
+from prup_pin.laws import Place, law_at
 from prup_pin.loading import Reading
 from prup_pin.recordings import Noise, Recording, write_recording
-from prup_pin.simulation import CorrectedModel, as_recorded, read_model, simulate, write_model
+from prup_pin.simulation import CorrectedModel, as_recorded, effect_named, read_model, simulate, write_model
 
 from ..reference.posed_tree import PosedTree, placed, turned
 
@@ -69,6 +70,16 @@ def test_a_joint_on_the_way_may_be_held_where_the_user_says():
     assert np.abs(found.markers["right_fore"] - seen["right_fore"]).max() < 1e-12
 
 
+def test_a_joint_that_mimics_another_follows_it():
+    wrists = (*JOINTS, "left_wrist", "left_thumb")
+    tree = PosedTree(TORSO)
+    q = tree.postures(wrists, 3, 2)
+    seen = tree.seen(q | {"left_finger": 0.1 - 0.8 * q["left_thumb"]}, ("finger", "left_hand"), 0.0, 0)
+    recording = Recording(np.arange(3.0), positions=q, markers=seen)
+    found = simulate(prup_pin.load(TORSO), recording)
+    assert np.abs(found.markers["finger"] - seen["finger"]).max() < 1e-12
+
+
 def test_held_joints_weigh_where_they_are_held():
     whole = prup_pin.load(TORSO)
     held = whole.with_held_joints({"hip": 0.4, "left_finger": 0.0})
@@ -104,6 +115,19 @@ def test_how_a_file_was_read_stands_in_the_model_and_comes_back(tmp_path):
     assert robot.parameters["bend.stiffness"].value == 3e4
     assert robot.mechanism.tool.name == "left_hand"
     assert "hip" not in robot.mechanism.actuated
+
+
+def test_joints_that_yield_survive_the_file(tmp_path):
+    mechanism = prup_pin.load(TORSO).mechanism
+    place = Place("robot", "each joint")
+    each = {item.name: 1e-4 for item in law_at("joint_compliance", place).quantities_at(place, mechanism)}
+    effects = (
+        effect_named("joint_compliance", "bend", "across", {"compliance": 2e-4}, mechanism),
+        effect_named("joint_compliance", "robot", "each joint", each, mechanism),
+    )
+    write_model(CorrectedModel(str(TORSO), effects), tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json").effects
+    assert [(item.law, item.place, item.values) for item in again] == [(e.law, e.place, e.values) for e in effects]
 
 
 @pytest.mark.parametrize(
