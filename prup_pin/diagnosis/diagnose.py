@@ -421,7 +421,7 @@ def _elsewhere(effect: Effect, deviation: Array, first: Fit, before: Array, robo
 
 #: What may help where a tree is left unexplained and taken at its word.
 _UNCALIBRATED = (
-    "nothing is declared to be off, and the robot file is taken at its word. Zeros of encoders, links and markers of an arm "
+    "nothing is declared to be off: the robot file is taken at its word. Zeros of encoders, links, markers of an arm "
     "that was never calibrated are: --tolerances arm takes usual values, docs/tolerances.md says which"
 )
 
