@@ -104,3 +104,22 @@ def test_what_cannot_be_meant_is_one_message(run, arguments, said):
     assert done.exit_code == 2
     assert said in " ".join(done.output.split())
     assert "Traceback" not in done.output
+
+
+def test_maps_are_drawn_beside_the_table(run, tmp_path):
+    maps = tmp_path / "maps"
+    done = run("3prup", *GRID, *BOX, "--quantities", "extremes,shares", "--plots", str(maps))
+    assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in maps.iterdir()) == ["extremes.png", "extremes.svg", "shares.png", "shares.svg"]
+    assert "extremes translation [mm]" in (maps / "extremes.svg").read_text(encoding="utf-8")
+    pytest.importorskip("pyarrow")
+    out = tmp_path / "s.parquet"
+    again = run(
+        "3prup", *GRID, *BOX, "--quantities", "extremes,shares", "--out", str(out), "--plots", str(tmp_path / "b")
+    )
+    assert again.exit_code == 0, again.output
+    assert (tmp_path / "b/extremes.svg").read_bytes() == (maps / "extremes.svg").read_bytes()
+    (tmp_path / "file").touch()
+    refused = run("3prup", *GRID, *BOX, "--plots", str(tmp_path / "file"))
+    assert refused.exit_code == 2
+    assert "--plots: cannot make the folder" in " ".join(refused.stderr.split())

@@ -21,7 +21,7 @@ from ..views.text import terminal
 from ..views.text.quantities import WRENCH_DIMENSIONS, number, parse_assignments, parse_list, parse_quantity
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
-from .files import list_written
+from .files import folder_for, list_written, write_figures
 from .options import Reading, RobotName, SetParameters, Workers
 
 __all__ = ["sweep"]
@@ -70,6 +70,10 @@ def sweep(
             "--out", metavar="FILE.parquet", help="Write the table; an interrupted sweep goes on (extra: tables)."
         ),
     ] = None,
+    plots: Annotated[
+        Path | None,
+        typer.Option("--plots", metavar="DIR", help="Write a map of each quantity there, as PNG and SVG."),
+    ] = None,
     set_parameters: SetParameters = None,
     *,
     reading: Reading,
@@ -79,6 +83,7 @@ def sweep(
     if names == ["help"]:
         _print_quantities()
         return
+    folder_for(plots, "--plots")
     loaded, _ = reading.changed(robot, set_parameters)
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
     text = {"over": "; ".join(_axis(name, value) for name, value in asked.items())}
@@ -98,8 +103,13 @@ def sweep(
     with progress.rows() as show, _executor(workers) as executor:
         found = loaded.sweep(quantities=names, compiled=compiled, executor=executor, out=out, progress=show, **asked)
     print_sweep(terminal.console(), found, text)
-    if out is not None:
-        list_written([out])
+    written = [] if out is None else [out]
+    if plots is not None:
+        from ..views.drawing.sweep_figures import figures_of
+
+        written += write_figures(plots, figures_of(found), "--plots")
+    if written:
+        list_written(written)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ try:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch, Polygon
+    from matplotlib.ticker import MaxNLocator
     from matplotlib.transforms import Bbox
 except ImportError as error:
     raise MissingExtraError("matplotlib") from error
@@ -25,6 +26,7 @@ __all__ = [
     "FigureCanvasAgg",
     "Line2D",
     "ListedColormap",
+    "MaxNLocator",
     "Patch",
     "PolyCollection",
     "Polygon",

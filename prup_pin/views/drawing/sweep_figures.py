@@ -1,0 +1,270 @@
+"""Maps of a sweep: any quantity over two coordinates, shares of modules, two models side by side. Needs matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import ceil
+
+import numpy as np
+
+from ...errors import InputError
+from ...spatial import Array
+from ...sweep import QUANTITIES, SweepFile, SweepResult
+from ..scene.colours import FAINT, INK, map_colour
+from .plotting import Figure, FigureCanvasAgg, ListedColormap, MaxNLocator, Patch, plain_words
+
+__all__ = ["Panel", "beside_figure", "figures_of", "map_figure", "share_figure"]
+
+#: Quantities that no map shows: where the robot stands, and 6 x 6 matrices.
+_NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
+#: Modules with a map of their own, and colours of those that dominate.
+_SHARES = 5
+_DOMINANT = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb")
+_SIZE = 2.9  # of a map [in]
+_LEVELS = 12
+#: Of more entries two stand side by side.
+_TALL = 4
+
+#: A sweep in memory or in a file.
+Swept = SweepResult | SweepFile
+#: A title with its unit, and the values over two axes (n, m).
+Panel = tuple[str, Array]
+
+
+def figures_of(found: Swept) -> dict[str, Figure]:
+    """Return the pictures of a sweep over one or two coordinates, by the names of what they show.
+
+    Of more than two that vary the others stand at their middle. Raises InputError for scattered poses.
+    """
+    figures = {}
+    for name in found:
+        if name == "shares":
+            figures["shares"] = share_figure(found)
+        elif name not in _NO_MAP:
+            figures[name] = map_figure(found, name)
+    if not figures:
+        raise InputError(
+            f"nothing of {', '.join(found)} can be drawn as a map; ask for extremes, shares or ksi as well"
+        )
+    return figures
+
+
+@plain_words
+def map_figure(found: Swept, name: str) -> Figure:
+    """Return maps of one quantity, a panel for each of its entries; of one axis curves."""
+    panels = _panels(found, name)
+    if len(found._places.axes) == 1:
+        return _curves(found, name, panels)
+    return _maps(found, panels, QUANTITIES[name].summary)
+
+
+@plain_words
+def beside_figure(
+    columns: Sequence[tuple[str, Swept]],
+    names: Sequence[str],
+    title: str,
+    keep: Mapping[str, Sequence[str]] | None = None,
+) -> Figure:
+    """Return maps of several sweeps over the same grid side by side, a row for each entry; each row has one scale.
+
+    keep: of quantities by name, the entries that are drawn; all of others.
+    """
+    each = [[panel for name in names for panel in _panels(found, name, (keep or {}).get(name))] for _, found in columns]
+    count, wide = len(each[0]), 2 if len(each[0]) > _TALL else 1
+    rows, across = ceil(count / wide), wide * len(columns)
+    size = (_SIZE * 1.25 * across + 0.4, _SIZE * rows + 0.7)
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(rows, across, squeeze=False)
+    figure.suptitle(title, fontsize=11, color=INK)
+    for place in range(count):
+        levels = _levels(np.concatenate([panels[place][1].ravel() for panels in each]))
+        for column, (word, found) in enumerate(columns):
+            axes = grid[place // wide, place % wide * len(columns) + column]
+            drawn = _draw(axes, found, each[column][place][1], levels)
+            axes.set_title(f"{word}: {each[column][place][0]}", fontsize=9, color=INK)
+            figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
+    for axes in grid.ravel()[count * len(columns) :]:
+        axes.set_visible(False)
+    return figure
+
+
+@plain_words
+def share_figure(found: Swept) -> Figure:
+    """Return which module has the largest share of the work where, and the shares of those that matter most."""
+    modules = [module.name for module in found.mechanism.modules]
+    if len(found._places.axes) == 1:
+        means = np.nanmean(found["shares"], axis=0)
+        most = np.argsort(-means)[:_SHARES]
+        return _curves(found, "shares", [(modules[index], found["shares"][:, index]) for index in most])
+    shares = _plane(found, found["shares"])
+    flat = shares.reshape(-1, len(modules))
+    most = np.argsort(-np.nan_to_num(flat).max(axis=0), kind="stable")[:_SHARES]
+    figure = _figure(len(most) + 1)
+    grid = figure.subplots(*_grid(len(most) + 1), squeeze=False).ravel()
+    known = np.isfinite(shares).all(axis=-1)
+    largest = np.where(known, np.nan_to_num(shares).argmax(axis=-1), -1)
+    often = np.bincount(largest[known], minlength=len(modules))
+    there = [index for index in np.argsort(-often, kind="stable") if often[index]]
+    shown = there[: len(_DOMINANT) - 1]
+    codes = np.full(largest.shape, np.nan)
+    for place, index in enumerate(shown):
+        codes[largest == index] = place
+    codes[known & np.isnan(codes)] = len(_DOMINANT) - 1
+    _, (x, y) = _two(found)
+    grid[0].pcolormesh(
+        x, y, codes.T, cmap=ListedColormap(_DOMINANT), vmin=-0.5, vmax=len(_DOMINANT) - 0.5, rasterized=True
+    )
+    grid[0].set_title("largest share of the work", fontsize=9, color=INK)
+    handles = [Patch(color=_DOMINANT[place], label=modules[index]) for place, index in enumerate(shown)]
+    if len(there) > len(shown):
+        handles.append(Patch(color=_DOMINANT[-1], label="another"))
+    grid[0].legend(handles=handles, fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
+    _label(grid[0], found)
+    for axes, index in zip(grid[1:], most, strict=False):
+        drawn = _draw(axes, found, 100 * shares[..., index], _levels(100 * shares[..., most]))
+        axes.set_title(f"{modules[index]} [%]", fontsize=9, color=INK)
+        figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
+    for axes in grid[len(most) + 1 :]:
+        axes.set_visible(False)
+    return figure
+
+
+# -- panels ------------------------------------------------------------------------------------------------------------
+
+
+def _panels(found: Swept, name: str, keep: Sequence[str] | None = None) -> list[Panel]:
+    """Return the entries of a quantity with their titles, over the axes that are drawn."""
+    quantity = QUANTITIES[name]
+    values = _plane(found, found[name])
+    entries = list(quantity.labels[0](found.mechanism)) if quantity.labels else [""]
+    units = [part.strip() for part in quantity.unit.split(",")]
+    panels = []
+    for index, label in enumerate(entries):
+        if keep is not None and label not in keep:
+            continue
+        unit = units[min(index * len(units) // len(entries), len(units) - 1)] if len(units) > 1 else quantity.unit
+        entry = values[..., index] if quantity.labels else values
+        factor, shown = _readable(entry, unit)
+        plain = f"{name} {label}".strip().replace("_", " ")
+        panels.append((f"{plain} [{shown}]", factor * entry))
+    return panels
+
+
+def _readable(values: Array, unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which people read a length or an angle."""
+    if unit == "m":
+        return (1e3, "mm") if np.nanmax(np.abs(values), initial=0.0) > 1e-4 else (1e6, "µm")
+    if unit == "rad":
+        return float(np.degrees(1)), "deg"
+    return 1.0, unit
+
+
+def _two(found: Swept) -> tuple[tuple[str, str], tuple[Array, Array]]:
+    """Return the names of the two axes that are drawn, the last ones, and their values in mm or degrees."""
+    names = list(found._places.axes)[-2:]
+    values = [_axis(found, name) for name in names]
+    return (names[0], names[1]), (values[0][0], values[1][0])
+
+
+def _axis(found: Swept, name: str) -> tuple[Array, str]:
+    unit = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))[name]
+    return (1e3 * found._places.axes[name], "mm") if unit == "m" else (np.degrees(found._places.axes[name]), "deg")
+
+
+def _plane(found: Swept, values: Array) -> Array:
+    """Return values over the axes that are drawn; other axes stand at their middle."""
+    if not found._places.axes:
+        raise InputError("scattered poses have no map; give coordinates as rising arrays, which span a grid")
+    for axis in list(found._places.axes.values())[:-2]:
+        values = values[len(axis) // 2]
+    return values
+
+
+def _others(found: Swept) -> str:
+    """Return where the coordinates stand that are not drawn: 'z 300 mm'."""
+    units = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))
+    held = dict(found._places.fixed) | {
+        name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]
+    }
+    parts = [f"{name} {_said(value, units[name])}" for name, value in held.items()]
+    return ", ".join(parts)
+
+
+def _said(value: float, unit: str) -> str:
+    return f"{1e3 * value:.4g} mm" if unit == "m" else f"{np.degrees(value):.4g} deg"
+
+
+# -- drawing -----------------------------------------------------------------------------------------------------------
+
+
+def _grid(count: int) -> tuple[int, int]:
+    columns = min(count, 3)
+    return ceil(count / columns), columns
+
+
+def _figure(count: int) -> Figure:
+    rows, columns = _grid(count)
+    figure = Figure(figsize=(_SIZE * 1.25 * columns + 0.3, _SIZE * rows + 0.5), layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
+    figure = _figure(len(panels))
+    grid = figure.subplots(*_grid(len(panels)), squeeze=False).ravel()
+    others = _others(found)
+    figure.suptitle(f"{summary}{f'; {others}' if others else ''}", fontsize=10, color=INK, wrap=True)
+    for axes, (title, values) in zip(grid, panels, strict=False):
+        drawn = _draw(axes, found, values, _levels(values))
+        axes.set_title(title, fontsize=9, color=INK)
+        figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
+    for axes in grid[len(panels) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _curves(found: Swept, name: str, panels: Sequence[Panel]) -> Figure:
+    figure = _figure(1)
+    axes = figure.subplots()
+    (only,) = found._places.axes
+    across, unit = _axis(found, only)
+    for title, values in panels:
+        axes.plot(across, values, lw=1.4, label=title)
+    axes.set_xlabel(f"{only} [{unit}]")
+    axes.set_ylabel(name.replace("_", " "))
+    axes.legend(fontsize=7, frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _levels(values: Array) -> Array:
+    """Return the borders of the colours: round numbers."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    if high - low <= 1e-9 * max(abs(high), 1e-300):
+        low, high = low - 0.5 * abs(low or 1.0), high + 0.5 * abs(high or 1.0)
+    return np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
+
+
+def _draw(axes, found: Swept, values: Array, levels: Array):
+    """Draw one map; what has no answer stays white."""
+    _, (x, y) = _two(found)
+    drawn = axes.contourf(x, y, values.T, levels=levels, cmap=ListedColormap(_ramp(len(levels) - 1)))
+    axes.contour(x, y, values.T, levels=levels, colors="white", linewidths=0.3)
+    _label(axes, found)
+    return drawn
+
+
+def _ramp(count: int) -> list:
+    return [map_colour(place / max(count - 1, 1)) for place in range(count)]
+
+
+def _label(axes, found: Swept) -> None:
+    (first, second), _ = _two(found)
+    for name, say in ((first, axes.set_xlabel), (second, axes.set_ylabel)):
+        say(f"{name} [{_axis(found, name)[1]}]", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.set_facecolor("#f3f4f6")
+    axes.spines[:].set_color(FAINT)
+    axes.spines[:].set_linewidth(0.6)

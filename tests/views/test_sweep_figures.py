@@ -1,0 +1,102 @@
+"""Maps of sweeps, what the paper shows beside what is correct, and the boundary in three dimensions."""
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin import InputError
+from prup_pin.views.drawing.plotting import encoded
+from prup_pin.views.drawing.sweep_figures import beside_figure, figures_of, share_figure
+from prup_pin.views.meshcat.boundary import boundary_view
+from prup_pin.views.scene.boundary import boundary_scene
+
+ROBOT = prup_pin.load("3prup")
+ANGLES = np.linspace(-0.5, 0.5, 7)
+LOADS = {"force": 300, "moment": 100}
+
+
+@pytest.fixture(scope="module")
+def swept():
+    names = ["extremes", "ksi", "shares", "C"]
+    return ROBOT.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=names, **LOADS)
+
+
+def titles(figure):
+    return [axes.get_title() for axes in figure.axes if axes.get_title()]
+
+
+def test_every_quantity_that_has_a_map_gets_one(swept):
+    figures = figures_of(swept)
+    assert list(figures) == ["extremes", "ksi", "shares"]
+    assert titles(figures["extremes"]) == ["extremes translation [mm]", "extremes rotation [deg]"]
+    for axes in figures["extremes"].axes[:2]:
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("theta [deg]", "phi [deg]")
+    assert "z 300 mm" in figures["extremes"].get_suptitle()
+
+
+def test_the_map_shows_the_numbers(swept):
+    """The largest level of the colour bar is the first above the largest value, in mm."""
+    (drawn,) = [item for item in figures_of(swept)["extremes"].axes[0].collections if item.get_array() is not None][:1]
+    largest = 1e3 * np.nanmax(swept["extremes"][..., 0])
+    levels = drawn.levels
+    assert levels[-2] < largest <= levels[-1]
+
+
+def test_pictures_are_the_same_bytes_each_time(swept):
+    for kind in ("png", "svg"):
+        one, other = (encoded(figures_of(swept)["ksi"], kind) for _ in range(2))
+        assert one == other
+        assert len(one) > 5_000
+
+
+def test_two_models_share_a_scale(swept):
+    published = prup_pin.load("3prup_as_published")
+    other = published.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["extremes"], **LOADS)
+    figure = beside_figure([("as published", other), ("correct", swept)], ["extremes"], "Fig. 22")
+    assert titles(figure)[0] == "as published: extremes translation [mm]"
+    left, right = (axes.collections[0].levels for axes in figure.axes[:2])
+    np.testing.assert_array_equal(left, right)
+    kept = beside_figure([("correct", swept)], ["extremes"], "", {"extremes": ("rotation",)})
+    assert titles(kept) == ["correct: extremes rotation [deg]"]
+
+
+def test_the_largest_share_has_a_legend(swept):
+    figure = share_figure(swept)
+    words = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert words
+    assert set(words) <= {module.name for module in ROBOT.mechanism.modules}
+    assert titles(figure)[0] == "largest share of the work"
+    assert all(title.endswith("[%]") for title in titles(figure)[1:])
+
+
+def test_one_axis_gives_curves_and_more_than_two_the_middle():
+    line = ROBOT.sweep(z=np.linspace(0.2, 0.4, 5), theta=0, phi=0, quantities=["extremes", "shares"], **LOADS)
+    figures = figures_of(line)
+    assert figures["extremes"].axes[0].get_xlabel() == "z [mm]"
+    assert len(figures["shares"].axes[0].lines) == 5
+    space = ROBOT.sweep(z=[0.25, 0.3, 0.35], theta=ANGLES, phi=ANGLES, quantities=["ksi"], **LOADS)
+    assert "z 300 mm" in figures_of(space)["ksi"].get_suptitle()
+
+
+def test_what_has_no_map_is_said(swept):
+    with pytest.raises(InputError, match="nothing of C"):
+        figures_of(ROBOT.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["C"]))
+    with pytest.raises(InputError, match="scattered poses have no map"):
+        figures_of(ROBOT.sweep([[0.3, 0.0, 0.1]], quantities=["ksi"]))
+
+
+def test_the_boundary_stands_in_its_spans():
+    found = ROBOT.workspace(1 / 8, z=(0.1, 0.65), theta=(-1.1, 1.1), phi=(-1.1, 1.1))
+    scene = boundary_scene(found, "3prup")
+    mesh = scene.part("workspace/boundary").shape
+    assert mesh.vertices.min() > -1e-9
+    assert mesh.vertices.max() < 1 + 1e-9
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    volume = (np.cross(a, b) * c).sum() / 6 * 0.55 * 2.2 * 2.2
+    assert volume == pytest.approx(found.volume, rel=0.15)  # outwards, and about as large
+    texts = {label.text for label in scene.labels}
+    assert {"z 100 mm", "z 650 mm"} < texts
+    assert "volume" in scene.legend.lines[0]
+    page = boundary_view(found, "3prup").static_html()
+    assert "http-equiv" in page
+    assert len(page) > 100_000
