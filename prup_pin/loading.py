@@ -57,7 +57,7 @@ def load(
         changes["actuated"] = _names("actuated", actuated)
     if home is not None:
         changes["home"] = {**description.home, **_values("home", home)}
-    description = replace(description, **changes)
+    description = replace(description, floats=robots.floats(path), **changes)
     wanted = found_variant if variant is None else variant
     if wanted is not None:
         named(f"variant of '{description.name}'", wanted, description.variants)

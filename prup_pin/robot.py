@@ -18,6 +18,7 @@ from .errors import InputError, PrupPinError, RobotFileError, UnreachablePoseErr
 from .kinematics import ClosedPose, LoopKinematics, Mobility, mobility
 from .loaded import Chain, LoadedPose, chain_of, find_loaded_pose
 from .mechanism import Mechanism
+from .mechanism.assumed import assumed
 from .mechanism.readers import read_content
 from .mechanism.writer import urdf_of
 from .parameters import Parameter
@@ -440,6 +441,7 @@ class Robot:
             notes.append("no module is compliant")
         elif kinds == {"joint_spring"}:
             notes.append("only the joints' own springs yield; links, bearings and gears across their axes are rigid")
+        notes += assumed(self.mechanism)
         if self.mechanism.locked:
             notes.append(f"locked where they stand: {', '.join(sorted(self.mechanism.locked))}")
         return tuple(notes)

@@ -28,6 +28,33 @@ EXAMPLE_ROBOTS: Mapping[str, str] = {
     "so101": "so_arm_description/urdf/so101.urdf",
     "talos_arm": "talos_data/robots/talos_left_arm.urdf",
 }
+#: Folders of robots whose base walks or flies: their files leave out the joint to the ground.
+FLOATING_FOLDERS = (
+    "a1_description",
+    "alexander_description",
+    "anymal_b_simple_description",
+    "anymal_c_simple_description",
+    "b1_description",
+    "bolt_description",
+    "borinot_description",
+    "cassie_description",
+    "centauro_description",
+    "g1_description",
+    "go1_description",
+    "go2_description",
+    "hector_description",
+    "hextilt_description",
+    "human_description",
+    "hyq_description",
+    "icub_description",
+    "iris_description",
+    "laikago_description",
+    "quadruped_description",
+    "romeo_description",
+    "simple_humanoid_description",
+    "solo_description",
+    "talos_data",
+)
 #: Where the tool of a well-known arm sits, used when `tool` is not given.
 EXAMPLE_TOOLS: Mapping[str, str] = {
     "ur3": "tool0",
@@ -63,6 +90,31 @@ def example_folder() -> Path | None:
     return path if path.is_dir() else None
 
 
+def example_files() -> dict[str, str]:
+    """Return every robot of example-robot-data by name: its file below `robots/`.
+
+    Names are those of EXAMPLE_ROBOTS, then those of the files without the ending _robot.
+    """
+    files = dict(EXAMPLE_ROBOTS)
+    examples = example_folder()
+    known = set(files.values())
+    if examples is None:
+        return files
+    for path in sorted(examples.rglob("*.urdf")):
+        file = path.relative_to(examples).as_posix()
+        if file not in known and b"<link" in path.read_bytes():
+            files.setdefault(path.stem.removesuffix("_robot").replace(".", "_"), file)
+    return files
+
+
+def floats(path: Path) -> bool:
+    """Return True for a file of example-robot-data whose robot walks or flies."""
+    examples = example_folder()
+    if examples is None or not path.is_relative_to(examples):
+        return False
+    return path.relative_to(examples).parts[0] in FLOATING_FOLDERS
+
+
 def packaged_names() -> tuple[str, ...]:
     """Return the names of the packaged robots."""
     return tuple(sorted(path.stem for path in packaged_folder().glob("*.urdf")))
@@ -88,7 +140,10 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
 
             raise MissingExtraError("example-robot-data")
         return examples / EXAMPLE_ROBOTS[name], (examples.parents[1], examples.parent), None
-    raise UnknownNameError("robot", name, (*packaged_names(), *EXAMPLE_ROBOTS), "A path to a file works too.")
+    every = example_files()
+    if examples is not None and name in every:
+        return examples / every[name], (examples.parents[1], examples.parent), None
+    raise UnknownNameError("robot", name, (*packaged_names(), *every), "A path to a file works too.")
 
 
 def as_path(name: str | Path) -> Path:

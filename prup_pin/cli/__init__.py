@@ -14,6 +14,7 @@ from .answering import stiffness
 from .application import app, main
 from .calibrating import calibrate
 from .catalogue import info, kinds, laws, robots
+from .checking import check
 from .compensating import compensate
 from .diagnosing import diagnose
 from .examples import examples
@@ -31,6 +32,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     view,
     report,
     info,
+    check,
     robots,
     examples,
     kinds,

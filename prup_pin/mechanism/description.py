@@ -137,6 +137,8 @@ class RobotDescription:
     held: Mapping[str, float] = field(default_factory=dict)  # joints that stand still, and where [m, rad]
     notes: tuple[str, ...] = ()
     package_folders: tuple[Path, ...] = ()  # where package:// may point besides the robot's own folder
+    meshes_missing: tuple[str, ...] = ()
+    floats: bool = False  # True where the real robot's base is not fixed to the ground
     described: bool = False  # True where the file says more than a tree
     lines: Mapping[str, int | None] = field(default_factory=dict)
 

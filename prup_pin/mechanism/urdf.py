@@ -27,7 +27,7 @@ from .description import (
 )
 from .extension import EXTENSION, ExtensionDocument
 from .joint_types import JOINT_TYPES, replace_joint
-from .mesh_paths import mesh_problem
+from .mesh_paths import mesh_exists, mesh_problem
 from .sidecar import Sidecar
 from .xml_file import MAX_JOINTS, MAX_NUMBER
 
@@ -74,7 +74,7 @@ class UrdfDocument(ExtensionDocument):
             content = etree.tostring(self.root, encoding="utf-8")
         links = self._links()
         joints, fixed = self._joints(links)
-        self._meshes()
+        missing = self._meshes()
         self._shapes()
         extensions = self.root.findall(EXTENSION)
         for extra in extensions[1:]:
@@ -101,6 +101,7 @@ class UrdfDocument(ExtensionDocument):
             loops=loops,
             restated=tuple(loop for loop in constraints if loop.name in described),
             coupled=coupled,
+            meshes_missing=missing,
             notes=tuple(notes),
             described=bool(extensions) or bool(loops),
             lines=self.lines,
@@ -298,17 +299,20 @@ class UrdfDocument(ExtensionDocument):
                 f"cut it and close the loop with <loop> in <{EXTENSION}>",
             )
 
-    def _meshes(self) -> None:
-        """Meshes must lie in the robot's folder or a declared package folder; nothing is fetched."""
-        home = self.path.resolve().parent
+    def _meshes(self) -> tuple[str, ...]:
+        """Return meshes that are not there. They lie in the robot's folder or a declared one; nothing is fetched."""
+        home, missing = self.path.resolve().parent, []
         for mesh in self.root.iter("mesh", "texture"):
             name = mesh.get("filename")
             if name:
                 message = mesh_problem(name, home, self.package_folders)
                 if message:
                     self.problem(mesh, message)
+                elif mesh.tag == "mesh" and not mesh_exists(name, home, self.package_folders):
+                    missing.append(name.replace("\\", "/").rpartition("/")[2])
             elif mesh.tag == "mesh":
                 self.problem(mesh, '<mesh>: attribute filename="…" is missing')
+        return tuple(dict.fromkeys(missing))
 
     def _shapes(self) -> None:
         """Shapes have their sizes: urdfdom drops those without, and what it cannot draw nobody sees."""

@@ -194,7 +194,7 @@ def print_robots(out: Console) -> None:
     if examples is None:
         paragraph(out, "not installed: pip install 'prup_pin[robots]'")
     table = make_table(("name", "left"), ("file", "left"), ("here", "left"), ("tool", "left"))
-    for name, file in robots.EXAMPLE_ROBOTS.items():
+    for name, file in robots.example_files().items():
         present = examples is not None and (examples / file).is_file()
         known = "known" if name in robots.EXAMPLE_TOOLS else "--tool"
         table.add_row(name, file.rpartition("/")[2], "yes" if present else "no", known)

@@ -1,0 +1,42 @@
+"""What is taken for granted where a robot file says nothing: masses, a home, meshes, a base that stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from .mechanism import Mechanism
+
+__all__ = ["assumed"]
+
+#: Names that a sentence lists.
+_LISTED = 6
+
+
+def assumed(mechanism: Mechanism) -> Iterator[str]:
+    """Yield sentences on what the file leaves open and is taken for granted."""
+    description, model = mechanism.description, mechanism.model
+    floating = [joint.name for joint in mechanism.joints if joint.nv == 6]
+    if floating:
+        yield f"the base is taken as fixed: the floating joint {', '.join(floating)} stands still"
+    elif description.floats:
+        yield f"the base '{mechanism.bodies[0]}' is taken as fixed to the ground; the real one floats or walks"
+    if not mechanism.joints:
+        return
+    ends = {end.joint for loop in mechanism.loops for end in (loop.first, loop.second)}
+    light = [mechanism.bodies[joint.id] for joint in mechanism.joints if not model.inertias[joint.id].mass > 0]
+    named = [name for name in light if name not in {mechanism.bodies[end] for end in ends}]
+    carried = {module.body for module in mechanism.modules}
+    if len(light) == len(mechanism.joints):
+        if not carried - {None}:
+            yield "no masses are given: sag, weight and vibration are those of a robot without weight"
+    elif named:
+        yield f"without mass: {_listed(named)}"
+    if not description.home:
+        yield "no home is given: every joint is at 0, or at its nearest limit"
+    if description.meshes_missing:
+        yield f"meshes that are not there, and not drawn: {_listed(description.meshes_missing)}"
+
+
+def _listed(names) -> str:
+    names = list(dict.fromkeys(names))
+    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")

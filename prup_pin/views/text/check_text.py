@@ -1,0 +1,125 @@
+"""`prup-pin check` as text: all that a reviewer would say of a robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from ...errors import NoStiffnessError, PrupPinError
+from ...robot import Robot
+from ...statics import Compliance
+from .quantities import number
+from .tables import mobility_text, redundancy_text
+from .terminal import heading, in_options, listed, paragraph
+
+__all__ = ["print_check", "print_remarks", "robot_remarks"]
+
+#: Share of the largest module's load below which one carries nothing.
+_NOTHING = 1e-9
+
+
+def robot_remarks(robot: Robot) -> Iterator[str]:
+    """Yield what a reviewer would ask about a robot file that can be read."""
+    mechanism = robot.mechanism
+    try:
+        home = robot.home
+    except PrupPinError as error:
+        yield f"home: {in_options(str(error))}"
+        return
+    found = robot.mobility(home)
+    driven = len(mechanism.actuated_dofs)
+    if mechanism.loops and found.mobility - len(found.idle_joints) != driven:
+        yield (
+            f"{found.mobility} degrees of freedom, {len(found.idle_joints)} of them idle, and {driven} actuated "
+            "joints: expected as many actuated joints as degrees of freedom that move the tool"
+        )
+    if found.idle_joints:
+        yield f"joints that turn idly, holding nothing: {', '.join(found.idle_joints)}"
+    if found.redundant:
+        yield f"overconstrained by {redundancy_text(found)}: loads depend on how exactly its parts are made"
+    if mechanism.tool is None:
+        yield "no tool is given, so that nothing can be loaded: --tool FRAME"
+        return
+    yield from _tool_of_a_walker(robot)
+    idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]
+    if idle:
+        yield f"joints beside the way from tool to base, which carry nothing: {', '.join(idle)}"
+    if not mechanism.modules:
+        yield "no module is compliant: everything is rigid"
+        return
+    try:
+        compliance = robot.compliance(home)
+    except PrupPinError as error:
+        yield f"stiffness at home: {in_options(str(error))}"
+        return
+    yield from _stiffness(compliance)
+
+
+def _tool_of_a_walker(robot: Robot) -> Iterator[str]:
+    mechanism = robot.mechanism
+    branches = sum(int(parent) == 0 for parent in list(mechanism.model.parents)[1:])
+    size = float(np.linalg.norm(mechanism.gravity))
+    assert mechanism.tool is not None
+    down = mechanism.gravity / size if size else np.array([0.0, 0.0, -1.0])
+    below = float(down @ robot.home.placement(mechanism.tool.name)[:3, 3])
+    if (mechanism.description.floats or branches > 1) and not mechanism.loops and below > 0:
+        yield (
+            f"the tool '{mechanism.tool.name}' lies {number(below, 3)} m below the base '{mechanism.bodies[0]}', "
+            "which is taken as fixed: of a robot that walks, it is the foot that stands"
+        )
+
+
+def _stiffness(compliance: Compliance) -> Iterator[str]:
+    sizes = {name: float(np.abs(jacobian).max()) for name, jacobian in compliance.wrench_jacobians.items()}
+    largest = max(sizes.values())
+    nothing = [name for name, size in sizes.items() if size <= _NOTHING * largest]
+    if nothing:
+        yield f"modules that carry nothing at home, whatever acts on the tool: {', '.join(nothing)}"
+    rigid = [name for name, part in compliance.parts.items() if name not in nothing and not np.abs(part).max() > 0]
+    if rigid:
+        yield f"modules that carry load and do not yield: {', '.join(rigid)}"
+    try:
+        _ = compliance.K
+    except NoStiffnessError as error:
+        count = len(error.directions)
+        yield f"K does not exist at home: nothing yields under {count} of 6 loads; C does (prup-pin stiffness)"
+
+
+def print_check(out: Console, robot: Robot) -> None:
+    """Print what the file holds, what a reviewer would ask, and what is assumed."""
+    mechanism = robot.mechanism
+    out.print(Text(robot.name, style="bold"))
+    listed(out, "file", [str(mechanism.description.path)])
+    listed(
+        out,
+        "holds",
+        [
+            f"{len(mechanism.joints)} joints, {len(mechanism.actuated)} actuated",
+            f"{len(mechanism.loops)} loops",
+            f"{len(mechanism.modules)} compliant modules",
+        ],
+        ", ",
+    )
+    mass = sum(float(body.mass) for body in mechanism.model.inertias)
+    listed(out, "mass", [f"{number(mass)} kg that move"])
+    try:
+        found = robot.mobility(robot.home)
+        listed(out, "freedom", [mobility_text(mechanism, found)])
+        listed(out, "redundant", [redundancy_text(found)])
+    except PrupPinError:
+        pass  # among the remarks
+    print_remarks(out, list(robot_remarks(robot)), list(robot.assumptions))
+
+
+def print_remarks(out: Console, remarks: list[str], assumed: list[str]) -> None:
+    """Print remarks, or that there are none, and what is taken for granted."""
+    heading(out, "To look at" if remarks else "Nothing to object")
+    for text in remarks:
+        paragraph(out, text, "- ")
+    if assumed:
+        heading(out, "Assumed")
+        for text in assumed:
+            paragraph(out, text, "- ")

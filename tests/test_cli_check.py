@@ -1,0 +1,93 @@
+"""`prup-pin check`: what a reviewer would say; robots by name; what is taken for granted is said."""
+
+import pytest
+from typer.testing import CliRunner
+
+from prup_pin import load, robots
+from prup_pin.cli import app
+
+
+@pytest.fixture
+def run(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "110")
+    return lambda *arguments: CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def told(done):
+    assert done.exit_code == 0, done.output
+    return " ".join(done.stdout.split())
+
+
+def test_a_whole_robot_has_nothing_to_object_to(run):
+    text = told(run("check", "3prup"))
+    assert "3 degrees of freedom = 15 joint velocities - rank 12 of 12 closures; 3 actuated" in text
+    assert "Nothing to object" in text
+    assert "the paper's assumption" in text
+
+
+def test_a_walking_robot_is_told_that_it_stands(run):
+    text = told(run("check", "solo12", "--tool", "FL_FOOT"))
+    assert "the tool 'FL_FOOT' lies 0.32 m below the base 'base_link', which is taken as fixed" in text
+    assert "which carry nothing: FR_HAA" in text
+    assert "the base 'base_link' is taken as fixed to the ground; the real one floats or walks" in text
+    assert "no home is given" in text
+
+
+def test_parts_that_carry_nothing_and_redundancy_are_named(run, tmp_path):
+    text = told(run("check", "panda", "--joint-stiffness", "panda_joint1=1e4,panda_finger_joint1=1e4"))
+    assert "modules that carry nothing at home, whatever acts on the tool: panda_finger_joint1" in text
+    assert "joints beside the way from tool to base, which carry nothing: panda_finger_joint1" in text
+    assert "K does not exist at home: nothing yields under 5 of 6 loads" in text
+
+
+def test_without_a_tool_nothing_can_be_loaded(run):
+    assert "no tool is given" in told(run("check", "solo12"))
+
+
+@pytest.mark.parametrize("name", ["bench.csv", "model.json"])
+def test_what_is_no_robot_file_is_refused(run, name):
+    done = run("check", name)
+    assert done.exit_code == 2
+    assert "is no robot file" in done.stderr or "not" in done.stderr
+
+
+def test_a_wrong_file_lists_its_problems(run, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text('<robot name="x"><link name="a"/><link name="b"/></robot>')
+    done = run("check", path)
+    assert done.exit_code == 2
+    assert "is a second root beside 'a'" in " ".join(done.stderr.split())
+
+
+def test_all_robots_of_example_robot_data_have_a_name():
+    names = robots.example_files()
+    assert len(names) > 60
+    for name in ("talos_reduced", "solo12", "anymal", "iris_simple", "talos_full_v2"):
+        robot = load(name)
+        assert robot.home is not None
+        assert any("taken as fixed to the ground" in note for note in robot.assumptions), name
+    assert not any("taken as fixed" in note for note in load("ur5").assumptions)
+
+
+def test_missing_meshes_and_masses_are_said(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        '<robot name="x"><link name="a"/><link name="b"><visual><geometry><mesh filename="gone.stl"/></geometry>'
+        '</visual></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
+    )
+    notes = load(path).assumptions
+    assert "meshes that are not there, and not drawn: gone.stl" in notes
+    assert any(note.startswith("no masses are given") for note in notes)
+    (tmp_path / "gone.stl").write_bytes(b"")
+    assert not any("gone.stl" in note for note in load(path).assumptions)
+
+
+def test_coordinates_that_are_not_given_stay_at_home(run):
+    ur5 = load("ur5", joint_stiffness=1e4)
+    pose = ur5.pose(elbow_joint=0.7)
+    assert pose.joints["elbow_joint"] == pytest.approx(0.7, abs=1e-12)
+    for name, value in ur5.home.joints.items():
+        if name != "elbow_joint":
+            assert pose.joints[name] == value
+    text = told(run("stiffness", "ur5", "--joint-stiffness", "1e4", "--at", "elbow_joint=40deg"))
+    assert "elbow_joint 40 deg" in text
