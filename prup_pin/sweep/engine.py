@@ -28,7 +28,9 @@ __all__ = ["Answer", "Engine"]
 
 #: So many poses are solved together: their matrices fit a processor's memory.
 _TOGETHER = 256
-#: ... and so many where most of it is machine code.
+#: So many leave a machine's outputs in the cache.
+_IN_CACHE = 1024
+#: Poses that are solved together where most of it is machine code.
 _TOGETHER_COMPILED = 4096
 
 _STATES = {CLOSED: status.OK, AWAY: status.UNREACHABLE, LIMITS: status.LIMITS, DOUBTFUL: status.SINGULAR}
@@ -147,6 +149,8 @@ class Engine:
         left = np.arange(len(coordinates))
         if self._machine is not None:
             left = self._solve_compiled(self._machine, coordinates, answer)
+        if not len(left):
+            return answer
         # A product's last digits may depend on how several threads share it; what diverges on the way is told by its
         # status.
         with np.errstate(all="ignore"), threadpool_limits(1, "blas"):
@@ -163,10 +167,15 @@ class Engine:
     def _solve_compiled(self, machine: Machine, coordinates: Array, answer: Answer) -> NDArray[np.int_]:
         """Fill in what the machine is sure of, and return the other poses."""
         assert self.written is not None
-        out = machine.run(coordinates)
-        sure = self.written.accepted(out)
-        self._take(out, sure, answer)
-        return np.flatnonzero(~sure)
+        left = []
+        for start in range(0, len(coordinates), _IN_CACHE):
+            some = slice(start, start + _IN_CACHE)
+            out = machine.run(coordinates[some])
+            sure = self.written.accepted(out)
+            part = Answer({name: values[some] for name, values in answer.values.items()}, answer.status[some])
+            self._take(out, sure, part)
+            left.append(start + np.flatnonzero(~sure))
+        return np.concatenate(left) if left else np.zeros(0, int)
 
     def _take(self, out: Array, sure: NDArray[np.bool_], answer: Answer) -> None:
         """Fill in what a machine's outputs (n, m) say where they are sure."""

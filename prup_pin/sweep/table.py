@@ -31,7 +31,7 @@ def as_table(columns: Mapping[str, NDArray], about: Mapping[str, Any]) -> pyarro
     """Return columns as a table that says what it holds; words are stored once each."""
     pa = arrow()
     arrays = {
-        name: pa.array(values.tolist()).dictionary_encode() if values.dtype.kind == "U" else pa.array(values)
+        name: pa.array(values).dictionary_encode() if values.dtype.kind == "U" else pa.array(values)
         for name, values in columns.items()
     }
     return pa.table(arrays).replace_schema_metadata({ABOUT: json.dumps(about, sort_keys=True).encode()})
