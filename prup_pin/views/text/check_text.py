@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...errors import NoStiffnessError, PrupPinError
+from ...errors import MissingExtraError, NoStiffnessError, PrupPinError
+from ...mechanism.second_reader import second_opinion
 from ...robot import Robot
 from ...statics import Compliance
 from .quantities import number
@@ -29,6 +31,8 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     except PrupPinError as error:
         yield f"home: {in_options(str(error))}"
         return
+    with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
+        yield from second_opinion(mechanism)
     found = robot.mobility(home)
     driven = len(mechanism.actuated_dofs)
     if mechanism.loops and found.mobility - len(found.idle_joints) != driven:
