@@ -33,6 +33,8 @@ _SMALLER = {
     "1/K": ((1e6, "µm/(m K)"),),
     "1": (),
 }
+#: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
+_ABSURD = 1e9
 _LARGER = {"N/m": (1e-6, "N/µm"), "N m/rad": (1e-3, "N m/mrad")}
 
 
@@ -204,6 +206,10 @@ def hidden_rows(hidden: Sequence[Detectable]) -> list[tuple[str, str, str]]:
 
 def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
     sizes = sorted(item.smallest for item in items if item.smallest is not None)
+    if not items[0].below and sizes[0] > _ABSURD:
+        return "never visible in this test"
+    if not items[0].below:
+        sizes = [size for size in sizes if size <= _ABSURD]
     factor, shown = scaled(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
     ends = [number(factor * size, 2) for size in (sizes[0], sizes[-1])]
     amount = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
