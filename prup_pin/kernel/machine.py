@@ -1,8 +1,8 @@
 """Pipelines as machine code, by LLVM (extra: compiled): eight poses in one go.
 
 LLVM takes the straight line as it is; numba, which stands on the same llvmlite, reads it from Python, and takes about
-ten times as long. Sums and products are rounded one by one as IEEE 754 says, and sine and cosine are polynomials, so that
-the width of a processor's registers changes no bit; arctan2 and arccos are the C library's.
+ten times as long. Sums and products are rounded one by one as IEEE 754 says, and sine and cosine are polynomials, so
+that the width of a processor's registers changes no bit; arctan2 and arccos are the C library's.
 """
 
 from __future__ import annotations
