@@ -17,6 +17,8 @@ __all__ = ["InMotion"]
 
 #: Below this share of its usual speed a joint without a sensor of its own counts as slow.
 _SLOW_SHARE = 1e-2
+#: Samples per period of the efforts' band at which derivatives are computed.
+_SAMPLES = 4.0
 #: Of the shift along the motion for a numerical derivative [s].
 _STEP = 1e-4
 
@@ -184,17 +186,31 @@ class InMotion:
         return self._derivative(column, zero + 1.0, zero, zero) / _STEP
 
     def _derivative(self, column: int, position: Array, speed: Array, acceleration: Array) -> Array:
-        motion, values = self.motion, []
+        """Return by how much rigid efforts (N, k) change as one joint moves by `_STEP` times these rates (N,).
+
+        At as many samples as the band of the efforts needs, and smoothly between them.
+        """
+        motion = self.motion
+        every = 1 if motion.standing else max(1, int(motion.rate / (_SAMPLES * motion.low_pass.cutoff)))
+        parts = [np.unique(np.append(np.arange(w.start, w.stop, every), w.stop - 1)) for w in pieces(motion.piece)]
+        rows = np.concatenate(parts)
+        few, values = motion.select(rows), []
+        rates = [rate[rows] for rate in (position, speed, acceleration)]
         for sign in (0.5, -0.5):
             moved = []
-            for table, rate in (
-                (motion.position, position),
-                (motion.speed, speed),
-                (motion.acceleration, acceleration),
-            ):
+            for table, rate in zip((few.position, few.speed, few.acceleration), rates, strict=True):
                 other = table.copy()
                 other[:, column] += sign * _STEP * rate
                 moved.append(other)
-            trajectory = self.dynamics.trajectory(motion.with_motion(*moved))
-            values.append(self.dynamics.efforts(trajectory, motion.wrench, motion.gravity))
-        return values[0] - values[1]
+            trajectory = self.dynamics.trajectory(few.with_motion(*moved))
+            values.append(self.dynamics.efforts(trajectory, few.wrench, few.gravity))
+        change = values[0] - values[1]
+        if every == 1:
+            return change
+        from scipy.interpolate import CubicSpline
+
+        out = np.empty_like(self.rigid)
+        for where in pieces(motion.piece):
+            here = (rows >= where.start) & (rows < where.stop)
+            out[where] = CubicSpline(motion.time[rows[here]], change[here], axis=0)(motion.time[where])
+        return out

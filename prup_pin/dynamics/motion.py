@@ -65,9 +65,20 @@ class Motion:
     def __len__(self) -> int:
         return len(self.time)
 
+    def select(self, rows: np.ndarray) -> Motion:
+        """Return some of the samples, by their places (n,)."""
+        changes = {name: getattr(self, name)[rows] for name in _BY_SAMPLE}
+        for name in ("wrench", "gravity"):
+            value = getattr(self, name)
+            changes[name] = None if value is None else value[rows]
+        return replace(self, **changes)
+
     def with_motion(self, position: Array, speed: Array, acceleration: Array) -> Motion:
         """Return the same samples with another motion."""
         return replace(self, position=position, speed=speed, acceleration=acceleration)
+
+
+_BY_SAMPLE = ("time", "piece", "position", "speed", "acceleration", "still", "efforts", "rows")
 
 
 def is_standing(recording: Recording, names: Sequence[str]) -> bool:

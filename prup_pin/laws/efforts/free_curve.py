@@ -77,5 +77,8 @@ class FreeCurve(EffortLaw):
         both = np.concatenate((hats, hats * turning[:, None]), axis=1)
         return np.stack([at.along(place.name, column) for column in both.T], axis=-1)
 
+    def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
+        return {}  # a shape, no parameters; where positions repeat it has fewer knots
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the effort at {place.name} follows the joint's {self.variable} by no law known here"

@@ -1,0 +1,121 @@
+"""Efforts in motion: concealed arms, real and drawn recordings, one diagnosis of both channels."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prup_pin import load
+from prup_pin.diagnosis import diagnose
+from prup_pin.errors import InputError
+from prup_pin.recordings import Recording, read_recording
+from prup_pin.simulation import CorrectedModel, simulate
+from tests.reference.concealed.efforts import draw_efforts, write
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
+REAL = Path(__file__).parents[3] / "shared" / "real" / "emps" / "emps.csv"
+
+
+def device(folder, seed, robot, effects, multiple=(6.0, 20.0)):
+    """Return a concealed robot's recording, and a second one, as files would hold them."""
+    write(draw_efforts(seed, robot, effects, multiple), folder, folder, "it")
+    return read_recording(folder / "it.csv"), read_recording(folder / "it.heldout.csv")
+
+
+def axis(n=6000, *, damping=0.0, limit=0.0, drag=0.0, noise=0.5, seed=1):
+    """Return a recording of the ball-screw axis at 250 Hz whose efforts are known."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(n) * 0.004
+    q = 0.1 * np.sin(1.1 * time) + 0.05 * np.sin(2.9 * time + 1)
+    v = 0.11 * np.cos(1.1 * time) + 0.145 * np.cos(2.9 * time + 1)
+    a = -0.121 * np.sin(1.1 * time) - 0.4205 * np.sin(2.9 * time + 1)
+    coloured = np.zeros(n)
+    for row in range(1, n):
+        coloured[row] = 0.9 * coloured[row - 1] + rng.normal() * noise * np.sqrt(1 - 0.81)
+    tau = 95 * a + damping * v + limit * np.sign(v) + drag * v * np.abs(v) + coloured
+    q = np.round((q + 1e-8 * rng.normal(size=n)) * 1e7) / 1e7
+    return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
+
+
+@pytest.fixture(scope="module")
+def carriage():
+    return load(AXIS)
+
+
+def named(found):
+    return {(finding.physics, finding.location) for finding in found.findings}
+
+
+def test_an_axis_as_drawn_misses_nothing(carriage):
+    found = diagnose(carriage, axis())
+    assert found.verdict == "nothing_missing"
+    assert not found.findings
+    assert found.efforts.shares["carriage"]["heldout"] < 0.05
+
+
+def test_friction_is_found_with_intervals_that_hold_it(carriage):
+    found = diagnose(carriage, axis(damping=200.0, limit=20.0))
+    assert found.verdict == "explained"
+    assert named(found) == {("viscous_friction", "carriage"), ("coulomb_friction", "carriage")}
+    by_word = {finding.physics: finding for finding in found.findings}
+    for word, name, true in (("viscous_friction", "damping", 200.0), ("coulomb_friction", "limit", 20.0)):
+        fitted = by_word[word].parameters[name]
+        assert fitted.value == pytest.approx(true, rel=0.03)
+        low, high = fitted.interval
+        assert low < true < high or abs(fitted.value - true) < 0.01 * true
+
+
+def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
+    found = diagnose(carriage, axis(drag=2500.0))
+    assert found.verdict == "unexplained"
+    assert named(found) == {("unknown", "carriage")}
+    curve = next(curve for curve in found.efforts.curves if curve.joint == "carriage")
+    assert curve.y == pytest.approx(2500.0 * curve.x * np.abs(curve.x), abs=1.5)
+
+
+def test_the_same_recording_gives_the_same_verdict_whatever_was_asked_before(carriage):
+    first = diagnose(carriage, axis(limit=20.0))
+    diagnose(carriage, axis(drag=2500.0, seed=5))
+    again = diagnose(load(AXIS), axis(limit=20.0))
+    assert [finding.parameters for finding in first.findings] == [finding.parameters for finding in again.findings]
+    assert first.after == again.after
+
+
+def test_speeds_in_degrees_are_told_with_the_number_that_gave_them_away(tmp_path):
+    recording, _ = device(tmp_path, 104, "ur5", [])
+    wrong = {name: np.degrees(values) for name, values in recording.velocities.items()}
+    if not wrong:
+        wrong = {n: np.degrees(np.gradient(q, recording.time)) for n, q in recording.positions.items()}
+    with pytest.raises(InputError, match=r"qd\.shoulder_pan_joint.*57\.\d+ times.*degrees"):
+        diagnose(load("ur5"), replace(recording, velocities=wrong))
+
+
+@pytest.mark.parametrize(
+    ("robot", "seed", "physics"),
+    [("ur5", 3, "coulomb_friction"), ("five_bar", 4, "rotor_inertia"), ("xarm7", 5, "payload")],
+)
+@pytest.mark.slow
+def test_a_concealed_robot_is_told_its_place_and_physics(tmp_path, robot, seed, physics):
+    recording, heldout = device(tmp_path, seed, robot, [physics])
+    truth = json.loads((tmp_path / "it.truth.json").read_text())["effects"][0]
+    loaded = load(ROBOTS / "weighty_five_bar" / "weighty_five_bar.urdf" if robot == "five_bar" else robot)
+    found = diagnose(loaded, recording)
+    assert any(f.physics == physics and set(f.candidates) & set(truth["places"]) for f in found.findings)
+    predicted = simulate(loaded, heldout, CorrectedModel("it", found.effects).effects)
+    for name, values in heldout.efforts.items():
+        left = np.nanstd(values - predicted.efforts[name])
+        assert left < 2.0 * recording.noise.effort, name
+
+
+@pytest.mark.skipif(not REAL.is_file(), reason="the public recording of the ball-screw axis is not here")
+def test_the_ball_screw_axis_is_friction_and_no_other_mass(carriage):
+    found = diagnose(carriage, read_recording(REAL))
+    words = {finding.physics for finding in found.findings}
+    assert {"viscous_friction", "coulomb_friction"} <= words
+    assert not words & {"inertial_parameters", "payload", "rotor_inertia", "unknown"}
+    share = found.efforts.shares["carriage"]
+    assert share["rigid"] > 0.6
+    assert share["heldout"] < 0.054

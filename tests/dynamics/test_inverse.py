@@ -1,0 +1,137 @@
+"""Inverse dynamics by energy, power and linearity; of trees and of loops."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from prup_pin import load
+from prup_pin.dynamics import INERTIAL, InMotion, LowPass, Motion, in_frame
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+
+
+def motion_along(names, q, qd, qdd, wrench=None):
+    """Return a motion whose speeds and accelerations are known."""
+    n = len(q)
+    return Motion(
+        names=tuple(names),
+        driven=tuple(names),
+        time=np.arange(n) * 0.02,
+        piece=np.zeros(n, int),
+        rate=50.0,
+        position=q,
+        speed=qd,
+        acceleration=qdd,
+        still=np.zeros(q.shape, bool),
+        slow=np.full(q.shape[1], 1e-6),
+        efforts=np.zeros(q.shape),
+        wrench=wrench,
+        gravity=None,
+        rows=np.arange(n),
+        low_pass=LowPass(20.0, 50.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return load("ur5")
+
+
+def random_motion(robot, seed=3, n=40):
+    rng = np.random.default_rng(seed)
+    names = robot.mechanism.actuated
+    return motion_along(names, *(rng.normal(size=(n, len(names))) for _ in range(3)))
+
+
+def test_efforts_are_linear_in_the_inertial_parameters(ur5):
+    at = InMotion.of(ur5.mechanism, random_motion(ur5))
+    drawn = np.array([inertia.toDynamicParameters() for inertia in list(ur5.mechanism.model.inertias)[1:]])
+    assert np.einsum("nkbp,bp->nk", at.regressor, drawn) == pytest.approx(at.rigid, abs=1e-10)
+
+
+def test_a_wrench_on_the_tool_does_its_work_through_the_actuators(ur5):
+    """Efforts times speeds are the power that goes into motion, weight and the wrench."""
+    motion = random_motion(ur5)
+    wrench = np.random.default_rng(5).normal(size=(len(motion), 6))
+    at = InMotion.of(ur5.mechanism, motion)
+    loaded = InMotion.of(ur5.mechanism, replace(motion, wrench=wrench))
+    model = ur5.mechanism.model
+    data, tool = model.createData(), model.getFrameId("tool0")
+    for row in range(len(motion)):
+        pin.forwardKinematics(model, data, at.trajectory.q[row], at.trajectory.v[row])
+        twist = pin.getFrameVelocity(model, data, tool, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).vector
+        power = (loaded.rigid[row] - at.rigid[row]) @ motion.speed[row]
+        assert power == pytest.approx(-twist @ wrench[row], abs=1e-9)
+
+
+def test_inertial_parameters_in_another_frame_are_those_of_the_same_body():
+    body = pin.Inertia.Random()
+    frame = pin.SE3.Random()
+    there = frame.actInv(body).toDynamicParameters()
+    assert in_frame(frame.homogeneous) @ there == pytest.approx(body.toDynamicParameters(), abs=1e-12)
+    assert len(INERTIAL) == 10
+
+
+def test_a_closed_loop_needs_the_efforts_that_do_its_work():
+    """Of a five-bar: the power of its two drives is the rate of change of its energy, by finite differences."""
+    robot = load(ROBOTS / "weighty_five_bar" / "weighty_five_bar.urdf")
+    mechanism = robot.mechanism
+    home = np.array([robot.home.actuators[name] for name in mechanism.actuated])
+    time = np.arange(0.0, 2.0, 0.002)
+    sway = np.column_stack([0.2 * np.sin(3 * time), 0.15 * np.sin(4 * time + 1)])
+    speed = np.column_stack([0.6 * np.cos(3 * time), 0.6 * np.cos(4 * time + 1)])
+    rate = np.column_stack([-1.8 * np.sin(3 * time), -2.4 * np.sin(4 * time + 1)])
+    motion = motion_along(mechanism.actuated, home + sway, speed, rate)
+    at = InMotion.of(mechanism, motion)
+    model, data = mechanism.model, mechanism.model.createData()
+    model = pin.Model(model)
+    model.gravity.linear = mechanism.gravity
+    energy = []
+    for q, v in zip(at.trajectory.q, at.trajectory.v, strict=True):
+        energy.append(pin.computeKineticEnergy(model, data, q, v) + pin.computePotentialEnergy(model, data, q))
+    power = (at.rigid * speed).sum(axis=1)
+    assert power[2:-2] == pytest.approx(np.gradient(energy, 0.002)[2:-2], abs=2e-4 * np.abs(power).max())
+    # the other joints really move as the loop makes them
+    assert np.gradient(at.trajectory.q, 0.002, axis=0)[2:-2] == pytest.approx(at.trajectory.v[2:-2], abs=2e-4)
+    assert np.gradient(at.trajectory.v, 0.002, axis=0)[2:-2] == pytest.approx(at.trajectory.a[2:-2], abs=2e-3)
+
+
+def test_friction_turns_round_on_its_way():
+    """Dahl's model against its exact solution on a straight stretch after a reversal."""
+    robot = load("ur5")
+    q = np.zeros((200, 6))
+    q[:, 0] = np.concatenate((np.linspace(0, 1, 100), np.linspace(1, 0, 100)))
+    at = InMotion.of(robot.mechanism, motion_along(robot.mechanism.actuated, q, 0 * q, 0 * q))
+    dragged = at.dragged("shoulder_pan_joint", 0.05)
+    back = 1 - q[100:, 0]
+    assert dragged[99] == pytest.approx(1.0)
+    assert dragged[100:] == pytest.approx(-1 + 2 * np.exp(-back / 0.05), abs=1e-12)
+
+
+def test_an_encoder_that_is_late_or_off_shows_by_its_slope(ur5):
+    """Against efforts of the motion that is really late, or off."""
+    time = np.arange(400) * 0.01
+    rate = np.array([1.0, 1.3, 0.7, 1.9, 1.1, 2.3])
+    q, qd, qdd = (
+        np.sin(rate * time[:, None] + order * np.pi / 2) * rate**order * 0.5 for order in range(3)
+    )  # fmt: skip
+    names = ur5.mechanism.actuated
+    motion = replace(motion_along(names, q, qd, qdd), time=time, rate=100.0, low_pass=LowPass(10.0, 100.0))
+    at = InMotion.of(ur5.mechanism, motion)
+    step = 1e-5
+    for name, column in (("elbow_joint", 2), ("wrist_1_joint", 3)):
+        off = q.copy()
+        off[:, column] += step
+        there = InMotion.of(ur5.mechanism, motion.with_motion(off, qd, qdd)).rigid
+        assert at.displaced(name) == pytest.approx((there - at.rigid) / step, abs=2e-3 * np.abs(at.rigid).max())
+        moved = [table.copy() for table in (q, qd, qdd)]
+        ahead = [np.sin(rate * (time[:, None] + step) + order * np.pi / 2) * rate**order * 0.5 for order in range(3)]
+        for table, later in zip(moved, ahead, strict=True):
+            table[:, column] = later[:, column]
+        there = InMotion.of(ur5.mechanism, motion.with_motion(*moved)).rigid
+        inner = slice(5, -5)  # the rate of an acceleration is one-sided at the ends
+        expected = (there - at.rigid) / step
+        assert at.shifted(name)[inner] == pytest.approx(expected[inner], abs=2e-3 * np.abs(expected).max())
