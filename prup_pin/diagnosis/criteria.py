@@ -332,6 +332,10 @@ EFFORT_MATERIAL = 0.005
 EFFORT_IMITATED = 0.03
 #: Multiple of the declared noise beyond which what is left is not noise.
 EFFORT_LOUD = 1.5
+#: Share of the efforts that may be left where no noise was declared, and nothing be missing.
+EFFORT_UNTOLD = 0.3
+#: Blocks of time below which none can be judged by the others.
+FEWEST_EFFORT_BLOCKS = 4
 #: Another place or law is as good where it loses less than so many standard errors over blocks, or than this share
 #: of the gain.
 EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02

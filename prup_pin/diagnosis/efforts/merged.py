@@ -74,7 +74,8 @@ def of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechan
     remarks: list[str] = []
     for recording in recordings:
         names, _ = unused_columns(recording, mechanism)
-        unused += [name for name in names if not name.startswith(_OWN) or _strange(name, mechanism)]
+        own = ("tau.", "q.") if efforts.standing else _OWN
+        unused += [name for name in names if not name.startswith(own) or _strange(name, mechanism)]
         remarks += [*recording.remarks, *suspicions(recording)]
     if unused:
         remarks.append(f"not used: {', '.join(dict.fromkeys(unused))}")

@@ -25,6 +25,8 @@ from ..criteria import (
     EFFORT_LOUD,
     EFFORT_MATERIAL,
     EFFORT_SURE,
+    EFFORT_UNTOLD,
+    FEWEST_EFFORT_BLOCKS,
     beyond_tolerance,
 )
 from ..diagnosis import Detectable, Finding, FittedParameter
@@ -91,6 +93,7 @@ class EffortDiagnosis:
     advice: str
     remarks: tuple[str, ...]
     rows: np.ndarray
+    standing: bool = False
 
 
 def diagnose_efforts(
@@ -212,6 +215,20 @@ class _Verdict:
                     "the library takes it away, and it follows neither speed, position, load nor time",
                 )
             ]
+        shares = self._shares(predicted)
+        if self.given.columns.count < FEWEST_EFFORT_BLOCKS:
+            unknown = [
+                _plain_unknown("robot", f"{len(every)} samples of efforts are too few to judge anything by others")
+            ]
+        elif not unknown and shares["all"]["heldout"] > EFFORT_UNTOLD and not declared:
+            worst = max(
+                self.at.driven, key=lambda name: shares[name]["heldout"] * _rms(measured[:, self._column(name)])
+            )
+            text = (
+                f"{100 * shares['all']['heldout']:.3g} % of the efforts are left, most of it at {worst}, and no law of the "
+                "library takes it away; no noise was declared that it could be"
+            )
+            unknown = [_plain_unknown(worst, text)]
         verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
         return EffortDiagnosis(
             joints=self.at.driven,
@@ -229,7 +246,7 @@ class _Verdict:
             before=before,
             after=after,
             by_joint=by_joint,
-            shares=self._shares(predicted),
+            shares=shares,
             findings=(*findings, *unknown),
             effects=tuple(self._effects()),
             curves=tuple(self._curves()),
@@ -238,7 +255,11 @@ class _Verdict:
             advice=self._advice(unknown),
             remarks=tuple(remarks),
             rows=motion.rows[every],
+            standing=motion.standing,
         )
+
+    def _column(self, joint: str) -> int:
+        return self.at.driven.index(joint)
 
     # -- residuals -------------------------------------------------------------------------------------------------
 
