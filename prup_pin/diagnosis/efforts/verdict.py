@@ -225,8 +225,8 @@ class _Verdict:
                 self.at.driven, key=lambda name: shares[name]["heldout"] * _rms(measured[:, self._column(name)])
             )
             text = (
-                f"{100 * shares['all']['heldout']:.3g} % of the efforts are left, most of it at {worst}, and no law of the "
-                "library takes it away; no noise was declared that it could be"
+                f"{100 * shares['all']['heldout']:.3g} % of the efforts are left, most of it at {worst}, and no law of "
+                "the library takes it away; no noise was declared that it could be"
             )
             unknown = [_plain_unknown(worst, text)]
         verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
