@@ -2,8 +2,9 @@
 
     python scripts/real_ball_screw.py EMPS.csv [--second OTHER.csv] [--pictures DIR]
 
-EMPS.csv: `time`, `q.carriage` [m], `tau.carriage` [N] of the Electro-Mechanical Positioning System of A. Janot, M. Gautier and
-M. Brunot, "Data set and reference models of EMPS", Workshop on Nonlinear System Identification Benchmarks, 2019.
+EMPS.csv: `time`, `q.carriage` [m], `tau.carriage` [N] of the Electro-Mechanical Positioning System of A. Janot,
+M. Gautier and M. Brunot, "Data set and reference models of EMPS", Workshop on Nonlinear System Identification
+Benchmarks, 2019.
 Prints the share of the force that classical models leave, term by term by least squares, beside what `diagnose` finds.
 """
 

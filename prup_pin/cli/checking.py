@@ -9,31 +9,50 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
+from ..recordings import read_recording
 from ..views.text import terminal
 from ..views.text.check_text import print_check
-from .options import Reading
+from . import progress
+from .options import Reading, RobotOption, robot_of_all
 from .question import limits_as_notes
 
 __all__ = ["check"]
 
 
 def check(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A robot file, or a name of `prup-pin robots`.")],
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="A robot file, a name of `prup-pin robots`, or a recording (.csv).")
+    ],
+    robot: RobotOption = None,
     *,
     reading: Reading,
 ) -> None:
-    """All that is wrong or open in a robot file: mobility, parts that carry nothing, masses, home, assumptions."""
-    _CHECKED.get(Path(file).suffix.lower(), _robot)(file, reading)
+    """All that is wrong or open in a robot file, or what a recording could show and what it could not."""
+    _CHECKED.get(Path(file).suffix.lower(), _robot)(file, reading, robot)
 
 
-def _robot(file: str, reading: Reading) -> None:
+def _robot(file: str, reading: Reading, robot: str | None) -> None:
+    if robot is not None:
+        raise InputError("--robot names the robot of a recording; expected a recording (.csv) before it")
     with limits_as_notes([]):
         print_check(terminal.console(), reading.load(file))
 
 
-def _no_robot(file: str, reading: Reading) -> None:
+def _recording(file: str, reading: Reading, robot: str | None) -> None:
+    from ..diagnosis.before import prospects
+    from ..views.text.prospects_text import print_prospects
+
+    recording = read_recording(Path(file))
+    loaded = reading.load(robot or robot_of_all([recording]))
+    with progress.stages() as tell:
+        tell("what the recording could show", 0.1)
+        found = prospects(loaded, recording)
+    print_prospects(terminal.console(), loaded, recording, found)
+
+
+def _no_robot(file: str, reading: Reading, robot: str | None) -> None:
     raise InputError(f"'{file}' is no robot file; expected a URDF or MJCF file, or a name of `prup-pin robots`")
 
 
 #: What is checked how, by the ending of its name; all else is a robot.
-_CHECKED: dict[str, Callable[[str, Reading], None]] = {".csv": _no_robot, ".json": _no_robot}
+_CHECKED: dict[str, Callable[[str, Reading, str | None], None]] = {".csv": _recording, ".json": _no_robot}

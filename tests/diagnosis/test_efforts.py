@@ -9,6 +9,7 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.before import prospects
 from prup_pin.errors import InputError
 from prup_pin.recordings import Recording, read_recording
 from prup_pin.simulation import CorrectedModel, simulate
@@ -119,3 +120,19 @@ def test_the_ball_screw_axis_is_friction_and_no_other_mass(carriage):
     share = found.efforts.shares["carriage"]
     assert share["rigid"] > 0.6
     assert share["heldout"] < 0.054
+
+
+def test_a_recording_is_checked_before_it_is_diagnosed(carriage):
+    found = prospects(carriage, axis())
+    (joint,) = found.joints
+    assert (joint.joint, joint.unit) == ("carriage", "m")
+    assert 0.2 < joint.travel < 0.35
+    assert joint.speed == pytest.approx(0.255, rel=0.05)
+    assert ("rotor_inertia at carriage", "inertial_parameters at table") in found.alike
+
+
+def test_a_drive_that_saturates_is_told_before(carriage):
+    recording = axis()
+    cut = np.clip(recording.efforts["carriage"], -25.0, 25.0)
+    found = prospects(carriage, recording.with_measurements(efforts={"carriage": cut}))
+    assert any("tau.carriage is at 25" in text and "saturates" in text for text in found.remarks)

@@ -1,0 +1,128 @@
+"""What a recording could show, and what it could not: to be asked before a diagnosis, while the bench still stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..dynamics import InMotion, motion_of
+from ..recordings import Recording, suspicions
+from ..robot import Robot
+from ..simulation import as_recorded
+from .compete import Selection
+from .criteria import EFFORT_INDISTINCT
+from .detectable import not_detectable
+from .diagnose import asked
+from .diagnosis import Detectable
+from .efforts.gather import Efforts
+from .efforts.merged import has_efforts, has_poses
+from .efforts.search import pulls
+from .plausible import unused_columns
+
+__all__ = ["Excitation", "Prospects", "prospects"]
+
+#: Share of samples at the largest effort from which a drive is taken to saturate, and what counts as the largest.
+_SATURATED, _LARGEST = 0.01, 1e-6
+#: Cosine of two laws' efforts from which they are one for this motion.
+_ALIKE = 0.98
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """How a joint moves: travel [m or rad], largest speed, share of the samples at rest, its drive's largest effort."""
+
+    joint: str
+    unit: str
+    travel: float
+    speed: float
+    rest: float
+    effort: float | None
+
+
+@dataclass(frozen=True)
+class Prospects:
+    """What a recording could show. `joints` of a motion; `alike`: laws that it cannot tell apart; sentences."""
+
+    joints: tuple[Excitation, ...]
+    not_detectable: tuple[Detectable, ...]
+    alike: tuple[tuple[str, str], ...]
+    unused_columns: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def prospects(robot: Robot, recording: Recording) -> Prospects:
+    """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
+    with threadpool_limits(1, user_api="blas"):
+        adapted = as_recorded(robot, recording)
+        robot = adapted.robot
+        unused, told = unused_columns(recording, robot.mechanism)
+        remarks = [*adapted.remarks, *recording.remarks, *suspicions(recording)]
+        efforts, poses = has_efforts([recording], robot.mechanism), has_poses([recording], robot.mechanism)
+        joints: tuple[Excitation, ...] = ()
+        hidden: list[Detectable] = []
+        alike: list[tuple[str, str]] = []
+        if poses:
+            given = asked(robot, recording, lambda stage, share: None)
+            remarks += given.remarks
+            problem = given.within_tolerances(given.problem)
+            hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))
+        if efforts:
+            unused = tuple(name for name in unused if not name.startswith(("tau.", "q.", "qd.", "qdd.")))
+            told = [f"not used: {', '.join(unused)}"] if unused else []
+            joints, alike, more = _of_efforts(robot, recording)
+            remarks += more
+        if not (efforts or poses):
+            remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
+        remarks += told
+    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)))
+
+
+def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, ...], list[tuple[str, str]], list[str]]:
+    mechanism = robot.mechanism
+    at = InMotion.of(mechanism, motion_of(recording, mechanism))
+    motion = at.motion
+    efforts = Efforts(at, {}, recording.noise.effort)
+    remarks = list(motion.remarks)
+    joints = []
+    for column, name in enumerate(motion.names):
+        own = recording.efforts.get(name) if name in at.driven else None
+        joints.append(
+            Excitation(
+                name,
+                "m" if mechanism.joint(name).slides else "rad",
+                float(np.ptp(motion.position[:, column])),
+                float(np.abs(motion.speed[:, column]).max()),
+                1.0 if motion.standing else float(motion.still[:, column].mean()),
+                None if own is None else float(np.nanmax(np.abs(own))),
+            )
+        )
+        if own is not None:
+            size = np.nanmax(np.abs(own))
+            stuck = float(np.mean(np.abs(own) > (1 - _LARGEST) * size))
+            if size > 0 and stuck > _SATURATED:
+                remarks.append(
+                    f"tau.{name} is at {size:.4g} in {100 * stuck:.2g} % of the samples: the drive saturates"
+                )
+            if not size > 0:
+                remarks.append(f"tau.{name} is zero throughout")
+    quiet = [item.joint for item in joints if not item.travel > 0]
+    if quiet:
+        remarks.append(f"{', '.join(quiet)} never moved: nothing of their friction, inertia or weight shows")
+    rank, count = efforts.inertial_rank()
+    if count:
+        remarks.append(f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links")
+    given = efforts.gathered()
+    _, rest, _ = pulls(given, efforts.start())
+    size = np.sqrt(np.maximum(np.diag(rest), 0.0))
+    single = [item for item in given.candidates if item.size == 1 and size[item.where.start] > 0]
+    largest = max((float(size[item.where.start]) for item in single), default=0.0)
+    single = [item for item in single if size[item.where.start] > EFFORT_INDISTINCT * largest]
+    alike = []
+    for index, first in enumerate(single):
+        for second in single[index + 1 :]:
+            a, b = first.where.start, second.where.start
+            if first.name != second.name and abs(rest[a, b]) > _ALIKE * size[a] * size[b]:
+                alike.append((" at ".join(first.name), " at ".join(second.name)))
+    return tuple(joints), list(dict.fromkeys(alike)), remarks
