@@ -1,7 +1,16 @@
 """Wrench Jacobians, Castigliano's theorem, the weight of the robot, and the result."""
 
 from .castigliano import Statics, invalid, problems_of, solve_statics
-from .compliance import Compliance, dimensionless
+from .compliance import Compliance, dimensionless, yielding_stiffness
 from .wrench_jacobians import StaticsLayout
 
-__all__ = ["Compliance", "Statics", "StaticsLayout", "dimensionless", "invalid", "problems_of", "solve_statics"]
+__all__ = [
+    "Compliance",
+    "Statics",
+    "StaticsLayout",
+    "dimensionless",
+    "invalid",
+    "problems_of",
+    "solve_statics",
+    "yielding_stiffness",
+]

@@ -51,6 +51,18 @@ class _Named(Mapping):
         return list(self._index)
 
 
+def yielding_stiffness(compliance: Array, scaling: Array) -> Array:
+    """Return the least inverses (..., 6, 6) of compliances, zero in what is rigid.
+
+    scaling (6, 6) makes them dimensionless: 1, L or L^2 with a characteristic length L [m].
+    """
+    values, vectors = np.linalg.eigh(compliance * scaling)
+    yields = values > NEGLIGIBLE_ENERGY * np.maximum(values[..., -1:], 0.0)
+    inverse = np.where(yields, 1 / np.where(yields, values, 1.0), 0.0)
+    stiffness = (vectors * inverse[..., None, :]) @ vectors.mT * scaling
+    return (stiffness + stiffness.mT) / 2
+
+
 class Compliance:
     """C, K and their parts at one pose.
 
@@ -97,6 +109,16 @@ class Compliance:
                 )
         k = inverse * self._scaling
         k = (k + k.T) / 2
+        k.setflags(write=False)
+        return k
+
+    @cached_property
+    def K_yielding(self) -> Array:  # noqa: N802
+        """Stiffness in the directions that yield, (6, 6); zero in those that are rigid, where K does not exist.
+
+        The least inverse of C, rotations counted as arcs of the robot's size: C K_yielding C = C. It is K where K is.
+        """
+        k = yielding_stiffness(self.C, self._scaling)
         k.setflags(write=False)
         return k
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, NotConvergedError, UnknownNameError
-from ..kernel import NEGLIGIBLE_ENERGY, largest, semidefinite_inverse
+from ..kernel import NEGLIGIBLE_ENERGY, largest
 from ..kinematics import ClosedPose
 from ..loaded import chain_of, find_loaded_pose
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
-from ..statics import Compliance, Statics, StaticsLayout, solve_statics
+from ..statics import Compliance, Statics, StaticsLayout, solve_statics, yielding_stiffness
 from ..statics.vibration import vibration_modes
 from .indices import along, homogenised, principal_stiffnesses, softest
 
@@ -333,7 +333,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "K_yielding", "N/m, N, N m/rad", "stiffness in the directions that yield, zero in those that are rigid",
-            lambda s: semidefinite_inverse(s.C), (_wrench, _twist), symmetric=True, after="C",
+            lambda s: yielding_stiffness(s.C, s.scaling), (_wrench, _twist), symmetric=True, after="C",
         ),
         Quantity(
             "sag", "m, rad", "deflection under the robot's own weight", lambda s: s.singly(lambda c: c.sag(), (6,)),

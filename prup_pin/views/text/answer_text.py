@@ -23,6 +23,7 @@ from .tables import (
     rigid_texts,
     sag_cells,
     stiffness_table,
+    yielding_table,
 )
 from .terminal import heading, listed, make_table, paragraph, print_table
 
@@ -88,6 +89,8 @@ def _print_stiffness(out: Console, answer: Answer) -> None:
         for direction in directions:
             listed(out, "", direction, ", ")
         paragraph(out, "C below is complete; give a compliance to more parts if these should yield.")
+        if len(directions) < 6:
+            _print_matrix(out, yielding_table(answer))
         return
     _print_matrix(out, table)
 

@@ -32,6 +32,7 @@ __all__ = [
     "rigid_texts",
     "sag_cells",
     "stiffness_table",
+    "yielding_table",
 ]
 
 #: Columns of `displacement_cells`.
@@ -53,12 +54,21 @@ def stiffness_table(answer: Answer) -> MatrixTable | None:
     """Return K in N/mm and N m/mrad, or None where it does not exist."""
     if answer.stiffness is None:
         return None
+    return _stiffness("Stiffness K", answer, answer.stiffness)
+
+
+def yielding_table(answer: Answer) -> MatrixTable:
+    """Return the stiffness in the directions that yield, likewise."""
+    return _stiffness("Stiffness where it yields", answer, answer.compliance.K_yielding)
+
+
+def _stiffness(title: str, answer: Answer, stiffness: Array) -> MatrixTable:
     return MatrixTable(
-        "Stiffness K",
+        title,
         f"at '{answer.tool}', base axes [N/mm, N/mrad; N m/mm, N m/mrad]",
         tuple(f"{name} {'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)),
         tuple(f"{name}/{'mm' if i < 3 else 'mrad'}" for i, name in enumerate(TWIST_NAMES)),
-        _cells(answer.stiffness * 1e-3),
+        _cells(stiffness * 1e-3),
     )
 
 
