@@ -255,7 +255,8 @@ def searched(
             if not _can_be(given, with_it, score.candidate):
                 continue
             sure = worth(left, after)[1]
-            if sure > EFFORT_SURE and _enough(given, left, after):
+            least = max(EFFORT_GAIN, score.candidate.law.least_gain)
+            if sure > EFFORT_SURE and float((left - after).sum()) > least * left.sum():
                 tried.append((float((left - after).sum()), after, score.candidate))
         if not tried:
             break
@@ -289,10 +290,6 @@ def _key(candidate: EffortCandidate) -> tuple[str, str, str]:
     return (*candidate.name, candidate.place.aspect)
 
 
-def _enough(given: Gathered, before: Array, after: Array) -> bool:
-    return float((before - after).sum()) > EFFORT_GAIN * before.sum()
-
-
 def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCandidate:
     """Return the best candidate, or one with fewer columns that is as good as the data can tell."""
     best_gain, best_after, best = max(tried, key=lambda item: item[0])
@@ -319,6 +316,7 @@ def _needless(given: Gathered, chosen: Chosen) -> EffortCandidate | None:
     for term in chosen.terms[:-1]:
         without = held_out(given, chosen.without(term))
         share, sure = worth(without, whole)
-        if (sure < EFFORT_SURE or not _enough(given, without, whole)) and share < least[0]:
+        least_gain = max(EFFORT_GAIN, term.law.least_gain)
+        if (sure < EFFORT_SURE or share < least_gain) and share < least[0]:
             least = share, term
     return least[1]

@@ -34,6 +34,8 @@ class EffortLaw(Law):
     linear: ClassVar[tuple[str, ...]]
     #: True where none of them can be negative.
     one_sided: ClassVar[bool] = False
+    #: Share of the held-out squares that it must save, where that is more than of any law.
+    least_gain: ClassVar[float] = 0.0
     #: True where it needs joints that turn round or change speed: it says nothing of one at rest.
     of_motion: ClassVar[bool] = False
 

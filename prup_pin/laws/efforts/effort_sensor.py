@@ -14,6 +14,8 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import DrivenEffortLaw, EffortLaw, effort_unit, in_units
 
+#: A delay imitates a little of whatever is wrong with accelerations: it must save this share of the squares.
+_LATE = 0.1
 #: Ages of a signal among which the best is looked for [s]; between them its effect is nearly in proportion.
 _AGES = (2e-3, 8e-3, 16e-3, 28e-3, 40e-3, 60e-3)
 
@@ -67,6 +69,7 @@ class EffortDelay(DrivenEffortLaw):
     summary = "efforts that are reported late"
     of_motion = True
     linear = ("delay",)
+    least_gain = _LATE
     one_sided = True
     quantities = (Quantity("delay", "s", "age of the reported effort", 1e-3, upper=0.2),)
     neutral: ClassVar = {"delay": 0.0}
@@ -97,6 +100,7 @@ class EffortsDelay(EffortLaw):
     summary = "efforts that are all reported late"
     of_motion = True
     linear = ("delay",)
+    least_gain = _LATE
     one_sided = True
     quantities = EffortDelay.quantities
     neutral: ClassVar = {"delay": 0.0}

@@ -11,7 +11,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .effort_law import DrivenEffortLaw, EffortLaw, in_units
-from .effort_sensor import _YOUNGEST, delays
+from .effort_sensor import _LATE, _YOUNGEST, delays
 
 
 class OffsetEncoder(DrivenEffortLaw):
@@ -44,6 +44,7 @@ class DelayedEncoder(DrivenEffortLaw):
     summary = "an encoder that reports late"
     of_motion = True
     linear = ("delay",)
+    least_gain = _LATE
     one_sided = True
     quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, upper=0.2),)
     neutral: ClassVar = {"delay": 0.0}
@@ -65,6 +66,7 @@ class DelayedEncoders(EffortLaw):
     summary = "encoders that all report late"
     of_motion = True
     linear = ("delay",)
+    least_gain = _LATE
     one_sided = True
     quantities = DelayedEncoder.quantities
     neutral: ClassVar = {"delay": 0.0}
