@@ -49,4 +49,4 @@ def test_a_file_is_no_folder(run, tmp_path):
     (tmp_path / "file").write_text("")
     done = run("--copy", tmp_path / "file")
     assert done.exit_code == 2
-    assert "is not a folder" in done.output
+    assert "is not a folder" in " ".join(done.output.split())

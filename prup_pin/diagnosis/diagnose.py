@@ -344,8 +344,8 @@ def _verdict(
     acting: tuple[Effect, ...] = ()
     if problem.tolerances is not None and count and _shows(problem, final):
         acting = problem.tolerances.effects
-    # what acts within tolerances is part of these; without any it is what was left out
-    named = "explained" if findings or (acting and not len(final.x)) else "nothing_missing"
+    # what acts was left out of the simulation that one starts from, be it without a parameter
+    named = "explained" if findings or acting else "nothing_missing"
     verdict = "unexplained" if unknown else named
     if unknown and count and not len(given.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
