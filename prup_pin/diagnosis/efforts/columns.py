@@ -69,7 +69,7 @@ class Whitening:
         return out
 
 
-def column_blocks(at: InMotion, every: np.ndarray, count: int = EFFORT_BLOCKS) -> np.ndarray:
+def column_blocks(every: np.ndarray, count: int = EFFORT_BLOCKS) -> np.ndarray:
     """Return labels (n,) of the blocks of time that kept samples belong to; none is too short to stand for itself."""
     n = len(every)
     count = int(np.clip(n // FEWEST_IN_BLOCK, 2, count))
@@ -132,7 +132,6 @@ class Columns:
         starts = np.searchsorted(blocks, np.arange(self.count + 1))
         self._parts = [slice(int(a), int(b)) for a, b in pairwise(starts)]
         self.power = np.array([float((target[part] ** 2).sum()) for part in self._parts])
-        self.power_of = np.array([(target[part] ** 2).sum(axis=0) for part in self._parts])
 
     @property
     def size(self) -> int:

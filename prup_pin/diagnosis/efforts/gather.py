@@ -47,7 +47,7 @@ class Efforts:
         self.filter = lambda values: motion.low_pass(values, motion.piece)
         self.every = kept_samples(at)
         self.piece = motion.piece[self.every]
-        self.blocks = column_blocks(at, self.every)
+        self.blocks = column_blocks(self.every)
         self.measured = self.filter(motion.efforts)
         self.rigid = self.filter(at.rigid)
         self.good = self._good()
@@ -58,12 +58,12 @@ class Efforts:
             for place in law.places(at.mechanism):
                 if (law.of_motion and motion.standing) or not law.acts(place, at):
                     continue
-                if law.physics in _DEPENDENT or (law.physics == "encoder_delay" and place.name == "robot"):
+                if law.of_what_is_known:
                     self._moving.append((law, place))
                     continue
                 for values in law.scanned(place, at):
                     self._fixed.append((law, place, values, self.filter(law.efforts_per(place, values, at))))
-        self.whitening = self._whitened(None)
+        self.whitening = self._whitened()
 
     def _good(self) -> np.ndarray:
         """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit."""
@@ -77,28 +77,22 @@ class Efforts:
                 good[:, column] &= ~still
         return good
 
-    def _whitened(self, residual: Array | None) -> Whitening:
-        """Return the whitening for residuals (n, k); None: of all laws fitted together, which leaves what is noise."""
-        if residual is None:
-            flat = np.zeros((self.measured.shape[1], 1))
-            spread = np.nanstd(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan), axis=0)
-            flat[:, 0] = 1 / np.where(spread > 0, spread, 1.0)
-            plain = Whitening(flat, usable(self.good, self.piece, 0), self.every)
-            given = self._gathered(plain, Chosen(()), False)
-            everything = Chosen(tuple(range(given.columns.size)))
-            # a pinch of shrinkage: columns that are nearly alike must not blow up
-            scale = np.diag(given.columns.gram.sum(axis=0))
-            eased = Gathered(self.at.mechanism, given.columns, given.candidates, given.prior + 1e-6 * scale)
-            x, _ = fit(eased, everything)
-            residual = given.columns.residual(everything.where, x) / np.where(flat[:, 0] > 0, flat[:, 0], 1.0)
+    def _whitened(self) -> Whitening:
+        """Return the whitening for what all laws fitted together leave, which is noise."""
+        flat = np.zeros((self.measured.shape[1], 1))
+        spread = np.nanstd(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan), axis=0)
+        flat[:, 0] = 1 / np.where(spread > 0, spread, 1.0)
+        plain = Whitening(flat, usable(self.good, self.piece, 0), self.every)
+        given = self._gathered(plain, Chosen(()), False)
+        everything = Chosen(tuple(range(given.columns.size)))
+        # a pinch of shrinkage: columns that are nearly alike must not blow up
+        scale = np.diag(given.columns.gram.sum(axis=0))
+        eased = Gathered(self.at.mechanism, given.columns, given.candidates, given.prior + 1e-6 * scale)
+        x, _ = fit(eased, everything)
+        residual = given.columns.residual(everything.where, x) / flat[:, 0]
         order = 0 if self.at.motion.standing else AR_ORDER
         filters = autoregression(residual, self.good, self.piece, order)
         return Whitening(filters, usable(self.good, self.piece, order), self.every)
-
-    def rewhitened(self, given: Gathered, chosen: Chosen) -> None:
-        """Learn the noise's correlation anew from what is left of a fit."""
-        residual = (self.measured - self.rigid - self.added(given, chosen))[self.every]
-        self.whitening = self._whitened(residual)
 
     def gathered(self) -> Gathered:
         """Return the columns of all that competes."""
@@ -118,7 +112,7 @@ class Efforts:
                     prior += [0.0] * (own.stop - own.start)
         return Gathered(self.at.mechanism, given.columns, (*given.candidates, *new), np.array(prior)), new
 
-    def added_raw(self, chosen: Chosen, x: Array) -> Array:
+    def added(self, chosen: Chosen, x: Array) -> Array:
         """Return the efforts (N, k) beyond the rigid robot's, not filtered."""
         out = np.zeros_like(self.at.rigid)
         for index in chosen.base:
@@ -190,13 +184,9 @@ class Efforts:
                 prior += list(law.prior(place, self.at.mechanism))
         self._own_size = columns.size
         given = Gathered(self.at.mechanism, columns, tuple(candidates), np.array(prior))
-        return self._renewed(given, chosen) if moving else given
+        return self.renewed(given, chosen) if moving else given
 
     def renewed(self, given: Gathered, chosen: Chosen) -> Gathered:
-        """Return the columns with those that depend on what is known made anew."""
-        return self._renewed(given, chosen)
-
-    def _renewed(self, given: Gathered, chosen: Chosen) -> Gathered:
         """Return the columns with those that depend on what is known made anew; chosen ones stay as they are."""
         columns = given.columns
         keep = [term for term in chosen.terms if term.where.start >= self._own_size]
@@ -206,7 +196,7 @@ class Efforts:
         prior = list(given.prior[:size])
         kept = [c for c in given.candidates if self._own_size <= c.where.start < size]
         x, _ = fit(Gathered(self.at.mechanism, columns, (), np.array(prior)), chosen)
-        known = self.added_raw(chosen, x)
+        known = self.added(chosen, x)
         at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
         new = []
         for law, place in self._moving:
@@ -215,11 +205,6 @@ class Efforts:
                 new.append(EffortCandidate(law, place, values, own))
                 prior += list(law.prior(place, self.at.mechanism))
         return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior))
-
-    def added(self, given: Gathered, chosen: Chosen) -> Array:
-        """Return the filtered efforts (N, k) beyond the rigid robot's."""
-        x, _ = fit(given, chosen)
-        return self.filter(self.added_raw(chosen, x))
 
     def closer(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
         """Return what is chosen with scanned values where the blocks ask for them, and the columns that this takes.
@@ -236,7 +221,7 @@ class Efforts:
             if not others:
                 continue
             before = Chosen(best.base, best.terms[:place])
-            known = self.added_raw(before, fit(given, before)[0])
+            known = self.added(before, fit(given, before)[0])
             at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
             size, prior = columns.size, list(given.prior)
             batch = [self.filter(term.law.efforts_per(term.place, other, at)) for other in others]
@@ -270,9 +255,6 @@ _OF_KIND: Mapping[str, tuple[EffortLaw, str]] = {
     "effort_gain": (EffortGain(), "gain"),
     "encoder_offset": (OffsetEncoder(), "offset"),
 }
-
-#: Laws whose columns depend on what is known of the efforts.
-_DEPENDENT = ("effort_gain", "effort_delay", "cogging")
 
 
 def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:

@@ -189,7 +189,7 @@ class _Verdict:
     def whole(self) -> EffortDiagnosis:
         """Return the diagnosis."""
         efforts, motion = self.efforts, self.motion
-        added = efforts.added_raw(self.named, self.x_named)
+        added = efforts.added(self.named, self.x_named)
         every = efforts.every
         measured, rigid = efforts.measured[every], efforts.rigid[every]
         predicted = rigid + efforts.filter(added)[every]
@@ -269,7 +269,7 @@ class _Verdict:
         if declared:
             return np.full(len(self.at.driven), declared), True
         x, _ = fit(self.given, self.chosen)
-        rest = (self.motion.efforts - self.at.rigid - self.efforts.added_raw(self.chosen, x))[self.efforts.every]
+        rest = (self.motion.efforts - self.at.rigid - self.efforts.added(self.chosen, x))[self.efforts.every]
         sizes = [_rms(rest[self.efforts.good[:, k], k]) for k in range(rest.shape[1])]
         return np.maximum(np.nan_to_num(sizes), np.finfo(float).tiny), False
 
@@ -305,7 +305,7 @@ class _Verdict:
         for part in efforts.folds(count):
             x, _ = fit(self.given, self.named, part)
             rows = np.isin(efforts.blocks, part)
-            held[rows] = (rigid + efforts.filter(efforts.added_raw(self.named, x))[efforts.every])[rows]
+            held[rows] = (rigid + efforts.filter(efforts.added(self.named, x))[efforts.every])[rows]
         out: dict[str, dict[str, float]] = {}
         columns = {name: [k] for k, name in enumerate(self.at.driven)}
         for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():
@@ -455,7 +455,7 @@ class _Verdict:
         """Yield, for each finding that one variable drives, what the efforts ask for against it."""
         efforts = self.efforts
         every = efforts.every
-        full = efforts.filter(efforts.added_raw(self.named, self.x_named))[every]
+        full = efforts.filter(efforts.added(self.named, self.x_named))[every]
         left = efforts.measured[every] - efforts.rigid[every] - full
         for term in (*self.named.terms, *self.free):
             joint = term.place.name
@@ -486,7 +486,7 @@ class _Verdict:
         efforts = self.efforts
         x = np.zeros_like(self.x_named)
         x[self.named.own(term)] = self.x_named[self.named.own(term)]
-        return efforts.filter(efforts.added_raw(self.named, x))[efforts.every]
+        return efforts.filter(efforts.added(self.named, x))[efforts.every]
 
     def _not_detectable(self) -> Iterator[Detectable]:
         """Yield laws of one parameter that would have stayed below chance even at a strong size, and joints at rest."""

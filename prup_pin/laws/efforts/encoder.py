@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import ClassVar
 
 from ...dynamics import InMotion
@@ -10,8 +10,8 @@ from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import DrivenEffortLaw, EffortLaw, in_units
-from .effort_sensor import _LATE, _YOUNGEST, delays
+from .delay import LATE, DelayOfAll
+from .effort_law import DrivenEffortLaw, in_units
 
 
 class OffsetEncoder(DrivenEffortLaw):
@@ -44,7 +44,7 @@ class DelayedEncoder(DrivenEffortLaw):
     summary = "an encoder that reports late"
     of_motion = True
     linear = ("delay",)
-    least_gain = _LATE
+    least_gain = LATE
     one_sided = True
     quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, upper=0.2),)
     neutral: ClassVar = {"delay": 0.0}
@@ -59,35 +59,12 @@ class DelayedEncoder(DrivenEffortLaw):
         return f"the encoder of {place.name} reports {1e3 * values['delay']:.3g} ms late"
 
 
-class DelayedEncoders(EffortLaw):
+class DelayedEncoders(DelayOfAll):
     """All encoders report where their joints were a little ago: the efforts come early."""
 
     physics = "encoder_delay"
     summary = "encoders that all report late"
-    of_motion = True
-    linear = ("delay",)
-    least_gain = _LATE
-    one_sided = True
-    quantities = DelayedEncoder.quantities
-    neutral: ClassVar = {"delay": 0.0}
-
-    def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("robot", self.variant)] if len(mechanism.actuated) > 1 else []
-
-    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return delays(at)
-
-    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.later(at.predicted, -values["age"])[..., None] / values["age"]
-
-    def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
-        return {"delay": float(coefficients[0])}
-
-    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"age": max(values["delay"], _YOUNGEST)}]
-
-    def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.later(at.predicted, -values["delay"])
+    sign = -1.0
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"all positions are reported {1e3 * values['delay']:.3g} ms later than the efforts"
