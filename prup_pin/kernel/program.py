@@ -348,6 +348,7 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
     rows, columns = list(range(size)), list(range(size))
     order: list[tuple[int, int]] = []
     pivots: list[Expression] = []
+    inverses: dict[int, Any] = {}
     zero = _is_zero(a)
     magnitude = _magnitudes(a, zero)
     while rows:
@@ -356,10 +357,12 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
         pivots.append(a[row, column])
         rows.remove(row)
         columns.remove(column)
+        inverse = 1.0 / a[row, column]
+        inverses[row] = inverse
         for other in rows:
             if zero[other, column]:
                 continue
-            factor = a[other, column] / a[row, column]
+            factor = a[other, column] * inverse
             for k in columns:
                 if not zero[row, k]:
                     a[other, k] = a[other, k] - factor * a[row, k]
@@ -376,7 +379,7 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
             for other in (c for _, c in order[order.index((row, column)) + 1 :]):
                 if not zero[row, other]:
                     value = value - a[row, other] * solution[other, k]
-            solution[column, k] = value / a[row, column]
+            solution[column, k] = value * inverses[row]
     return solution, pivots
 
 

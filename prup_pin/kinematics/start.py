@@ -41,6 +41,8 @@ _EQUATIONS = 1.8
 _ONE_THREAD = 200_000
 #: The most that a good fit misses at the places that it is fitted to [m, rad].
 _MISSED = 0.03
+#: A coefficient below this [m, rad] is not written down.
+_SMALL = 3e-6
 #: A coordinate whose tangents differ less than `_SAME` over steps of `_NEAR` enters linearly; tried as far as `_FAR`.
 _SAME, _NEAR, _FAR = 1e-9, 0.1, 4.0
 
@@ -84,7 +86,7 @@ class _Polynomial(NamedTuple):
     def written(self, away: Array) -> tuple[Array, Expression]:
         """Return the motion (nv,) to coordinates (t,), expressions, and the square of their distance in the ball."""
         x = away * self.factor
-        return self._terms(x) @ self.coefficients, (x * x).sum()
+        return self._terms(x) @ np.where(np.abs(self.coefficients) < _SMALL, 0.0, self.coefficients), (x * x).sum()
 
     def of_many(self, away: Array) -> tuple[Array, Mask]:
         """Return the motions (n, nv) to coordinates (n, t), and which of them lie inside, (n,)."""

@@ -6,12 +6,12 @@ where a pose is of another rank than home, one after the other. What comes out o
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from ..errors import PrupPinError, SingularPoseError, UnreachablePoseError, imported
 from ..kernel import Machine, Tree
@@ -28,7 +28,7 @@ __all__ = ["Answer", "Engine"]
 
 #: So many poses are solved together: their matrices fit a processor's memory.
 _TOGETHER = 256
-#: So many leave a machine's outputs in the cache.
+#: So many leave what a machine hands on in the cache.
 _IN_CACHE = 1024
 #: Poses that are solved together where most of it is machine code.
 _TOGETHER_COMPILED = 4096
@@ -36,11 +36,28 @@ _TOGETHER_COMPILED = 4096
 _STATES = {CLOSED: status.OK, AWAY: status.UNREACHABLE, LIMITS: status.LIMITS, DOUBTFUL: status.SINGULAR}
 
 
+@cache
+def _libraries() -> ThreadpoolController:
+    """What does matrix products in several threads: looking for it takes milliseconds."""
+    return ThreadpoolController()
+
+
 class Answer(NamedTuple):
     """Of n poses: what was asked for, by name (n, ...), NaN where there is none; and a status each, (n,)."""
 
     values: dict[str, Array]
     status: NDArray[np.int8]
+
+    def part(self, start: int, stop: int) -> Answer:
+        """Return a view of some of them."""
+        some = slice(start, stop)
+        return Answer({name: values[some] for name, values in self.values.items()}, self.status[some])
+
+    def take(self, rows: Any, other: Answer) -> None:
+        """Copy what another says of `rows`."""
+        self.status[rows] = other.status
+        for name, values in other.values.items():
+            self.values[name][rows] = values
 
 
 class Engine:
@@ -68,17 +85,19 @@ class Engine:
         """The question as straight lines; None where it is not to be compiled, or cannot be written so."""
         if self._known is not None or not (self.compiled and self.together):
             return self._known
-        with np.errstate(all="ignore"), threadpool_limits(1, "blas"):
+        with np.errstate(all="ignore"), _libraries().limit(limits=1, user_api="blas"):
             return written(self.many, self.layout, self.scaling, self.asked)
 
     @cached_property
     def _machine(self) -> Machine | None:
-        return None if self.written is None else Machine(self.written.pipeline)
+        return None if self.written is None else Machine(self.written.pipeline, self.written.widths)
 
     @cached_property
     def _machine_at(self) -> Machine | None:
         """The same from closed configurations and coordinates."""
-        return None if self.written is None or self.written.passing is None else Machine(self.written.at)
+        if self.written is None or self.written.passing is None:
+            return None
+        return Machine(self.written.at, self.written.widths)
 
     @cached_property
     def _reaching(self) -> ManyPoses:
@@ -138,61 +157,68 @@ class Engine:
             "length": asked.length,
         }
 
+    def unwritten(self, count: int) -> Answer:
+        """Return room for an answer, which `solve` fills in."""
+        values = {item.name: np.empty((count, *item.shape(self.mechanism))) for item in self.quantities}
+        return Answer(values, np.empty(count, np.int8))
+
     def empty(self, count: int) -> Answer:
         """Return an answer without any number yet."""
-        values = {item.name: np.full((count, *item.shape(self.mechanism)), np.nan) for item in self.quantities}
-        return Answer(values, np.full(count, status.UNREACHABLE, np.int8))
+        answer = self.unwritten(count)
+        answer.status[:] = status.UNREACHABLE
+        for values in answer.values.values():
+            values[:] = np.nan
+        return answer
 
-    def solve(self, coordinates: Array) -> Answer:
-        """Return the answer for coordinates (n, t)."""
-        answer = self.empty(len(coordinates))
+    def solve(self, coordinates: Array, into: Answer | None = None) -> Answer:
+        """Return the answer for coordinates (n, t), written to `into` where there is room for it already."""
+        answer = self.unwritten(len(coordinates)) if into is None else into
         left = np.arange(len(coordinates))
         if self._machine is not None:
-            left = self._solve_compiled(self._machine, coordinates, answer)
+            left = self._filled(self._machine, coordinates, answer)
         if not len(left):
             return answer
         # A product's last digits may depend on how several threads share it; what diverges on the way is told by its
         # status.
-        with np.errstate(all="ignore"), threadpool_limits(1, "blas"):
+        with np.errstate(all="ignore"), _libraries().limit(limits=1, user_api="blas"):
             together = _TOGETHER if self.written is None else _TOGETHER_COMPILED
             for start in range(0, len(left), together):
                 some = left[start : start + together]
                 part = self.empty(len(some))
                 self._solve(coordinates[some], list(part.values.values()), part.status)
-                answer.status[some] = part.status
-                for name, values in part.values.items():
-                    answer.values[name][some] = values
+                answer.take(some, part)
         return answer
 
-    def _solve_compiled(self, machine: Machine, coordinates: Array, answer: Answer) -> NDArray[np.int_]:
-        """Fill in what the machine is sure of, and return the other poses."""
+    def _filled(self, machine: Machine, given: Array, answer: Answer) -> NDArray[np.int_]:
+        """Fill in what the machine makes of its inputs, and return where it is not sure of that."""
         assert self.written is not None
-        left = []
-        for start in range(0, len(coordinates), _IN_CACHE):
-            some = slice(start, start + _IN_CACHE)
-            out = machine.run(coordinates[some])
-            sure = self.written.accepted(out)
-            part = Answer({name: values[some] for name, values in answer.values.items()}, answer.status[some])
-            self._take(out, sure, part)
-            left.append(start + np.flatnonzero(~sure))
-        return np.concatenate(left) if left else np.zeros(0, int)
-
-    def _take(self, out: Array, sure: NDArray[np.bool_], answer: Answer) -> None:
-        """Fill in what a machine's outputs (n, m) say where they are sure."""
-        assert self.written is not None
-        computed = {
-            name: out[:, columns].reshape(len(out), *QUANTITIES[name].shape(self.mechanism))
-            for name, columns in self.written.places
-        }
-        which = slice(None) if sure.all() else sure
-        for item in self.quantities:
-            if item.after:
-                known = {item.after: computed[item.after][which]}
-                values = item.value(Solved.of_known(known, self.layout, self.scaling, self.asked))
-            else:
-                values = computed[item.name][which]
-            answer.values[item.name][which] = values
-        answer.status[which] = status.OK
+        # Nothing is copied where all that is computed was asked for.
+        direct = all(name in answer.values for name in self.written.names) and len(self.written.names) == len(
+            answer.values
+        )
+        step = len(given) if direct else _IN_CACHE
+        unsure = []
+        for start in range(0, len(given), step):
+            stop = min(start + step, len(given))
+            part = answer.part(start, stop)
+            end = np.empty((stop - start, self.written.widths[-1]))
+            computed = {
+                name: part.values[name]
+                if name in part.values
+                else np.empty((stop - start, *QUANTITIES[name].shape(self.mechanism)))
+                for name in self.written.names
+            }
+            machine.fill(given[start:stop], [*computed.values(), end])
+            sure = self.written.accepted(end)
+            part.status[:] = status.OK
+            for item in self.quantities:
+                if item.after:
+                    known = {item.after: computed[item.after][sure]}
+                    solved = Solved.of_known(known, self.layout, self.scaling, self.asked)
+                    part.values[item.name][sure] = item.value(solved)
+            if not sure.all():
+                unsure.append(start + np.flatnonzero(~sure))
+        return np.concatenate(unsure) if unsure else np.zeros(0, int)
 
     def _solve(self, coordinates: Array, into_values: list[Array], into: NDArray[np.int8]) -> None:
         if not self.together:
@@ -203,13 +229,12 @@ class Engine:
         into[:] = [_STATES[state] for state in reached.state.tolist()]
         closed = np.flatnonzero(reached.state == CLOSED)
         if len(closed) and self.written is not None and self._machine_at is not None:
-            out = self._machine_at.run(np.concatenate((reached.q[closed], coordinates[closed]), axis=1))
-            sure = self.written.accepted(out)
-            part = self.empty(len(closed))
-            self._take(out, sure, part)
+            part = self.unwritten(len(closed))
+            given = np.concatenate((reached.q[closed], coordinates[closed]), axis=1)
+            unsure = self._filled(self._machine_at, given, part)
             for values, found in zip(into_values, part.values.values(), strict=True):
-                values[closed[sure]] = found[sure]
-            closed = closed[~sure]
+                values[closed] = found
+            closed = closed[unsure]
         for start in range(0, len(closed), _TOGETHER):
             some = closed[start : start + _TOGETHER]
             poses, doubtful = self.many.poses(reached.q[some])

@@ -16,6 +16,8 @@ __all__ = ["PART", "solved_parts"]
 
 #: Poses of one part.
 PART = 8192
+#: So many parts are solved in one go where most of it is machine code, and all stays here.
+_AT_ONCE = 16
 #: So many parts are handed out before the first one is asked for.
 _AHEAD = 64
 
@@ -27,17 +29,19 @@ def solved_parts(
     remarks: list[str],
     progress: Callable[[int, int], None] | None = None,
     done: frozenset[int] = frozenset(),
+    whole: Answer | None = None,
 ) -> Iterator[tuple[int, Answer]]:
     """Yield (first pose, answer) of the parts in their order, but for those that begin at `done`.
 
-    A part whose worker is lost is solved here.
+    A part whose worker is lost is solved here. With `whole` the parts are written to it, and are views of it.
     """
     total = len(places)
-    starts = [start for start in range(0, total, PART) if start not in done]
-    finished = total - sum(min(PART, total - start) for start in starts)
+    size = PART if whole is None or executor is not None or engine.written is None else _AT_ONCE * PART
+    starts = [start for start in range(0, total, size) if start not in done]
+    finished = total - sum(min(size, total - start) for start in starts)
     if progress is not None:
         progress(finished, total)
-    for start, answer in _answers(engine, places, starts, executor, remarks):
+    for start, answer in _answers(engine, places, starts, size, executor, remarks, whole):
         yield start, answer
         finished += len(answer.status)
         if progress is not None:
@@ -45,11 +49,22 @@ def solved_parts(
 
 
 def _answers(
-    engine: Engine, places: Places, starts: list[int], executor: Executor | None, remarks: list[str]
+    engine: Engine,
+    places: Places,
+    starts: list[int],
+    size: int,
+    executor: Executor | None,
+    remarks: list[str],
+    whole: Answer | None,
 ) -> Iterator[tuple[int, Answer]]:
+
+    def solved(start: int) -> Answer:
+        into = None if whole is None else whole.part(start, start + size)
+        return engine.solve(places.rows(start, start + size), into)
+
     if executor is None:
         for start in starts:
-            yield start, engine.solve(places.rows(start, start + PART))
+            yield start, solved(start)
         return
     payload = _packed(engine)
     waiting: list[tuple[int, Future | None]] = []
@@ -62,7 +77,7 @@ def _answers(
             future = None
             if not broken:
                 try:
-                    future = executor.submit(_solve, payload, places.rows(start, start + PART))
+                    future = executor.submit(_solve, payload, places.rows(start, start + size))
                 except RuntimeError:  # a pool that has lost a worker, or has been shut down, takes nothing more
                     broken = True
             waiting.append((start, future))
@@ -84,7 +99,9 @@ def _answers(
                     raise
         if answer is None:
             lost += 1
-            answer = engine.solve(places.rows(start, start + PART))
+            answer = solved(start)
+        elif whole is not None:
+            whole.take(slice(start, start + size), answer)
         yield start, answer
         hand_out()
     if lost:

@@ -90,12 +90,9 @@ def sweep(
         parts.finish()
         return SweepFile(engine, places, parts.out, tuple(remarks))
     _check_memory(engine, len(places))
-    whole = engine.empty(len(places))
-    for start, part in solved_parts(engine, places, executor, remarks, progress):
-        rows = slice(start, start + len(part.status))
-        whole.status[rows] = part.status
-        for name, values in part.values.items():
-            whole.values[name][rows] = values
+    whole = engine.unwritten(len(places))
+    for _ in solved_parts(engine, places, executor, remarks, progress, whole=whole):
+        pass
     return SweepResult(engine, places, whole, tuple(remarks))
 
 

@@ -30,21 +30,22 @@ _AT_LIMIT = 1e-9
 
 
 class Written(NamedTuple):
-    """A pipeline, and where its outputs stand: (quantity, columns); `good` is the column that is 1 where they hold.
+    """A pipeline, the quantities that it computes, and how many of its outputs each takes; the last three are 1 where
+    all conditions hold, failure and way.
 
     `at` gives the same outputs at closed configurations, from them and the coordinates; `passing` gives Newton's step
     anywhere, the square of the error's size, 1 where the pivots are good, 1 where the loops are assembled.
     """
 
     pipeline: Pipeline
-    places: tuple[tuple[str, slice], ...]
-    good: int
+    names: tuple[str, ...]
+    widths: tuple[int, ...]
     at: Pipeline
     passing: Pipeline | None
 
-    def accepted(self, out: Array) -> NDArray[np.bool_]:
-        """Return which rows of outputs (n, m + 2) hold, (n,)."""
-        return (out[:, self.good] == 1.0) & (out[:, -2] == 0.0) & (out[:, -1] <= SURE)
+    def accepted(self, end: Array) -> NDArray[np.bool_]:
+        """Return which poses' outputs hold, (n,), by the last of their arrays (n, 3)."""
+        return (end[:, 0] == 1.0) & (end[:, 1] == 0.0) & (end[:, 2] <= SURE)
 
 
 class _Solver:
@@ -127,14 +128,14 @@ class _Writer:
         self.apart = self.q + generator.uniform(-_APART, _APART, self.q.shape)
 
     def written(self) -> Written:
-        final, places, good = self._final(anywhere=False)
+        final, names, widths = self._final(anywhere=False)
         pipeline = Pipeline(self._start(), self._step() if self.looped else None, final)
         if not self.looped:
-            return Written(pipeline, places, good, pipeline, None)
+            return Written(pipeline, names, widths, pipeline, None)
         size = self.q.shape[1] + self.coordinates.shape[1]
         at = Pipeline(Program.without(size), None, self._final(anywhere=True)[0])
         passing = Pipeline(Program.without(size), None, self._step(passing=True))
-        return Written(pipeline, places, good, at, passing)
+        return Written(pipeline, names, widths, at, passing)
 
     def _start(self) -> Program:
         tape = Tape(_SAMPLES)
@@ -172,7 +173,7 @@ class _Writer:
         assembled = least([tape.constant(1.0), *many.closure.assembled_conditions(gaps.turn)])
         return Program(tape, [*solution[:, 0], (error * error).sum(), good, assembled])
 
-    def _final(self, anywhere: bool) -> tuple[Program, tuple[tuple[str, slice], ...], int]:
+    def _final(self, anywhere: bool) -> tuple[Program, tuple[str, ...], tuple[int, ...]]:
         many, tape = self.many, Tape(_SAMPLES)
         given = tape.inputs(np.hstack((self.q, self.coordinates)))
         q, x = given[: self.q.shape[1]], given[self.q.shape[1] :]
@@ -198,10 +199,10 @@ class _Writer:
         if any(item.by_one for item in asked):
             raise _NotWrittenError
         outputs: list[Any] = []
-        places = []
-        for item in self._computed(asked):
+        computed, widths = self._computed(asked), []
+        for item in computed:
             entries = np.asarray(item.value(solved), object).ravel()
-            places.append((item.name, slice(len(outputs), len(outputs) + len(entries))))
+            widths.append(len(entries))
             outputs += list(entries)
         if any(item.elastic for item in asked):
             for problems in problems_of(solved.statics):
@@ -210,7 +211,7 @@ class _Writer:
             conditions.append(solved._inverted[1] <= (0.1 / NEGLIGIBLE_ENERGY) ** 2)
         conditions += _conditions(solver.pivots)
         good = least([tape.constant(1.0), *conditions])
-        return Program(tape, [*outputs, good]), tuple(places), len(outputs)
+        return Program(tape, [*outputs, good]), tuple(item.name for item in computed), (*widths, 3)
 
     def _computed(self, asked: list[Quantity]) -> list[Quantity]:
         """Return what is computed by the pipeline: K in the place of what follows from it."""

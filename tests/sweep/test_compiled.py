@@ -55,7 +55,7 @@ def test_bits_do_not_depend_on_the_company(compared):
 def test_most_poses_are_the_machines_own(compared):
     _, _, compiled, how = compared
     engine = compiled._engine
-    assert engine.written.accepted(engine._machine.run(how["poses"])).mean() > 0.9
+    assert engine.written.accepted(engine._machine.run(how["poses"])[:, -3:]).mean() > 0.9
 
 
 def test_what_cannot_be_compiled_is_said_and_solved_by_arrays():
