@@ -175,7 +175,8 @@ def _lambdas(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] = (
         load = None if loads is None else loads[half][group.slots]
         compliance = group.kind.compliance(group.values, geometries[index], load)
         if stacks[half] is (wrench, drive)[half]:
-            stacks[half] = np.broadcast_to(stacks[half], (*lead, *stacks[half].shape)).astype(compliance.dtype)
+            stacks[half] = np.empty((*lead, *stacks[half].shape), compliance.dtype)
+            stacks[half][...] = (wrench, drive)[half]
         stacks[half][..., group.slots, :, :] = compliance
     return stacks[0], stacks[1]
 
