@@ -45,7 +45,7 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
 
     Raises RecordingFileError where a clock runs backwards or streams do not overlap.
     """
-    remarks: list[str] = []
+    remarks = list(log.remarks)
     used = {log.stream_of(source).name for source in _sources(plan)}
     streams = {stream.name: stream for stream in log.streams}
     told = {name: _on_clock(log, streams[name], plan.clocks[name], remarks) for name in streams
@@ -160,6 +160,7 @@ def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str
     else:
         assert plan.resampling.rate is not None
         time = begin + np.arange(int((end - begin) * plan.resampling.rate + 1e-9) + 1) / plan.resampling.rate
+        time = _told_at(time, told)
         whose = f"an even clock of {plan.resampling.rate:g}/s"
     if len(time) < 2 or end <= begin:
         spans = "; ".join(f"{name} {item.time[0]:.6g} to {item.time[-1]:.6g} s" for name, item in told.items())
@@ -172,6 +173,16 @@ def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str
         if time is not item.time and name != plan.resampling.clock:
             remarks.append(f"{name} ({1 / period:.4g}/s) is put on {whose}, {how}.")
     return time
+
+
+def _told_at(time: Array, told: Mapping[str, _Told]) -> Array:
+    """Return the times (M,) of an even clock that do not stand in a gap of all streams."""
+    there = np.zeros(len(time), bool)
+    for item in told.values():
+        gap = GAP * max(float(np.median(np.diff(item.time))), float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
+        after = np.clip(np.searchsorted(item.time, time), 1, len(item.time) - 1)
+        there |= item.time[after] - item.time[after - 1] <= gap
+    return time[there]
 
 
 def _vectors(stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:

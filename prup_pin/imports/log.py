@@ -37,11 +37,15 @@ class Stream:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """The streams of a file. Names of columns are unique in it. `left_out` says what the file holds besides."""
+    """The streams of a file. Names of columns are unique in it.
+
+    left_out: what the file holds besides. remarks: what was done on the way, for a person.
+    """
 
     path: str
     streams: tuple[Stream, ...]
     left_out: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

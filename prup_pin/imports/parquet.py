@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import imported
+from ..recordings.thinning import Thinning
 from .log import MAX_VECTOR, Log, Stream, frozen, refuse, spread
 
 
@@ -18,7 +19,9 @@ def read(path: Path) -> Log:
     arrow = imported("pyarrow", "tables")
     parquet = imported("pyarrow.parquet", "tables")
     try:
-        table = parquet.read_table(path)
+        with parquet.ParquetFile(path) as file:
+            thinning = Thinning(file.metadata.num_rows)
+            table = _kept(arrow, file, thinning)
     except (arrow.ArrowException, OSError) as error:
         raise refuse(path, f"cannot be read as Parquet: {error}") from error
     columns, left_out = {}, []
@@ -39,7 +42,18 @@ def read(path: Path) -> Log:
                 left_out.append(f"{name} (lists of several lengths)")
         else:
             left_out.append(f"{name} ({kind})")
-    return Log(str(path), (Stream("table", frozen(columns)),), tuple(left_out))
+    return Log(str(path), (Stream("table", frozen(columns)),), tuple(left_out), tuple(thinning.remarks))
+
+
+def _kept(arrow, file, thinning: Thinning):
+    """Return the rows that are kept of a file, read piece by piece."""
+    parts, row = [], 0
+    for batch in file.iter_batches():
+        here = thinning.keeps(np.arange(row, row + len(batch)))
+        row += len(batch)
+        if here is None or here.any():
+            parts.append(batch if here is None else batch.filter(arrow.array(here)))
+    return arrow.Table.from_batches(parts, file.schema_arrow)
 
 
 def _in_nanoseconds(arrow, kind):

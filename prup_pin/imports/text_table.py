@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..recordings.problems import Problems, read_bytes, shown
+from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
+from ..recordings.thinning import Thinning
 from ..spatial import Array
 from .log import Log, Stream, frozen, refuse
 from .units import spelled
@@ -26,6 +27,8 @@ _FORMULA = {"true": 1.0, "false": 0.0}
 _TEXT = 0.5
 #: Bytes by which the manner of a table is understood, and rows by which its columns of text are.
 _HEAD, _ROWS = 2**20, 50
+#: Rows that are held as text at a time.
+_PIECE = 50_000
 
 
 @dataclass(frozen=True)
@@ -46,19 +49,44 @@ def read(path: Path) -> Log:
     Lines that begin with #, % or // before the names are skipped; the last of them holds the names where no line of
     names follows. A row below the names without any number holds units. Columns of text are left out and named.
 
-    Rows of numbers are read in a stream; a table with empty cells, or with anything else that is no number, is read as
-    a whole.
+    Rows are read piece by piece; of more than `MOST_ROWS` of them some are kept.
     """
     manner, texts = _understood(path)
     used = [k for k, name in enumerate(manner.names) if name not in texts]
-    values = _stream(path, manner, used) if used else None
-    if values is None:
-        table, texts = _careful(path, manner)
-        used = [k for k, name in enumerate(manner.names) if name not in texts]
-        values = table[:, used]
-    columns = {manner.names[k]: column for k, column in zip(used, values.T, strict=True)}
+    thinning = Thinning(_lines_in(path) - manner.body)
+    parts, strange = [], _Strange(path, manner, used)
+    count = 0
+    for first, lines in _pieces(path, manner):
+        values = _fast(lines, manner, used) if used else None
+        if values is None:
+            values = strange.read(lines, first)
+        here = thinning.keeps(np.arange(count, count + len(values)))
+        count += len(values)
+        parts.append(values if here is None else values[here])
+        if strange.problems.many:
+            break
+    texts = strange.texts(count) + texts
+    table = np.concatenate(parts)
+    columns = {manner.names[k]: table[:, j] for j, k in enumerate(used) if manner.names[k] not in texts}
     stream = Stream("table", frozen(columns), units=manner.units)
-    return Log(str(path), (stream,), tuple(f"{name} (text)" for name in texts))
+    left_out = tuple(f"{name} (text)" for name in manner.names if name in texts)
+    return Log(str(path), (stream,), left_out, tuple(thinning.remarks))
+
+
+def _lines_in(path: Path) -> int:
+    """Return about how many lines a file has."""
+    with path.open("rb") as file:
+        return sum(block.count(b"\n") for block in iter(lambda: file.read(_HEAD), b""))
+
+
+def _pieces(path: Path, manner: _Manner) -> Iterator[tuple[int, list[str]]]:
+    """Yield (number of the first, counted from 1) and lines of a table's rows, some at a time."""
+    with path.open(encoding=manner.encoding, errors="replace") as file:
+        number = manner.body + 1
+        rows = islice(file, manner.body, None)
+        while lines := list(islice(rows, _PIECE)):
+            yield number, lines
+            number += len(lines)
 
 
 def _understood(path: Path) -> tuple[_Manner, list[str]]:
@@ -152,53 +180,80 @@ def _number(cell: str, decimal: str) -> float | None:
         return None
 
 
-def _stream(path: Path, manner: _Manner, used: Sequence[int]) -> Array | None:
-    """Return the numbers (N, used) of a table, or None where some cell is none."""
+def _fast(lines: list[str], manner: _Manner, used: Sequence[int]) -> Array | None:
+    """Return the numbers (N, used) of rows at numpy's speed, nan where a cell is empty; None where one is no number."""
     separator = None if manner.separator == " " else manner.separator
     options: dict[str, Any] = {"delimiter": separator, "ndmin": 2, "comments": None, "quotechar": '"'}
     if len(used) < len(manner.names):
         options["usecols"] = used
-    try:
-        if manner.decimal == ",":
-            with path.open(encoding=manner.encoding) as file:
-                rows = (line.replace(",", ".") for line in islice(file, manner.body, None))
-                values = np.loadtxt(rows, **options)
-        else:
-            values = np.loadtxt(path, skiprows=manner.body, encoding=manner.encoding, **options)
-    except (ValueError, UnicodeDecodeError):
+    rows = [line for line in lines if not line.isspace()]
+    if not rows:
+        return np.zeros((0, len(used)))
+    if manner.decimal == ",":
+        rows = [line.replace(",", ".") for line in rows]
+    for given in (rows, None if separator is None else _filled(rows, separator)):
+        if given is not None:
+            try:
+                values = np.loadtxt(given, **options)
+            except ValueError:
+                continue
+            return values if values.shape == (len(rows), len(used)) else None
+    return None
+
+
+def _filled(rows: list[str], separator: str) -> list[str] | None:
+    """Return rows with 'nan' in their empty cells; None where quotation marks may hold separators."""
+    body = "".join(["\n", *rows, "\n"])
+    if '"' in body:
         return None
-    return values if values.shape[1] == len(used) and len(values) else None
+    empty, full = separator + separator, f"{separator}nan{separator}"
+    body = body.replace(empty, full).replace(empty, full)
+    body = body.replace(f"{separator}\n", f"{separator}nan\n").replace(f"\n{separator}", f"\nnan{separator}")
+    return body[1:-1].splitlines()
 
 
-def _careful(path: Path, manner: _Manner) -> tuple[Array, list[str]]:
-    """Return the numbers (N, columns), nan where a cell is empty, and the names of columns of text."""
-    lines = _decoded(read_bytes(path, "a table of text", (".csv", ".tsv", ".txt")))[0].split("\n")
-    names = manner.names
-    table = np.full((len(lines) - manner.body, len(names)), np.nan)
-    problems, strange = Problems(path), np.zeros(len(names), int)
-    wrong: dict[int, list[tuple[int, str]]] = {}
-    k = 0
-    for number, line in enumerate(lines[manner.body :], start=manner.body + 1):
-        if not line.strip():
-            continue
-        cells = _cells(line, manner.separator)
-        if len(cells) > len(names) and not any(cells[len(names) :]):
-            cells = cells[: len(names)]
-        if len(cells) != len(names):
-            message = f"{len(cells)} cells; expected {len(names)}, one for each name"
-            problems.cells(None, "another number of cells", [(number, message)])
-            continue
-        for j, cell in enumerate(cells):
-            value = _number(cell, manner.decimal)
-            if value is None:
-                strange[j] += 1
-                wrong.setdefault(j, []).append((number, f"'{shown(cell, 30)}' is not a number"))
-            else:
-                table[k, j] = value
-        k += 1
-    texts = [name for name, count in zip(names, strange, strict=True) if count > _TEXT * max(k, 1)]
-    for j, places in wrong.items():
-        if names[j] not in texts:
-            problems.cells(names[j], "is not a number", places)
-    problems.raise_all()
-    return table[:k], texts
+class _Strange:
+    """Rows that hold more than numbers, and what is wrong with them."""
+
+    def __init__(self, path: Path, manner: _Manner, used: Sequence[int]):
+        self.problems = Problems(path)
+        self._manner, self._used = manner, used
+        self._count = np.zeros(len(used), int)
+        self._wrong: dict[int, list[tuple[int, str]]] = {}
+
+    def read(self, lines: list[str], first: int) -> Array:
+        """Return the numbers (N, used) of rows, nan where a cell is empty or text; `first`: the first one's line."""
+        manner, names = self._manner, self._manner.names
+        table = np.full((len(lines), len(self._used)), np.nan)
+        k = 0
+        for number, line in enumerate(lines, start=first):
+            if not line.strip():
+                continue
+            cells = _cells(line.rstrip("\n"), manner.separator)
+            if len(cells) > len(names) and not any(cells[len(names) :]):
+                cells = cells[: len(names)]
+            if len(cells) != len(names):
+                message = f"{len(cells)} cells; expected {len(names)}, one for each name"
+                self.problems.cells(None, "another number of cells", [(number, message)])
+                continue
+            for j, column in enumerate(self._used):
+                value = _number(cells[column], manner.decimal)
+                if value is None:
+                    self._count[j] += 1
+                    if self._count[j] <= MAX_PROBLEMS:
+                        found = (number, f"'{shown(cells[column], 30)}' is not a number")
+                        self._wrong.setdefault(j, []).append(found)
+                else:
+                    table[k, j] = value
+            k += 1
+        return table[:k]
+
+    def texts(self, rows: int) -> list[str]:
+        """Return the columns of text among all rows. Raises RecordingFileError where a column of numbers holds some."""
+        names = [self._manner.names[k] for k in self._used]
+        texts = [name for name, count in zip(names, self._count, strict=True) if count > _TEXT * max(rows, 1)]
+        for j, places in self._wrong.items():
+            if names[j] not in texts:
+                self.problems.cells(names[j], "is not a number", places)
+        self.problems.raise_all()
+        return texts

@@ -19,8 +19,10 @@ MAX_PROBLEMS = 100
 MAX_PER_COLUMN = 20
 #: Longer texts are garbage, and would make the messages unreadable.
 MAX_SHOWN = 60
-#: A million samples of sixteen channels are about 0.2 GB.
+#: Of what is read as a whole: a million samples of sixteen channels are about 0.2 GB.
 MAX_BYTES = 4 * 2**30
+#: Bytes by which a file is seen to hold anything.
+_HEAD = 4096
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,11 @@ class Problems:
         for line, message in places[: max(0, MAX_PER_COLUMN - counted)]:
             self.add(TableProblem(message, line, column=column))
 
+    @property
+    def many(self) -> bool:
+        """Whether more is wrong than anybody reads: what follows need not be looked at."""
+        return len(self) + sum(self._per_column.values()) >= MAX_PROBLEMS
+
     def raise_all(self) -> None:
         """Raise RecordingFileError where anything was found."""
         if self:
@@ -106,8 +113,8 @@ def shown(text: object, limit: int = MAX_SHOWN) -> str:
     return line if len(line) <= limit else line[: limit - 1] + "…"
 
 
-def read_bytes(path: Path, what: str, endings: Iterable[str]) -> bytes:
-    """Return a file's content, or raise RecordingFileError. `what` says in words what was expected."""
+def check_readable(path: Path, what: str, endings: Iterable[str]) -> None:
+    """Raise RecordingFileError where there is no file of some size. `what` says in words what was expected."""
     endings = tuple(endings)
 
     def refuse(message: str) -> RecordingFileError:
@@ -118,9 +125,10 @@ def read_bytes(path: Path, what: str, endings: Iterable[str]) -> bytes:
             raise refuse(f"is a folder; expected {what}")
         if path.exists() and not path.is_file():
             raise refuse(f"is not a regular file; expected {what}")
-        if path.stat().st_size > MAX_BYTES:
-            raise refuse(f"is larger than {MAX_BYTES / 2**30:g} GB; split it into several files")
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            blank = not re.search(rb"[^\xef\xbb\xbf\s]", file.read(_HEAD))
+        if blank and (path.stat().st_size <= _HEAD or not re.search(rb"[^\xef\xbb\xbf\s]", path.read_bytes())):
+            raise refuse(f"is empty; expected {what}")
     except FileNotFoundError as error:
         near = sorted(other.name for ending in endings for other in path.parent.glob(f"*{ending}"))[:8]
         also = f" The folder holds: {', '.join(near)}." if near else ""
@@ -129,9 +137,18 @@ def read_bytes(path: Path, what: str, endings: Iterable[str]) -> bytes:
         raise refuse(f"cannot be read: {error.strerror}") from error
     except ValueError as error:  # a NUL character in the path
         raise refuse(f"cannot be read: {error}") from error
-    if not re.search(rb"[^\xef\xbb\xbf\s]", content):
-        raise refuse(f"is empty; expected {what}")
-    return content
+
+
+def read_bytes(path: Path, what: str, endings: Iterable[str]) -> bytes:
+    """Return a file's content, or raise RecordingFileError. `what` says in words what was expected."""
+    check_readable(path, what, endings)
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            message = f"is larger than {MAX_BYTES / 2**30:g} GB; split it into several files"
+            raise RecordingFileError(path, [Problem(message)])
+        return path.read_bytes()
+    except OSError as error:
+        raise RecordingFileError(path, [Problem(f"cannot be read: {error.strerror}")]) from error
 
 
 def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any]:

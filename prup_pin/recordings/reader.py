@@ -6,8 +6,8 @@ import csv
 import io
 import itertools
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +34,19 @@ from .columns import (
     unit_of,
     without_unit,
 )
-from .problems import KeyProblem, Problems, TableProblem, is_number, json_kind, read_bytes, read_json_object, shown
+from .problems import (
+    KeyProblem,
+    Problems,
+    TableProblem,
+    check_readable,
+    is_number,
+    json_kind,
+    read_bytes,
+    read_json_object,
+    shown,
+)
 from .recording import Noise, Recording
+from .thinning import Thinning
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 from .tool_path import ToolPath
 
@@ -44,6 +55,8 @@ KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "notes")
 _TOLERANCES = {kind.name: kind for kind in KINDS_OF_TOLERANCE}
 #: Rows that the careful reader holds as text at a time.
 _CHUNK = 20_000
+#: Bytes of a table that are held as text at a time.
+_BLOCK = 2**25
 #: Columns that remarks name, of one kind.
 _REMARKED = 40
 _EXPECTED = "a table of comma-separated values (.csv) with one header row"
@@ -59,8 +72,27 @@ class _Table:
     lines: NDArray[np.int64]
     numbers: dict[str, Array]
     run: NDArray[np.int64] | None
-    run_names: tuple[str, ...]
+    run_names: tuple[str, ...] = ("",)
     blank: Sequence[int] = ()
+
+    def kept(self, thinning: Thinning) -> _Table:
+        """Return the rows that are kept of it."""
+        here = thinning.keeps(self.lines - 2)
+        if here is None:
+            return self
+        numbers = {name: values[here] for name, values in self.numbers.items()}
+        return replace(self, lines=self.lines[here], numbers=numbers, run=None if self.run is None else self.run[here])
+
+    @classmethod
+    def together(cls, parts: Sequence[_Table], run_names: tuple[str, ...]) -> _Table:
+        """Return one table of several, one below the other."""
+        if len(parts) == 1:
+            return replace(parts[0], run_names=run_names)
+        lines = np.concatenate([part.lines for part in parts])
+        numbers = {name: np.concatenate([part.numbers[name] for part in parts]) for name in parts[0].numbers}
+        runs = [part.run for part in parts if part.run is not None]
+        blank = [line for part in parts for line in part.blank]
+        return cls(lines, numbers, np.concatenate(runs) if runs else None, run_names, blank)
 
 
 @dataclass(frozen=True)
@@ -91,6 +123,7 @@ def read_recording(path: str | Path) -> Recording:
     """Return the recording of a CSV file and of the JSON file of the same stem beside it, if there is one.
 
     Empty cells and 'nan' are 'not measured'. Columns that the format does not know are left out and named in `remarks`.
+    All of a table is read and checked, piece by piece; of more than `thinning.MOST_ROWS` rows some are kept.
 
     Raises RecordingFileError with all problems of both files, each with its line and column.
     """
@@ -121,23 +154,76 @@ def robot_named_beside(path: str | Path) -> str | None:
 
 def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
     """Return the recording of a table, and its columns of wanted coordinates."""
-    content = read_bytes(path, _EXPECTED, (".csv",))
+    check_readable(path, _EXPECTED, (".csv",))
     problems = Problems(path)
-    content = _text(content, problems)
-    header = _header(content, problems, form)
-    table = _fast(content, header, form) or _careful(content, header, problems, form)
-    _check(table, header, problems)
-    _check_gravity(table, problems)
-    if form.is_path:
-        _check_path(table, header, form, problems)
+    # What is asked of every row of a path is answered of every row.
+    thinning = Thinning(0) if form.is_path else Thinning(_rows_in(path))
+    header: list[str] = []
+    parts: list[_Table] = []
+    labels: dict[str, int] = {}
+    times: dict[int, tuple[float, int]] = {}
+    for first, content in _blocks(path, problems, whole=form.is_path):
+        content = _text(content, problems, first)
+        if not parts:
+            header = _header(content, problems, form)
+        part = _fast(content, header, form, labels, first) or _careful(content, header, problems, form, labels, first)
+        _check(part, header, problems, times)
+        _check_gravity(part, problems, first == 2)
+        if form.is_path:
+            _check_path(part, header, form, problems)
+        parts.append(part.kept(thinning))
+        if problems.many:
+            break
     beside = _beside(path, problems)
     problems.raise_all()
+    table = _Table.together(parts, tuple(labels) if labels else ("",))
     wanted = {name: table.numbers.pop(name) for name in form.coordinates if name in table.numbers}
-    return _recording(path, header, table, beside, form), wanted
+    return _recording(path, header, table, beside, form, thinning.remarks), wanted
 
 
-def _text(content: bytes, problems: Problems) -> bytes:
-    """Return the content as UTF-8 with plain line ends, or raise what makes it no table of text at all."""
+def _rows_in(path: Path) -> int:
+    """Return about how many rows a table has; 0 where it is too short to matter."""
+    if path.stat().st_size <= _BLOCK // 8:
+        return 0
+    with path.open("rb") as file:
+        return sum(block.count(b"\n") for block in iter(lambda: file.read(_BLOCK), b"")) - 1
+
+
+def _blocks(path: Path, problems: Problems, whole: bool) -> Iterator[tuple[int, bytes]]:
+    """Yield (line of the first row, header and rows) of a table, in pieces of whole rows."""
+    size = path.stat().st_size if whole else _BLOCK
+    head = rest = b""
+    line, ends = 1, False
+    try:
+        with path.open("rb") as file:
+            while not ends:
+                content = rest + (more := file.read(size))
+                ends = len(more) < size or whole
+                end = len(content) if ends else _end_of_rows(content)
+                rows, rest = content[:end], content[end:]
+                if not rows:
+                    continue
+                yield max(line, 2), head + rows
+                head = head or rows[: rows.find(b"\n") + 1]
+                line += rows.count(b"\n")
+    except OSError as error:
+        raise problems.error(Problem(f"cannot be read: {error.strerror}")) from error
+
+
+def _end_of_rows(content: bytes) -> int:
+    """Return where the last whole row of a piece of a table ends: at a line end that no quotation marks hold."""
+    end = content.rfind(b"\n") + 1
+    if b'"' in content:
+        while end and content.count(b'"', 0, end) % 2:
+            end = content.rfind(b"\n", 0, end - 1) + 1
+    return end
+
+
+def _text(content: bytes, problems: Problems, first: int) -> bytes:
+    """Return the content as UTF-8 with plain line ends, or raise what makes it no table of text at all.
+
+    first: the line of its first row.
+    """
     whole = ""
     start = content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
     if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
@@ -172,7 +258,7 @@ def _text(content: bytes, problems: Problems) -> bytes:
         for kind, found in places.items():
             for line, cell in found:
                 column = names[cell].strip() if line > 1 and cell < len(names) else None
-                problems.cells(column, kind, [(line, kind)])
+                problems.cells(column, kind, [(line + (first - 2) * (line > 1), kind)])
         problems.raise_all()
     return content
 
@@ -255,8 +341,11 @@ def _label(table: dict[str, int], cell: str) -> int:
     return table.setdefault("" if label.lower() == "nan" else label, len(table))
 
 
-def _fast(content: bytes, header: Sequence[str], form: _Form) -> _Table | None:
-    """Return the table where all is in order, at numpy's speed, or None: the careful reader then says why."""
+def _fast(content: bytes, header: Sequence[str], form: _Form, labels: dict[str, int], first: int) -> _Table | None:
+    """Return the table where all is in order, at numpy's speed, or None: the careful reader then says why.
+
+    labels: of runs, with those that are new; first: the line of the first row.
+    """
     end = len(content)
     while content[end - 1 : end].isspace():
         end -= 1
@@ -265,17 +354,18 @@ def _fast(content: bytes, header: Sequence[str], form: _Form) -> _Table | None:
         return None
     run = header.index("run") if "run" in header else None
     used = _used(header, form)
-    labels: dict[str, int] = {}
-    table = _loadtxt(body, header, used, run, labels)
+    known = dict(labels)
+    table = _loadtxt(body, header, used, run, known)
     if table is None and b'"' not in body:
-        labels.clear()
-        table = _loadtxt(_filled_cells(body), header, used, run, labels)
+        known = dict(labels)
+        table = _loadtxt(_filled_cells(body), header, used, run, known)
     # Where numpy skipped blank lines or took a quoted line end for one row, lines are no longer counted by rows.
     if table is None or table.shape != (body.count(b"\n") + 1, len(header)) or np.isinf(table).any():
         return None
+    labels |= known
     numbers = {name: np.ascontiguousarray(table[:, i]) for i, name in used.items()}
     codes = None if run is None else table[:, run].astype(np.int64)
-    return _Table(np.arange(2, len(table) + 2), numbers, codes, tuple(labels) if labels else ("",))
+    return _Table(np.arange(first, len(table) + first), numbers, codes)
 
 
 def _filled_cells(body: bytes) -> bytes:
@@ -313,21 +403,22 @@ def _loadtxt(
         return None
 
 
-def _careful(content: bytes, header: Sequence[str], problems: Problems, form: _Form) -> _Table:
-    """Return the rows that can be read, and add what is wrong with every cell."""
+def _careful(
+    content: bytes, header: Sequence[str], problems: Problems, form: _Form, labels: dict[str, int], first: int
+) -> _Table:
+    """Return the rows that can be read, and add what is wrong with every cell. Arguments as of `_fast`."""
     used = _used(header, form)
     run = header.index("run") if "run" in header else None
-    labels: dict[str, int] = {}
     columns: dict[str, list[Array]] = {name: [] for name in used.values()}
     codes: list[int] = []
     lines: list[int] = []
     blank: list[int] = []
     reader = csv.reader(io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="\n"), strict=True)
     next(reader)
-    rows = _rows(reader, header, problems, blank)
+    rows = _rows(reader, header, problems, blank, first - 2)
     while chunk := list(itertools.islice(rows, _CHUNK)):
         chunk_lines = [line for line, _ in chunk]
-        if not lines and _is_second_header([row for _, row in chunk[:2]], used):
+        if not lines and first == 2 and _is_second_header([row for _, row in chunk[:2]], used):
             message = "is a row of words, such as units; expected one header row and then numbers. Remove it"
             problems.add(TableProblem(message, chunk_lines[0]))
             chunk, chunk_lines = chunk[1:], chunk_lines[1:]
@@ -343,16 +434,18 @@ def _careful(content: bytes, header: Sequence[str], problems: Problems, form: _F
         np.array(lines, dtype=np.int64),
         numbers,
         None if run is None else np.array(codes, dtype=np.int64),
-        tuple(labels) if labels else ("",),
-        blank,
+        blank=blank,
     )
 
 
-def _rows(reader, header: Sequence[str], problems: Problems, blank: list[int]):
-    """Yield (line, cells) of the rows that have as many cells as the header, and add the others to the problems."""
+def _rows(reader, header: Sequence[str], problems: Problems, blank: list[int], before: int):
+    """Yield (line, cells) of the rows that have as many cells as the header, and add the others to the problems.
+
+    before: lines that stand between the header and the first of them.
+    """
     pending: list[int] = []
     while True:
-        line = reader.line_num + 1
+        line = reader.line_num + 1 + before
         try:
             row = next(reader)
         except StopIteration:
@@ -434,8 +527,11 @@ def _not_a_number(text: str) -> str:
     return f"{label} is not a number; expected digits with a decimal point, or an empty cell"
 
 
-def _check(table: _Table, header: Sequence[str], problems: Problems) -> None:
-    """Add what is wrong with the numbers: sizes of no bench, time that is empty or does not increase within a run."""
+def _check(table: _Table, header: Sequence[str], problems: Problems, times: dict[int, tuple[float, int]]) -> None:
+    """Add what is wrong with the numbers: sizes of no bench, time that is empty or does not increase within a run.
+
+    times: of each run, the last time so far and its line.
+    """
     for name, values in table.numbers.items():
         far = np.flatnonzero(np.abs(values) > largest(name))
         places = [
@@ -453,16 +549,21 @@ def _check(table: _Table, header: Sequence[str], problems: Problems) -> None:
     empty = [int(line) for line in table.lines[np.isnan(time)] if int(line) not in reported]
     problems.cells("time", "empty", [(line, "is empty; every sample needs its time") for line in empty])
     run = np.zeros(len(time), np.int64) if table.run is None else table.run
+    lines = np.concatenate(([line for _, line in times.values()], table.lines)).astype(np.int64)
+    time = np.concatenate(([value for value, _ in times.values()], time))
+    run = np.concatenate((list(times), run)).astype(np.int64)
     rows = np.flatnonzero(np.isfinite(time))
     rows = rows[np.argsort(run[rows], kind="stable")]
+    last = rows[np.flatnonzero(np.diff(run[rows], append=-1))]
+    times |= {int(run[row]): (float(time[row]), int(lines[row])) for row in last}
     before, after = rows[:-1], rows[1:]
     wrong = np.flatnonzero((run[before] == run[after]) & (time[after] <= time[before]))
     where = " within a run" if table.run is not None else ""
     hint = "" if table.run is not None else "; a new session needs another label in a column 'run'"
     places = [
         (
-            int(table.lines[after[k]]),
-            f"{time[after[k]]:.15g} s after {time[before[k]]:.15g} s (line {table.lines[before[k]]}): "
+            int(lines[after[k]]),
+            f"{time[after[k]]:.15g} s after {time[before[k]]:.15g} s (line {lines[before[k]]}): "
             f"time must increase{where}{hint}",
         )
         for k in wrong.tolist()
@@ -470,14 +571,14 @@ def _check(table: _Table, header: Sequence[str], problems: Problems) -> None:
     problems.cells("time", "not increasing", sorted(places))
 
 
-def _check_gravity(table: _Table, problems: Problems) -> None:
+def _check_gravity(table: _Table, problems: Problems, first: bool) -> None:
     """Add what is wrong with the columns of gravity: one that is missing, a size that nothing on a bench falls with."""
     names = [f"g.{axis}" for axis in AXES]
     there = [name for name in names if name in table.numbers]
     if not there:
         return
     for name in names:
-        if name not in there:
+        if first and name not in there:
             message = (
                 f"is missing beside {', '.join(there)}: gravity has three components; write 0 for one that is zero"
             )
@@ -620,7 +721,9 @@ def tolerances_value(values: object, problems: Problems, file: str, at: str = ""
     return Tolerances(**found)
 
 
-def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside, form: _Form) -> Recording:
+def _recording(
+    path: Path, header: Sequence[str], table: _Table, beside: _Beside, form: _Form, told: Sequence[str]
+) -> Recording:
     n = len(table.lines)
     numbers = table.numbers
     groups: dict[str, dict[str, Array]] = {group: {} for group in JOINT_GROUPS.values()}
@@ -643,7 +746,7 @@ def _recording(path: Path, header: Sequence[str], table: _Table, beside: _Beside
     for k, name in enumerate(WRENCH_NAMES):
         if name in wrench_columns:
             wrench[:, k] = numbers[f"w.{name}"]
-    remarks = _remarks(header, numbers, table.blank, form)
+    remarks = [*told, *_remarks(header, numbers, table.blank, form)]
     if not form.is_path:  # which has nothing measured
         remarks += [*_unmeasured(numbers), *beside.remarks, *_undeclared(numbers, beside.noise)]
     return Recording(

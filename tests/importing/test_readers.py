@@ -54,11 +54,35 @@ def test_a_column_of_text_does_not_keep_a_table_from_being_streamed(tmp_path, de
     from prup_pin.imports import text_table
 
     monkeypatch.setattr(text_table, "_HEAD", 20_000)
-    monkeypatch.delattr(text_table, "_careful")
+    monkeypatch.delattr(text_table._Strange, "read")
     table = TABLE | {"mode": ["run"] * len(Q)}
     log = read_log(logs.csv(tmp_path / "log.csv", table, separator=";", decimal=decimal))
     assert log.left_out == ("mode (text)",)
     assert np.abs(only(log).columns["q6"] - Q[:, 5]).max() < 1e-9
+
+
+def test_a_log_of_many_rows_is_read_piece_by_piece_and_thinned(tmp_path, monkeypatch):
+    from prup_pin.imports import text_table
+    from prup_pin.recordings import thinning
+
+    cells = [f"{k},{'' if k % 3 else k / 10},{'null' if k == 205 else k}" for k in range(400)]
+    path = tmp_path / "log.csv"
+    path.write_text("t;q1;q2\n".replace(";", ",") + "\n".join(cells) + "\n")
+    whole = only(read_log(path)).columns
+    monkeypatch.setattr(text_table, "_PIECE", 70)
+    pieces = only(read_log(path)).columns
+    assert all(np.array_equal(whole[name], pieces[name], equal_nan=True) for name in whole)
+    assert np.isnan(whole["q2"][205])
+    assert np.nansum(whole["q1"]) == pytest.approx(sum(range(0, 400, 3)) / 10)
+    monkeypatch.setattr(thinning, "MOST_ROWS", 120)
+    monkeypatch.setattr(thinning, "PIECES", 4)
+    log = read_log(path)
+    assert only(log).columns["t"].tolist() == [*range(30), *range(123, 153), *range(246, 276), *range(370, 400)]
+    assert "400 rows are more than are needed" in log.remarks[0]
+    cells[300] = "300,oops,1"
+    path.write_text("t,q1,q2\n" + "\n".join(cells) + "\n")
+    with pytest.raises(RecordingFileError, match=r"log\.csv:302: column 'q1': 'oops' is not a number"):
+        read_log(path)
 
 
 def test_cells_that_are_no_numbers_are_told_with_line_and_column(tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from prup_pin.errors import RecordingFileError
-from prup_pin.recordings import KeyProblem, Noise, TableProblem, read_recording, suspicions
+from prup_pin.recordings import KeyProblem, Noise, TableProblem, read_recording, reader, suspicions, thinning
 
 PRACTICE = Path("/work/shared/practice")
 REAL = Path("/work/shared/real")
@@ -395,6 +395,61 @@ def test_large_tables_in_pieces(write):
     assert recording.efforts["a"][44_999] == 44_999 % 7 + 0.5
     rows[41_234] = "41234,0.1,oops,b"
     assert only(write("time,q.a,tau.a,run\n" + "\n".join(rows)))[:2] == (41_236, "tau.a")
+
+
+@pytest.fixture
+def in_pieces(monkeypatch):
+    """Have tables read in pieces of a few rows."""
+    monkeypatch.setattr(reader, "_BLOCK", 400)
+
+
+def _long(change=lambda rows: None):
+    rows = [f'{k},{k / 7:.5f},{"" if k % 5 else k},"{"a" if k < 300 else "b"}"' for k in range(600)]
+    change(rows)
+    return "time,q.a,tau.a,run\n" + "\n".join(rows) + "\n"
+
+
+def test_a_table_read_in_pieces_is_the_table(write, monkeypatch):
+    path = write(_long())
+    whole = read_recording(path)
+    monkeypatch.setattr(reader, "_BLOCK", 400)
+    pieces = read_recording(path)
+    assert np.array_equal(whole.efforts["a"], pieces.efforts["a"], equal_nan=True)
+    assert np.array_equal(whole.positions["a"], pieces.positions["a"])
+    assert pieces.run_names == ("a", "b")
+    assert np.array_equal(whole.run, pieces.run)
+    assert pieces.remarks == whole.remarks
+
+
+@pytest.mark.parametrize(
+    ("row", "text", "place", "message"),
+    [
+        (517, "517,1,oops,b", (519, "tau.a"), "'oops' is not a number"),
+        (517, "0.5,1,2,a", (519, "time"), "0.5 s after 299 s (line 301): time must increase"),
+        (517, "517,1,2", (519, "run"), "the row has 3 cells, 4 expected"),
+        (517, "517,1e12,2,b", (519, "q.a"), "1e+12 is too large"),
+        (517, "517,1\0,2,b", (519, "q.a"), "holds zero (NUL) bytes"),
+        (517, '517,"1\n",2,b\n518.1,x,2,b\n519.1,1,2,b', (520, "q.a"), "'x' is not a number"),
+    ],
+)
+def test_what_is_wrong_in_a_late_piece_has_its_line(write, in_pieces, row, text, place, message):
+    def change(rows):
+        rows[row : row + text.count("\n") + 1] = text.replace("1\n", "1").split("\n") if "\n" in text else [text]
+
+    problem = only(write(_long(change)))
+    assert problem[:2] == place
+    assert message in problem[2]
+
+
+def test_of_more_rows_than_are_needed_pieces_are_kept_and_all_are_checked(write, in_pieces, monkeypatch):
+    monkeypatch.setattr(thinning, "MOST_ROWS", 100)
+    monkeypatch.setattr(thinning, "PIECES", 4)
+    recording = read_recording(write(_long()))
+    assert recording.time.tolist() == [*range(25), *range(191, 216), *range(383, 408), *range(575, 600)]
+    assert recording.remarks[0].startswith("600 rows are more than are needed")
+    assert "4 pieces of 25 rows, evenly spread, were kept" in recording.remarks[0]
+    problem = only(write(_long(lambda rows: rows.__setitem__(100, "100,1,oops,a"))))
+    assert problem[:2] == (102, "tau.a")
 
 
 @pytest.mark.parametrize(
