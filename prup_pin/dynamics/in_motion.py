@@ -151,7 +151,11 @@ class InMotion:
         numbers = np.arange(fewest, most, step)
         rest = self.effort_of(joint, self.left)
         phase = 2j * np.pi * position / travel
-        power = np.array([abs(rest @ np.exp(phase * number)) for number in numbers])
+        turned, turn = np.exp(phase * fewest), np.exp(phase * step)
+        power = np.empty(len(numbers))
+        for index in range(len(numbers)):
+            power[index] = abs(rest @ turned)
+            turned *= turn
         found: list[float] = []
         for index in np.argsort(-power):
             if all(abs(numbers[index] - other) > 2.0 for other in found):

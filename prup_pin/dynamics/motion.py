@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..recordings import Recording
+from ..recordings.thinning import PIECES, Thinning
 from ..spatial import Array
 from .clock import EvenClock, even_clock
 from .smoothing import LowPass, bandwidth, differences, floor_of, pieces, spectrum
@@ -25,8 +26,8 @@ _KEPT, _LONG = 10.0, 40_000
 _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
 _STILL, _STILL_SHARE = 4.0, 2e-3
-#: Samples beyond which blocks of time are chosen instead of all, evenly.
-MOST_SAMPLES = 400_000
+#: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
+_MOST_ROWS, _MOST_SAMPLES = 400_000, 60_000
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
 _SLOW_CLOCK, _MOVING = 0.3, 0.3
 _OTHER_UNITS = ((57.29578, "degrees"), (9.549297, "revolutions per minute"), (1e3, "mm/s"), (-1.0, ""))
@@ -177,6 +178,7 @@ def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] 
     if every > 1:
         efforts = LowPass(0.4 * rate / every, rate)(efforts, clock.piece)
         rate /= every
+    keep, piece = _fewer(keep, clock.piece, remarks)
     rows = clock.rows[np.clip(np.searchsorted(clock.row_time, clock.time), 0, len(clock.rows) - 1)]
     if clock.exact:
         rows = clock.rows
@@ -185,7 +187,7 @@ def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] 
         names=names,
         driven=drives,
         time=clock.time[keep],
-        piece=clock.piece[keep],
+        piece=piece,
         rate=rate,
         position=smooth[keep],
         speed=speed[keep],
@@ -250,19 +252,31 @@ def _logged(group, names: tuple[str, ...]) -> list[str]:
 
 
 def _bounded(recording: Recording, remarks: list[str]) -> Recording:
-    """Return at most MOST_SAMPLES rows, in long pieces that are spread evenly over the recording."""
-    n = len(recording)
-    if n <= MOST_SAMPLES:
+    """Return at most _MOST_ROWS rows, in long pieces that are spread evenly over the recording."""
+    thinning = Thinning(len(recording), _MOST_ROWS)
+    rows = thinning.keeps(np.arange(len(recording)))
+    if rows is None:
         return recording
-    count = 40
-    length = MOST_SAMPLES // count
-    starts = np.linspace(0, n - length, count).astype(int)
-    rows = np.unique((starts[:, None] + np.arange(length)).ravel())
     remarks.append(
-        f"{n} rows are more than are needed: {count} pieces of {length} rows, evenly spread, were used, the others "
-        "were not looked at"
+        f"{len(recording)} rows are more than are needed: {PIECES} pieces of {thinning.length} rows, evenly spread, "
+        "were used, the others were not looked at"
     )
     return recording.select(rows)
+
+
+def _fewer(keep: np.ndarray, piece: np.ndarray, remarks: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return at most _MOST_SAMPLES samples `keep` and the pieces without a break that they are of, of labels `piece`."""
+    thinning = Thinning(len(keep), _MOST_SAMPLES)
+    here = thinning.keeps(np.arange(len(keep)))
+    if here is None:
+        return keep, piece[keep]
+    remarks.append(
+        f"{len(keep)} samples are more than are needed: {PIECES} pieces of {thinning.length}, evenly spread, were used"
+    )
+    place = np.flatnonzero(here)
+    keep = keep[here]
+    broken = (np.diff(place) > 1) | (np.diff(piece[keep]) != 0)
+    return keep, np.concatenate(([0], np.cumsum(broken)))
 
 
 def _unwrapped(position: Array, names: tuple[str, ...], mechanism: Mechanism) -> Array:

@@ -42,11 +42,13 @@ class LowPass:
 
         sections = signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
-        out = np.empty(np.shape(values))
+        table = np.reshape(values, (len(values), -1))
+        there = np.flatnonzero(table.any(axis=0))  # what is nothing throughout stays so
+        out = np.zeros(table.shape)
         for where in pieces(piece):
-            part = values[where]
-            out[where] = signal.sosfiltfilt(sections, part, axis=0, padlen=min(longest, len(part) - 1))
-        return out
+            part = table[where][:, there]
+            out[where, there] = signal.sosfiltfilt(sections, part, axis=0, padlen=min(longest, len(part) - 1))
+        return out.reshape(np.shape(values))
 
 
 def differences(values: Array, piece: np.ndarray, step: float) -> Array:

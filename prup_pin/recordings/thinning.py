@@ -14,29 +14,35 @@ MOST_ROWS, PIECES = 1_000_000, 40
 
 @dataclass(frozen=True)
 class Thinning:
-    """Pieces of a table of `count` rows, evenly spread from the first to the last; all of a short one."""
+    """Pieces of `count` rows, evenly spread from the first to the last; all rows where there are at most `most`."""
 
     count: int
+    most: int | None = None  # MOST_ROWS
 
     @property
-    def starts(self) -> np.ndarray:
-        """Return the first row of each piece (PIECES,), counted from 0."""
-        return np.linspace(0, self.count - MOST_ROWS // PIECES, PIECES).astype(np.int64)
+    def length(self) -> int:
+        """The rows of a piece."""
+        return (MOST_ROWS if self.most is None else self.most) // PIECES
+
+    @property
+    def all_kept(self) -> bool:
+        """Whether there are no more rows than are needed."""
+        return self.count <= self.length * PIECES
 
     def keeps(self, rows: np.ndarray) -> np.ndarray | None:
         """Return which of some rows (n,), counted from 0, are kept; None: all are."""
-        if self.count <= MOST_ROWS:
+        if self.all_kept:
             return None
-        starts = self.starts
+        starts = np.linspace(0, self.count - self.length, PIECES).astype(np.int64)
         piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, PIECES - 1)
-        return rows - starts[piece] < MOST_ROWS // PIECES
+        return rows - starts[piece] < self.length
 
     @property
     def remarks(self) -> list[str]:
         """Return what was done and why, for a person."""
-        if self.count <= MOST_ROWS:
+        if self.all_kept:
             return []
         return [
-            f"{self.count} rows are more than are needed, and than memory holds: they were read and checked in a "
-            f"stream, and {PIECES} pieces of {MOST_ROWS // PIECES} rows, evenly spread, were kept."
+            f"{self.count} rows are more than are needed, and than memory holds: they were read in a stream, and "
+            f"{PIECES} pieces of {self.length} rows, evenly spread, were kept."
         ]

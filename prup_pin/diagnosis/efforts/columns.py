@@ -8,7 +8,7 @@ block of time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, FEWEST_IN_BLOCK
 
-__all__ = ["Columns", "EffortCandidate", "Gathered", "Whitening", "column_blocks"]
+__all__ = ["ByJoint", "Columns", "EffortCandidate", "Gathered", "Whitening", "column_blocks"]
 
 
 @dataclass(frozen=True)
@@ -47,25 +47,51 @@ class EffortCandidate:
 
 
 @dataclass(frozen=True, eq=False)
+class ByJoint:
+    """Columns (n, k, p) of which most are zero in most joints: of each joint the others, which ones (m,) and (n, m)."""
+
+    size: int
+    joints: tuple[tuple[np.ndarray, Array], ...]
+
+    @classmethod
+    def of(cls, columns: Array) -> ByJoint:
+        """Return columns (n, k, p) that way."""
+        there = columns.any(axis=0)
+        return cls(columns.shape[2], tuple((np.flatnonzero(of), columns[:, k, of]) for k, of in enumerate(there)))
+
+    @classmethod
+    def together(cls, parts: Iterable[ByJoint]) -> ByJoint:
+        """Return columns side by side."""
+        given = list(parts)
+        starts = np.cumsum([0, *(part.size for part in given)])
+        joints = []
+        for own in zip(*(part.joints for part in given), strict=True):
+            which = np.concatenate([start + where for start, (where, _) in zip(starts, own, strict=False)])
+            joints.append((which, np.concatenate([values for _, values in own], axis=1)))
+        return cls(int(starts[-1]), tuple(joints))
+
+
+@dataclass(frozen=True, eq=False)
 class Whitening:
     """A filter per joint that leaves white noise of size one: coefficients (k, p + 1) of the present and past samples.
 
-    `good` (n, k): samples that count, with all that the filter needs before them; `every`: the thinning before it.
+    `good` (n, k): samples that count, with all that the filter needs before them.
     """
 
     filters: Array
     good: np.ndarray
-    every: np.ndarray  # (n,) the samples that are kept of all
 
-    def __call__(self, filtered: Array) -> Array:
-        """Return whitened values (n, k, ...) of filtered ones (N, k, ...); zero where nothing counts."""
-        values = filtered[self.every]
-        order = self.filters.shape[1] - 1
-        shape = (1, self.filters.shape[0], *[1] * (values.ndim - 2))
-        out = values * self.filters[:, 0].reshape(shape)
-        for lag in range(1, order + 1):
-            out[lag:] += self.filters[:, lag].reshape(shape) * values[:-lag]
-        out[~self.good] = 0.0
+    def __call__(self, columns: ByJoint) -> ByJoint:
+        """Return whitened columns; zero where nothing counts."""
+        joints = [(which, self.of_joint(k, values)) for k, (which, values) in enumerate(columns.joints)]
+        return ByJoint(columns.size, tuple(joints))
+
+    def of_joint(self, joint: int, values: Array) -> Array:
+        """Return whitened values (n, ...) of one joint."""
+        out = values * self.filters[joint, 0]
+        for lag in range(1, self.filters.shape[1]):
+            out[lag:] += self.filters[joint, lag] * values[:-lag]
+        out[~self.good[:, joint]] = 0.0
         return out
 
 
@@ -126,7 +152,7 @@ class Columns:
         self.blocks = blocks
         self.count = int(blocks.max()) + 1 if len(blocks) else 0
         self._target = target
-        self._table: Array = np.zeros((*target.shape, 0))
+        self._tables: list[ByJoint] = []  # with places among all columns
         self.gram = np.zeros((self.count, 0, 0))
         self.moment = np.zeros((self.count, 0))
         starts = np.searchsorted(blocks, np.arange(self.count + 1))
@@ -136,35 +162,55 @@ class Columns:
     @property
     def size(self) -> int:
         """Number of columns."""
-        return self._table.shape[2]
+        return self.moment.shape[1]
 
-    def add(self, columns: Array) -> slice:
-        """Append columns (n, k, p); return where they stand."""
-        first, more = self.size, columns.shape[2]
-        self._table = np.concatenate((self._table, columns), axis=2)
-        gram = np.zeros((self.count, first + more, first + more))
+    def add(self, columns: ByJoint) -> slice:
+        """Append columns; return where they stand."""
+        first, size = self.size, self.size + columns.size
+        own = ByJoint(size, tuple((which + first, values) for which, values in columns.joints))
+        gram = np.zeros((self.count, size, size))
         gram[:, :first, :first] = self.gram
-        moment = np.zeros((self.count, first + more))
+        moment = np.zeros((self.count, size))
         moment[:, :first] = self.moment
-        for block, part in enumerate(self._parts):
-            table = self._table[part].reshape(-1, first + more)
-            own = columns[part].reshape(-1, more)
-            cross = table.T @ own
-            gram[block, :, first:] = cross
-            gram[block, first:, :] = cross.T
-            moment[block, first:] = own.T @ self._target[part].ravel()
+        self._tables.append(own)
+        for joint, (which, values) in enumerate(own.joints):
+            if not len(which):
+                continue
+            for block, part in enumerate(self._parts):
+                moment[block, which] += values[part].T @ self._target[part, joint]
+            for table in self._tables:
+                others, theirs = table.joints[joint]
+                if not len(others):
+                    continue
+                there = np.ix_(others, which)
+                for block, part in enumerate(self._parts):
+                    gram[block][there] += theirs[part].T @ values[part]
+        gram[:, first:, :first] = gram[:, :first, first:].transpose(0, 2, 1)
         self.gram, self.moment = gram, moment
-        return slice(first, first + more)
+        return slice(first, size)
 
     def cut(self, size: int) -> None:
         """Forget all columns beyond the first `size`."""
-        self._table = self._table[:, :, :size]
+        if size >= self.size:
+            return
+        tables = []
+        for table in self._tables:
+            joints = [(which[which < size], values[:, which < size]) for which, values in table.joints]
+            if any(len(which) for which, _ in joints):
+                tables.append(ByJoint(size, tuple(joints)))
+        self._tables = tables
         self.gram = self.gram[:, :size, :size].copy()
         self.moment = self.moment[:, :size].copy()
 
     def residual(self, where: Sequence[int], x: Array) -> Array:
         """Return what is left (n, k) of the target with coefficients of some columns."""
-        return self._target - self._table[:, :, list(where)] @ x
+        all_of_them = np.zeros(self.size)
+        all_of_them[list(where)] = x
+        out = self._target.copy()
+        for table in self._tables:
+            for joint, (which, values) in enumerate(table.joints):
+                out[:, joint] -= values @ all_of_them[which]
+        return out
 
 
 @dataclass(frozen=True, eq=False)

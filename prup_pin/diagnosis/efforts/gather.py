@@ -16,7 +16,17 @@ from ...laws.efforts.free_curve import VARIABLES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_FOLDS
-from .columns import Columns, EffortCandidate, Gathered, Whitening, autoregression, column_blocks, kept_samples, usable
+from .columns import (
+    ByJoint,
+    Columns,
+    EffortCandidate,
+    Gathered,
+    Whitening,
+    autoregression,
+    column_blocks,
+    kept_samples,
+    usable,
+)
 from .search import Chosen, fit, held_out, pulls
 
 __all__ = ["Base", "Efforts"]
@@ -52,7 +62,7 @@ class Efforts:
         self.rigid = self.filter(at.rigid)
         self.good = self._good()
         self.bases = _bases(at, tolerances)
-        self._fixed: list[tuple[EffortLaw, Place, Mapping[str, float], Array]] = []
+        self._fixed: list[tuple[EffortLaw, Place, Mapping[str, float], ByJoint]] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
         for law in EFFORT_LAWS:
             for place in law.places(at.mechanism):
@@ -62,8 +72,12 @@ class Efforts:
                     self._moving.append((law, place))
                     continue
                 for values in law.scanned(place, at):
-                    self._fixed.append((law, place, values, self.filter(law.efforts_per(place, values, at))))
+                    self._fixed.append((law, place, values, self.seen(law.efforts_per(place, values, at))))
         self.whitening = self._whitened()
+
+    def seen(self, efforts: Array) -> ByJoint:
+        """Return columns of efforts (N, k, p) as they are compared: filtered, where samples are kept."""
+        return ByJoint.of(self.filter(efforts)[self.every])
 
     def _good(self) -> np.ndarray:
         """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit."""
@@ -82,7 +96,7 @@ class Efforts:
         flat = np.zeros((self.measured.shape[1], 1))
         spread = np.nanstd(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan), axis=0)
         flat[:, 0] = 1 / np.where(spread > 0, spread, 1.0)
-        plain = Whitening(flat, usable(self.good, self.piece, 0), self.every)
+        plain = Whitening(flat, usable(self.good, self.piece, 0))
         given = self._gathered(plain, Chosen(()), False)
         everything = Chosen(tuple(range(given.columns.size)))
         # a pinch of shrinkage: columns that are nearly alike must not blow up
@@ -92,7 +106,7 @@ class Efforts:
         residual = given.columns.residual(everything.where, x) / flat[:, 0]
         order = 0 if self.at.motion.standing else AR_ORDER
         filters = autoregression(residual, self.good, self.piece, order)
-        return Whitening(filters, usable(self.good, self.piece, order), self.every)
+        return Whitening(filters, usable(self.good, self.piece, order))
 
     def gathered(self) -> Gathered:
         """Return the columns of all that competes."""
@@ -103,14 +117,32 @@ class Efforts:
         there = [candidate for candidate in given.candidates if isinstance(candidate.law, FreeCurve)]
         if there:
             return given, there
-        new, prior = [], list(given.prior)
+        curves: list[tuple[EffortLaw, Place, Mapping[str, float], ByJoint]] = []
         for law in map(FreeCurve, VARIABLES):
             for place in law.places(self.at.mechanism):
                 if law.acts(place, self.at) and not (law.variable in ("speed", "time") and self.at.motion.standing):
-                    own = given.columns.add(self.whitening(self.filter(law.efforts_per(place, {}, self.at))))
-                    new.append(EffortCandidate(law, place, {}, own))
-                    prior += [0.0] * (own.stop - own.start)
-        return Gathered(self.at.mechanism, given.columns, (*given.candidates, *new), np.array(prior)), new
+                    curves.append((law, place, {}, self.seen(law.efforts_per(place, {}, self.at))))
+        new, _ = self._beside(given.columns, self.whitening, curves)
+        prior = np.concatenate((given.prior, np.zeros(given.columns.size - len(given.prior))))
+        return Gathered(self.at.mechanism, given.columns, (*given.candidates, *new), prior), new
+
+    def _beside(
+        self,
+        columns: Columns,
+        whitening: Whitening,
+        given: Sequence[tuple[EffortLaw, Place, Mapping[str, float], ByJoint]],
+    ) -> tuple[list[EffortCandidate], list[float]]:
+        """Append columns of laws; return them as candidates, and their inverse variances."""
+        if not given:
+            return [], []
+        start = columns.add(whitening(ByJoint.together(seen for *_, seen in given))).start
+        candidates, prior = [], []
+        for law, place, values, seen in given:
+            candidates.append(EffortCandidate(law, place, values, slice(start, start + seen.size)))
+            start += seen.size
+            if not isinstance(law, FreeCurve):  # which has as many knots as there are places
+                prior += list(law.prior(place, self.at.mechanism))
+        return candidates, prior
 
     def added(self, chosen: Chosen, x: Array) -> Array:
         """Return the efforts (N, k) beyond the rigid robot's, not filtered."""
@@ -164,24 +196,14 @@ class Efforts:
         return out
 
     def _gathered(self, whitening: Whitening, chosen: Chosen, moving: bool) -> Gathered:
-        target = whitening(np.nan_to_num(self.measured - self.rigid))
+        target = np.nan_to_num(self.measured - self.rigid)[self.every]
+        target = np.column_stack([whitening.of_joint(k, target[:, k]) for k in range(target.shape[1])])
         columns = Columns(target, self.blocks)
         prior = [1.0] * len(self.bases)
         if self.bases:
-            columns.add(whitening(np.stack([self.filter(base.efforts) for base in self.bases], axis=-1)))
-        candidates = []
-        batch, metas = [], []
-        for law, place, values, filtered in self._fixed:
-            batch.append(filtered)
-            metas.append((law, place, values))
-        if batch:
-            where = columns.add(whitening(np.concatenate(batch, axis=2)))
-            start = where.start
-            for (law, place, values), filtered in zip(metas, batch, strict=True):
-                size = filtered.shape[2]
-                candidates.append(EffortCandidate(law, place, values, slice(start, start + size)))
-                start += size
-                prior += list(law.prior(place, self.at.mechanism))
+            columns.add(whitening(ByJoint.together(self.seen(base.efforts[..., None]) for base in self.bases)))
+        candidates, more = self._beside(columns, whitening, self._fixed)
+        prior += more
         self._own_size = columns.size
         given = Gathered(self.at.mechanism, columns, tuple(candidates), np.array(prior))
         return self.renewed(given, chosen) if moving else given
@@ -198,12 +220,13 @@ class Efforts:
         x, _ = fit(Gathered(self.at.mechanism, columns, (), np.array(prior)), chosen)
         known = self.added(chosen, x)
         at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
-        new = []
-        for law, place in self._moving:
-            for values in law.scanned(place, at):
-                own = columns.add(self.whitening(self.filter(law.efforts_per(place, values, at))))
-                new.append(EffortCandidate(law, place, values, own))
-                prior += list(law.prior(place, self.at.mechanism))
+        moving = [
+            (law, place, values, self.seen(law.efforts_per(place, values, at)))
+            for law, place in self._moving
+            for values in law.scanned(place, at)
+        ]
+        new, more = self._beside(columns, self.whitening, moving)
+        prior += more
         return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior))
 
     def closer(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
@@ -224,9 +247,9 @@ class Efforts:
             known = self.added(before, fit(given, before)[0])
             at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
             size, prior = columns.size, list(given.prior)
-            batch = [self.filter(term.law.efforts_per(term.place, other, at)) for other in others]
-            where = columns.add(self.whitening(np.concatenate(batch, axis=2)))
-            width = batch[0].shape[2]
+            batch = [self.seen(term.law.efforts_per(term.place, other, at)) for other in others]
+            where = columns.add(self.whitening(ByJoint.together(batch)))
+            width = batch[0].size
             for index, other in enumerate(others):
                 own = slice(where.start + index * width, where.start + (index + 1) * width)
                 prior += list(term.law.prior(term.place, self.at.mechanism))
