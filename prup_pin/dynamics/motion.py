@@ -265,7 +265,7 @@ def _bounded(recording: Recording, remarks: list[str]) -> Recording:
 
 
 def _fewer(keep: np.ndarray, piece: np.ndarray, remarks: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return at most _MOST_SAMPLES samples `keep` and the pieces without a break that they are of, of labels `piece`."""
+    """Return at most _MOST_SAMPLES of samples, and the pieces without a break that they are of by all labels."""
     thinning = Thinning(len(keep), _MOST_SAMPLES)
     here = thinning.keeps(np.arange(len(keep)))
     if here is None:

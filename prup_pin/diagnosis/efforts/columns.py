@@ -56,8 +56,10 @@ class ByJoint:
     @classmethod
     def of(cls, columns: Array) -> ByJoint:
         """Return columns (n, k, p) that way."""
-        there = columns.any(axis=0)
-        return cls(columns.shape[2], tuple((np.flatnonzero(of), columns[:, k, of]) for k, of in enumerate(there)))
+        there = np.any(columns != 0, axis=0)
+        return cls(
+            columns.shape[2], tuple((np.flatnonzero(of), columns[:, k, of]) for k, of in enumerate(np.asarray(there)))
+        )
 
     @classmethod
     def together(cls, parts: Iterable[ByJoint]) -> ByJoint:
