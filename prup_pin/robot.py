@@ -113,9 +113,9 @@ class Robot:
     def pose(self, **coordinates: float) -> ClosedPose:
         """Return the closed pose at task coordinates of the robot file [m, rad].
 
-        A robot without loops and task coordinates takes its joint positions by name; joints that are not named stay at
-        home. Raises InputError for unknown, missing or non-finite coordinates, UnreachablePoseError or
-        SingularPoseError with the nearest feasible ones.
+        A robot without loops and task coordinates takes its joint positions by name. What is not named stays at home;
+        a robot with task coordinates has to declare its home for that. Raises InputError for unknown, missing or
+        non-finite coordinates, UnreachablePoseError or SingularPoseError with the nearest feasible ones.
         """
         if not self.mechanism.loops and not self.mechanism.tasks:
             return self._pose_of_joints(coordinates)

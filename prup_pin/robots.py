@@ -28,6 +28,15 @@ EXAMPLE_ROBOTS: Mapping[str, str] = {
     "so101": "so_arm_description/urdf/so101.urdf",
     "talos_arm": "talos_data/robots/talos_left_arm.urdf",
 }
+#: Other names under which example-robot-data itself loads a robot.
+_ALIASES: Mapping[str, str] = {
+    "talos": "talos_reduced",
+    "talos_full": "talos_full_v2",
+    "talos_box": "talos_reduced_box",
+    "solo8": "solo",
+    "anymal_kinova": "anymal-kinova",
+    "b1_z1": "b1-z1",
+}
 #: Folders of robots whose base walks or flies: their files leave out the joint to the ground.
 FLOATING_FOLDERS = (
     "a1_description",
@@ -62,9 +71,23 @@ EXAMPLE_TOOLS: Mapping[str, str] = {
     "ur5_limited": "tool0",
     "ur10": "tool0",
     "ur10_limited": "tool0",
+    "ur3_gripper": "tool0",
+    "ur3_joint_limited": "tool0",
+    "ur5_gripper": "tool0",
     "xarm7": "link_eef",
     "panda": "panda_hand_tcp",
     "kinova": "j2s6s200_end_effector",
+    "panda_collision": "panda_hand_tcp",
+    "z1": "link06",
+    "so100": "gripper",
+    "so101": "gripper_frame_link",
+    "talos_arm": "wrist_left_ft_tool_link",
+    "talos": "wrist_left_ft_tool_link",
+    "talos_reduced": "wrist_left_ft_tool_link",
+    "tiago": "arm_tool_link",
+    "tiago_no_hand": "arm_tool_link",
+    "finger_edu": "finger_tip_link",
+    "TwoDofs": "Tip",
     "double_pendulum": "link2",
     "double_pendulum_continuous": "link2",
     "double_pendulum_simple": "link3",
@@ -104,7 +127,7 @@ def example_files() -> dict[str, str]:
         file = path.relative_to(examples).as_posix()
         if file not in known and b"<link" in path.read_bytes():
             files.setdefault(path.stem.removesuffix("_robot").replace(".", "_"), file)
-    return files
+    return files | {alias: files[name] for alias, name in _ALIASES.items() if name in files}
 
 
 def floats(path: Path) -> bool:

@@ -56,7 +56,12 @@ def _halves(sides: tuple[float, float]) -> list[tuple[float, float]]:
 
 
 #: What every room may import; arrows to them would cover the page.
-GROUND_ROOMS = {"errors": "what can go wrong", "spatial": "wrenches, frames", "parameters": "named quantities"}
+GROUND_ROOMS = {
+    "errors": "what can go wrong",
+    "numbers": "with units, to read",
+    "spatial": "wrenches, frames",
+    "parameters": "named quantities",
+}
 BOXES = {
     "modules": Box(1, LEFT, STIFF, "beams, bearings, screws: equations"),
     "mechanism": Box(2, LEFT, STIFF, "robot file: tree, loops, modules"),

@@ -16,6 +16,7 @@ ROOT = Path(prup_pin.__file__).parent
 #: Lower layers know nothing of higher ones.
 LAYERS = [
     "errors",
+    "numbers",
     "spatial",
     "parameters",
     "modules",

@@ -83,7 +83,9 @@ class Question:
                 robot = robot.with_locked_joints(self.lock)
             if frame is not None:
                 robot.mechanism.frame(frame)
-            pose, source = _pose(robot, self.at, self.actuators)
+            pose, source, kept = _pose(robot, self.at, self.actuators)
+        if kept:
+            notes.append(f"not given, so at home: {', '.join(kept)}")
         return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
 
 
@@ -104,8 +106,8 @@ def limits_as_notes(notes: list[str]) -> Iterator[None]:
         yield
 
 
-def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str]:
-    """Return the pose asked for and where it comes from."""
+def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str, list[str]]:
+    """Return the pose asked for, where it comes from, and which coordinates were left at home."""
     if actuators is not None:
         names = robot.mechanism.actuated
         dimensions = {name: dimension(robot.mechanism, name) for name in names}
@@ -117,9 +119,9 @@ def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPo
             values = [given[name] for name in names]
         else:
             values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
-        return robot.pose_from_actuators(values), "actuators"
+        return robot.pose_from_actuators(values), "actuators", []
     if at is None:
-        return robot.home, "home"
+        return robot.home, "home", []
     dimensions = dict(coordinate_dimensions(robot))
     if not dimensions:
         order = ", ".join(robot.mechanism.actuated)
@@ -134,7 +136,7 @@ def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPo
                 f"--at: {name}={value:g} would be {value:g} {hint[1]}; write {name}={value:g}{hint[2]}, "
                 f"or {name}={value:g}{hint[1]} if it is meant"
             )
-    return robot.pose(**wanted), "task coordinates"
+    return robot.pose(**wanted), "task coordinates", [name for name in dimensions if name not in wanted]
 
 
 def _has_unit(at: str, name: str) -> bool:

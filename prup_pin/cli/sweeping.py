@@ -14,11 +14,12 @@ import typer
 
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..robot import Robot
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..views.text import terminal
-from ..views.text.quantities import WRENCH_DIMENSIONS, number, parse_assignments, parse_list, parse_quantity
+from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
 from .files import folder_for, list_written, write_figures

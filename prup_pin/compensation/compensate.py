@@ -21,6 +21,7 @@ from ..laws import Effect, Inputs, Place, Setup
 from ..laws.deeds import Deed, PoseReport
 from ..laws.of_another import OfAnother
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..recordings import Recording, ToolPath, write_recording
 from ..recordings import read_path as read_any_path
 from ..robot import Robot
@@ -245,7 +246,7 @@ def _corrected(inverses: Array, step: Array, change: Array, rows: np.ndarray) ->
 
 def _not_cancelled(wanted: Wanted, before: Array, after: Array) -> str:
     listed = ", ".join(
-        f"{name} {value:.3g} {unit} of {start:.3g}"
+        f"{name} {number(value, 3)} {unit} of {number(start, 3)}"
         for name, unit, start, value in zip(wanted.names, wanted.units, before, after, strict=True)
     )
     return (

@@ -8,6 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..dynamics import InMotion, motion_of
+from ..numbers import number
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
@@ -103,7 +104,8 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
             stuck = float(np.mean(np.abs(own) > (1 - _LARGEST) * size))
             if size > 0 and stuck > _SATURATED:
                 remarks.append(
-                    f"tau.{name} is at {size:.4g} in {100 * stuck:.2g} % of the samples: the drive saturates"
+                    f"tau.{name} is at {number(size, 4)} in {number(100 * stuck, 2)} % of the samples: the "
+                    "drive saturates"
                 )
             if not size > 0:
                 remarks.append(f"tau.{name} is zero throughout")

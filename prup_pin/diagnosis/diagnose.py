@@ -14,6 +14,7 @@ from ..dynamics import is_standing
 from ..errors import InputError
 from ..laws import Effect, Inputs
 from ..laws.deviations import without_effect
+from ..numbers import number
 from ..recordings import Recording, Together, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, as_recorded, inputs_of
@@ -284,16 +285,18 @@ def _quieter(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs,
         declared = getattr(recording.noise, name)
         if declared is not None and found is not None and declared > MUCH_LARGER * found:
             remarks.append(
-                f"{name}_noise is declared as {1e6 * declared:.3g} {unit}, but repeats of a load scatter by "
-                f"{1e6 * found:.3g} {unit} only: if it is declared too large, effects are overlooked"
+                f"{name}_noise is declared as {number(1e6 * declared, 3)} {unit}, but repeats of a load scatter by "
+                f"{number(1e6 * found, 3)} {unit} only: if it is declared too large, effects are overlooked"
             )
     return remarks
 
 
 def _noisier(noise: Noise, larger: Noise) -> str:
     return (
-        f"what is left is noise, but {1e6 * larger.position:.3g} µm and {1e6 * larger.rotation:.3g} µrad, not the "
-        f"{noise.source} {1e6 * noise.position:.3g} µm and {1e6 * noise.rotation:.3g} µrad: the former were used"
+        f"what is left is noise, but {number(1e6 * larger.position, 3)} µm and "
+        f"{number(1e6 * larger.rotation, 3)} µrad, not the "
+        f"{noise.source} {number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad: the "
+        "former were used"
     )
 
 
@@ -468,8 +471,8 @@ def _beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Findi
         },
         heldout_gain=float(gain / (gain + max(held, 1e-300))),
         statement=(
-            f"{item.name} lies {abs(item.x):.3g} tolerances beside the robot file: "
-            f"{item.value:.6g} {item.deviation.unit} instead of {item.deviation.nominal:.6g}"
+            f"{item.name} lies {number(abs(item.x), 3)} tolerances beside the robot file: "
+            f"{number(item.value, 6)} {item.deviation.unit} instead of {number(item.deviation.nominal, 6)}"
         ),
     )
 
@@ -590,7 +593,7 @@ def _nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Fi
     most, size = max(parts, key=lambda part: part[1])
     share = size / max(float(squares.sum()), 1e-300)
     return _unknown_at_robot(
-        f"what is left is {_rms(fit.chi2, count):.3g} times the noise, and nothing takes it away: {tried}. "
+        f"what is left is {number(_rms(fit.chi2, count), 3)} times the noise, and nothing takes it away: {tried}. "
         f"It shows in the {most} ({100 * share:.0f} % of its square)"
     )
 
@@ -616,7 +619,8 @@ def _too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Find
     counted = f"{_counted(len(samples), 'sample')} of {_counted(poses, 'pose')}"
     return _unknown_at_robot(
         f"nothing can be said: the noise is not declared, and {counted} are too few to tell noise of "
-        f"{1e6 * noise.position:.3g} µm and {1e6 * noise.rotation:.3g} µrad from something left out. Declare "
+        f"{number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad from something left "
+        "out. Declare "
         "position_noise and rotation_noise beside the recording, or record more"
     )
 

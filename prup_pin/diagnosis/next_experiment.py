@@ -11,6 +11,7 @@ from ..channels import PoseChannel, Stack
 from ..errors import PrupPinError
 from ..laws import Inputs
 from ..mechanism import Frame
+from ..numbers import number
 from ..robot import Robot
 from ..simulation import Run, Simulator
 from ..spatial import WRENCH_NAMES, Array
@@ -151,7 +152,7 @@ def _told_apart(
             alike.append(text)
         else:
             largest = float(np.sqrt((difference**2).sum(axis=1).max()))
-            apart.append(f"{text} (by {largest:.2g} times the noise)")
+            apart.append(f"{text} (by {number(largest, 2)} times the noise)")
     same = f"no pose and load within reach tells apart: {'; '.join(alike[:MOST_LISTED])}"
     if not apart:
         return same, False

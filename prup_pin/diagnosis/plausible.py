@@ -10,6 +10,7 @@ from ..channels import Linear, PoseChannel, Stack
 from ..errors import InputError
 from ..laws import Inputs
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..recordings import Recording
 from ..recordings.columns import AXES, MARKER_GROUPS
 from ..spatial import Array, turn_between
@@ -174,7 +175,8 @@ def _check_rotations(measured: Array, rigid: Array, of: str, column: str) -> Non
     apart = float(np.median(np.linalg.norm(turn_between(rigid, measured), axis=1)))
     if apart > TURNED:
         raise InputError(
-            f"measured and simulated orientations{of} are {apart:.3g} rad apart: expected r{column}.x r{column}.y "
+            f"measured and simulated orientations{of} are {number(apart, 3)} rad apart: expected r{column}.x "
+            f"r{column}.y "
             f"r{column}.z as a rotation vector in rad, in the base frame of the robot file. Are they degrees, is it "
             "another robot, or are the actuators' columns in another order?"
         )
@@ -194,10 +196,11 @@ def _check_positions(
         if 1 / NEAR_POSITION < ratio / factor < NEAR_POSITION:
             raise InputError(
                 f"measured positions{of} are about {factor:g} times those of the simulation "
-                f"({ratio * size:.4g} against {size:.4g} m): they seem to be in {unit}; expected metres"
+                f"({number(ratio * size, 4)} against {number(size, 4)} m): they seem to be in {unit}; expected metres"
             )
     raise InputError(
-        f"measured and simulated positions{of} are {distance:.3g} m apart (typical distance {size:.3g} m): this is "
+        f"measured and simulated positions{of} are {number(distance, 3)} m apart (typical distance "
+        f"{number(size, 3)} m): this is "
         f"another robot, another frame, or other units. Expected p{column}.x p{column}.y p{column}.z in metres in the "
         "base frame of the robot file"
     )
@@ -236,7 +239,7 @@ def _check_loads(measured: PoseChannel, linear: Linear, inputs: Inputs, good: np
         for factor, seems in ((1e3, big), (1e-3, small)):
             if 1 / NEAR < share / size / factor < NEAR:
                 told.append(
-                    f"the {name} move the tool {share / size:.3g} times as far as in the simulation: "
+                    f"the {name} move the tool {number(share / size, 3)} times as far as in the simulation: "
                     f"they seem to be in {seems}; expected {unit}"
                 )
     if told:

@@ -19,6 +19,7 @@ from ..laws.deviations import Sharing
 from ..laws.in_recording import InRecording
 from ..laws.pose_sensor import PoseSensorMisalignment
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..recordings import ARM, Recording, Together
 from ..spatial import Array, rotation_log, skew, turn_between
 from .criteria import FEWEST_REGISTERED, LEAST_REACH, LEVER, OPEN_FRAME, OPEN_TARGET, REGISTERED, TURNED
@@ -116,7 +117,7 @@ def registered(
 
 
 def _length(metres: float) -> str:
-    return f"{metres:.3g} m" if metres >= 1 else f"{1e3 * metres:.3g} mm"
+    return f"{number(metres, 3)} m" if metres >= 1 else f"{number(1e3 * metres, 3)} mm"
 
 
 def _worlds_apart(measured: PoseChannel, linear: Linear, here: np.ndarray, allowed: tuple[float, float]) -> bool:

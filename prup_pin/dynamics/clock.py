@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..numbers import number
 from ..spatial import Array
 
 __all__ = ["EvenClock", "even_clock"]
@@ -87,7 +88,7 @@ def even_clock(time: Array, columns: Array, run: np.ndarray) -> EvenClock:
     share = repeated.mean() if n else 0.0
     if share > _REPEATS:
         remarks.append(
-            f"{100 * share:.2g} % of the rows repeat the row before them: logged again, not measured; left out"
+            f"{number(100 * share, 2)} % of the rows repeat the row before them: logged again, not measured; left out"
         )
     else:
         repeated[:] = False
@@ -113,7 +114,8 @@ def even_clock(time: Array, columns: Array, run: np.ndarray) -> EvenClock:
         return EvenClock(rows, row_time, row_piece, usual, True, row_time, row_piece, tuple(remarks))
     low, high = np.quantile(steps[inside], (0.005, 0.995))
     remarks.append(
-        f"the clock jitters: steps of {1e3 * low:.3g} to {1e3 * high:.3g} ms where {1e3 * usual:.3g} ms is usual; "
+        f"the clock jitters: steps of {number(1e3 * low, 3)} to {number(1e3 * high, 3)} ms where "
+        f"{number(1e3 * usual, 3)} ms is usual; "
         "all columns were brought to an even clock"
     )
     grids, labels = [], []

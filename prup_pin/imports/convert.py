@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import Problem, RecordingFileError
+from ..numbers import number
 from ..recordings import Recording
 from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, marker_of
 from ..spatial import WRENCH_NAMES, Array
@@ -143,7 +144,9 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str]) -> _To
     fresh = np.concatenate([[True], np.diff(stamps) > 0])
     if not fresh.all():
         share = 100 * float(np.mean(~fresh))
-        remarks.append(f"{int((~fresh).sum())} rows ({share:.2g} %) repeat the time before in {source}: left out.")
+        remarks.append(
+            f"{int((~fresh).sum())} rows ({number(share, 2)} %) repeat the time before in {source}: left out."
+        )
     rows = known[fresh]
     time = (stamps[fresh] - stamps[0]) * clock.unit.factor + stamps[0] * clock.unit.factor - clock.delay
     return _Told(rows, time)
@@ -163,15 +166,17 @@ def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str
         time = _told_at(time, told)
         whose = f"an even clock of {plan.resampling.rate:g}/s"
     if len(time) < 2 or end <= begin:
-        spans = "; ".join(f"{name} {item.time[0]:.6g} to {item.time[-1]:.6g} s" for name, item in told.items())
+        spans = "; ".join(
+            f"{name} {number(item.time[0], 6)} to {number(item.time[-1], 6)} s" for name, item in told.items()
+        )
         message = f"the streams do not overlap in time: {spans}; is the unit of each time right?"
         raise RecordingFileError(log.path, [Problem(message)])
     wanted = float(np.median(np.diff(time)))
     for name, item in told.items():
         period = float(np.median(np.diff(item.time)))
-        how = f"averaged over {1e3 * wanted:.3g} ms" if wanted > FASTER * period else "along straight lines"
+        how = f"averaged over {number(1e3 * wanted, 3)} ms" if wanted > FASTER * period else "along straight lines"
         if time is not item.time and name != plan.resampling.clock:
-            remarks.append(f"{name} ({1 / period:.4g}/s) is put on {whose}, {how}.")
+            remarks.append(f"{name} ({number(1 / period, 4)}/s) is put on {whose}, {how}.")
     return time
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..spatial import Array
 
 __all__ = ["ClosedPose", "PassiveBalance"]
@@ -85,7 +86,7 @@ class ClosedPose:
         )
 
     def __repr__(self) -> str:
-        at = ", ".join(f"{name}={value:.6g}" for name, value in self.coordinates.items())
+        at = ", ".join(f"{name}={number(value, 6)}" for name, value in self.coordinates.items())
         return f"<ClosedPose of {self.mechanism.name}{' at ' + at if at else ''}>"
 
     @property

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError, shortened
 from ..kernel import NEGLIGIBLE, Configuration, LoopedTree, rank_of
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
@@ -32,6 +33,8 @@ ROUNDING = 1e-14
 LAST_STEP = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
+#: Decimals [m, rad] of home's coordinates where a pose takes some of them.
+_HOME_DIGITS = 9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
 NEAR = 0.7
 #: ... or where a polynomial told it as well as this.
@@ -198,7 +201,7 @@ class LoopKinematics:
         worst = self._worst_loop(q)
         raise UnreachablePoseError(
             f"the loops of '{self.mechanism.name}' do not close from its home position: the best that was found leaves "
-            f"{metres:.3g} m and {radians:.3g} rad; loop '{worst}' is farthest open at the start. "
+            f"{number(metres, 3)} m and {number(radians, 3)} rad; loop '{worst}' is farthest open at the start. "
             'Check the frames of this loop, or give a start near closure with <home joint="value"/> (or home={...})',
             residual=(metres, radians),
         )
@@ -291,8 +294,8 @@ class LoopKinematics:
     # -- poses -----------------------------------------------------------------------------------------------------
 
     def pose(self, wanted: Mapping[str, float]) -> ClosedPose:
-        """Return the pose with the wanted task coordinates."""
-        target = self.task.target(wanted)
+        """Return the pose with the wanted task coordinates; those not given stay at a home that the file declares."""
+        target = self.task.target(self._completed(wanted))
         requested = dict(zip(self.task.names, target.tolist(), strict=True))
         start = self.start(target)
         if start is not None:
@@ -303,6 +306,14 @@ class LoopKinematics:
             except _NotConvergedError:
                 pass
         return self.reach(target, requested, self.task.goal)
+
+    def _completed(self, wanted: Mapping[str, float]) -> Mapping[str, float]:
+        """Return what is wanted with home's value of every task coordinate that is not."""
+        names = self.task.names
+        if not wanted or len(wanted) >= len(names) or not self.mechanism.description.home or set(wanted) - set(names):
+            return wanted
+        home = np.round(self.task.values(self._home.placements), _HOME_DIGITS) + 0.0
+        return dict(zip(names, home.tolist(), strict=True)) | dict(wanted)
 
     @cached_property
     def start(self) -> PolynomialStart:
@@ -384,7 +395,8 @@ class LoopKinematics:
         metres, radians = self._split(self.evaluate(array).residual)
         if max(metres, radians) > 1e-6:
             raise UnreachablePoseError(
-                f"this configuration leaves the loops open by {metres:.3g} m and {radians:.3g} rad; expected closed "
+                f"this configuration leaves the loops open by {number(metres, 3)} m and {number(radians, 3)} "
+                "rad; expected closed "
                 "ones. Use pose(...) or pose_from_actuators(...), which close the loops",
                 residual=(metres, radians),
             )
@@ -444,7 +456,9 @@ class LoopKinematics:
         if max(residual) < 1e-9:
             reason = f"a singular pose lies on the way from home, {100 * reached:.0f} % along it"
         else:
-            reason = f"the loops do not close there (left open by {residual[0]:.3g} m, {residual[1]:.3g} rad)"
+            reason = (
+                f"the loops do not close there (left open by {number(residual[0], 3)} m, {number(residual[1], 3)} rad)"
+            )
         return UnreachablePoseError(
             f"'{self.mechanism.name}' cannot reach {self._listed(requested)}: {reason}. "
             + (f"Nearest feasible: {self._listed(nearest)}" if nearest else "No feasible pose was found near it"),
@@ -476,8 +490,8 @@ class LoopKinematics:
         for name, value in values.items():
             unit = self.task.units.get(name) or self.mechanism.joint(name).unit
             value = 0.0 if abs(value) < 1e-12 else value
-            degrees = f" ({np.degrees(value):.4g} deg)" if unit == "rad" else ""
-            parts.append(f"{name} = {value:.5g} {unit}{degrees}")
+            degrees = f" ({number(np.degrees(value), 4)} deg)" if unit == "rad" else ""
+            parts.append(f"{name} = {number(value, 5)} {unit}{degrees}")
         return ", ".join(parts)
 
     # -- checks ----------------------------------------------------------------------------------------------------
@@ -500,7 +514,10 @@ class LoopKinematics:
             return
         name, value, lower, upper = outside
         unit = self.mechanism.joint(name).unit
-        text = f"joint '{name}' would stand at {value:.6g} {unit}, outside its limits {lower:.6g} … {upper:.6g} {unit}"
+        text = (
+            f"joint '{name}' would stand at {number(value, 6)} {unit}, outside its limits {number(lower, 6)} … "
+            f"{number(upper, 6)} {unit}"
+        )
         if not self.mechanism.description.described:
             warnings.warn(f"{text} (of a controller: C is defined there all the same)", JointLimitWarning, stacklevel=4)
             return

@@ -51,7 +51,8 @@ class TaskFrame:
         if missing:
             raise InputError(
                 f"missing task coordinate{'s' if len(missing) > 1 else ''}: {', '.join(missing)}; "
-                f"give all of {', '.join(self.names)}"
+                f"give all of {', '.join(self.names)}; only those of a home that the robot file declares may "
+                "be left out"
             )
         name = next(name for name in self.names if not is_finite(wanted[name]))
         raise InputError(f"{name} = {shortened(wanted[name])}: expected a finite number [{self.units[name]}]")

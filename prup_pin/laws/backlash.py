@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Along, Deed, ExtraStrain, Strain
@@ -63,7 +64,7 @@ class Backlash(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "µrad" if turns(mechanism, place) else "µm"
-        return f"{place} has a play of ±{1e6 * values['half_gap']:.3g} {unit}, which its load takes up"
+        return f"{place} has a play of ±{number(1e6 * values['half_gap'], 3)} {unit}, which its load takes up"
 
 
 class BacklashByAxis(Law):
@@ -97,7 +98,10 @@ class BacklashByAxis(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         x, y = 1e6 * values["half_gap_x"], 1e6 * values["half_gap_y"]
-        return f"{place.name} has a play of ±{x:.3g} µm along its x and of ±{y:.3g} µm along its y, each for itself"
+        return (
+            f"{place.name} has a play of ±{number(x, 3)} µm along its x and of ±{number(y, 3)} µm along its y, "
+            "each for itself"
+        )
 
 
 def _play(force: Array, gap: float, load: float) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
@@ -56,4 +57,4 @@ class CoulombFriction(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "N" if joint_at(place.name, mechanism).slides else "N m"
-        return f"the joint at {place.name} sticks and slips: it slides at {values['limit']:.3g} {unit}"
+        return f"the joint at {place.name} sticks and slips: it slides at {number(values['limit'], 3)} {unit}"

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..mechanism import Mechanism
 from ..modules import WrenchModule
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Deed, RememberedStrain
@@ -50,7 +51,10 @@ class CreepLaw(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         share, constant = 100 * values["share"], values["time_constant"]
-        return f"{place} goes on yielding under load: {share:.3g} % more, with a time constant of {constant:.3g} s"
+        return (
+            f"{place} goes on yielding under load: {number(share, 3)} % more, with a time constant of "
+            f"{number(constant, 3)} s"
+        )
 
 
 class Crept(NamedTuple):

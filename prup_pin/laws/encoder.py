@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, Travel
 from .law import Law, Place
@@ -36,7 +37,7 @@ class EncoderOffset(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "mm" if _slides(place, mechanism) else "mrad"
-        return f"the encoder at {place} is off by {1e3 * values['offset']:+.3g} {unit}"
+        return f"the encoder at {place} is off by {number(1e3 * values['offset'], 3, signed=True)} {unit}"
 
 
 def _slides(place: Place, mechanism: Mechanism) -> bool:
@@ -64,4 +65,4 @@ class EncoderDelay(Law):
             yield Travel(column, values["delay"] * setup.inputs.speeds[:, column])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the encoder at {place} reports {1e3 * values['delay']:.3g} ms late"
+        return f"the encoder at {place} reports {number(1e3 * values['delay'], 3)} ms late"

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, ToolSpring
 from .law import Law, Place
@@ -63,8 +64,8 @@ class ExternalSpring(Law):
         return [values["stiffness"]] * 3
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        stiff = ", ".join(f"{value:.3g}" for value in dict.fromkeys(self._stiffness(values)))
-        slack = ", ".join(f"{values[axis]:.3g}" for axis in _AXES)
+        stiff = ", ".join(f"{number(value, 3)}" for value in dict.fromkeys(self._stiffness(values)))
+        slack = ", ".join(f"{number(values[axis], 3)}" for axis in _AXES)
         return f"something pulls the tool towards ({slack}) m, with {stiff} N/m: a hose or a cable"
 
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Along, Deed, ExtraStrain, Strain
@@ -57,7 +58,7 @@ class HertzianContact(Law):
         yield ExtraStrain(place.name, Strain(Along(direction, contact)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place} stiffens with its load, as contacts do (preload {values['preload']:.3g})"
+        return f"{place} stiffens with its load, as contacts do (preload {number(values['preload'], 3)})"
 
 
 def _contact(force: Array, stiffness: float, at: float, preload: float) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..mechanism import Joint, Mechanism
 from ..modules import DriveModule, WrenchModule
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, Solved, YieldingJoint, yield_of
 from .drawn import Drawn
@@ -66,8 +67,11 @@ class JointCompliance(Law):
         compliance = values["compliance"]
         unit, other = ("N/m", "µm/kN") if place.aspect == "along" else ("N m/rad", "µrad/(N m)")
         small = compliance * (1e9 if place.aspect == "along" else 1e6)
-        stiffness = f"{1 / compliance:.3g}" if compliance else "inf"
-        return f"{place.name} yields {place.aspect} its axis by {small:.3g} {other}, a stiffness of {stiffness} {unit}"
+        stiffness = f"{number(1 / compliance, 3)}" if compliance else "inf"
+        return (
+            f"{place.name} yields {place.aspect} its axis by {number(small, 3)} {other}, a stiffness of "
+            f"{stiffness} {unit}"
+        )
 
 
 class EveryJointCompliance(Law):
@@ -112,7 +116,7 @@ class EveryJointCompliance(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         softest = sorted((name for name, value in values.items() if value > 0), key=lambda name: -values[name])
         units = {q.name: "N/m" if q.unit == "m/N" else "N m/rad" for q in self.quantities_at(place, mechanism)}
-        listed = ", ".join(f"{name} {1 / values[name]:.3g} {units[name]}" for name in softest[:_MOST_LISTED])
+        listed = ", ".join(f"{name} {number(1 / values[name], 3)} {units[name]}" for name in softest[:_MOST_LISTED])
         more = ", …" if len(softest) > _MOST_LISTED else ""
         return f"the joints yield along themselves, each for itself; the softest: {listed}{more}"
 

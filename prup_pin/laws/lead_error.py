@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, Solved, Travel
 from .drawn import Drawn
@@ -41,11 +42,13 @@ class LeadError(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         more = 1e3 * values["relative"]
         if place.name in screws(mechanism):
-            return f"{place.name} has another lead: the nut travels {more:+.3g} µm more per millimetre"
+            return (
+                f"{place.name} has another lead: the nut travels {number(more, 3, signed=True)} µm more per millimetre"
+            )
         each = (
             "µm more per millimetre" if _unit(mechanism, travels(mechanism)[place.name]) == "m" else "mrad more per rad"
         )
-        return f"{place.name} travels {more:+.3g} {each} than its encoder says"
+        return f"{place.name} travels {number(more, 3, signed=True)} {each} than its encoder says"
 
 
 def _unit(mechanism: Mechanism, column: int) -> str:
@@ -79,4 +82,4 @@ class PeriodicLeadError(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])
-        return f"{place.name} errs once a turn, by ±{amplitude:.3g} µm"
+        return f"{place.name} errs once a turn, by ±{number(amplitude, 3)} µm"

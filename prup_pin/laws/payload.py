@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, ToolLoad
 from .law import Law, Place
@@ -39,7 +40,7 @@ class Payload(Law):
         return np.zeros(3)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the tool carries {values['mass']:.3g} kg that the simulation does not know of"
+        return f"the tool carries {number(values['mass'], 3)} kg that the simulation does not know of"
 
 
 class OffCentrePayload(Payload):
@@ -59,5 +60,5 @@ class OffCentrePayload(Payload):
         return np.array([values[axis] for axis in "xyz"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        centre = ", ".join(f"{1e3 * values[axis]:.3g}" for axis in "xyz")
+        centre = ", ".join(f"{number(1e3 * values[axis], 3)}" for axis in "xyz")
         return f"{super().statement(place, values, mechanism)}, centred at ({centre}) mm in its axes"

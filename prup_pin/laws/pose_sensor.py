@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array, rotation_exp
 from .deeds import Deed, PoseReport
@@ -41,7 +42,7 @@ class PoseSensorMisalignment(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = 1e3 * np.linalg.norm([values["rx"], values["ry"], values["rz"]])
         shift = 1e3 * np.linalg.norm([values["tx"], values["ty"], values["tz"]])
-        return f"the pose sensor's frame is turned by {turn:.3g} mrad and shifted by {shift:.3g} mm"
+        return f"the pose sensor's frame is turned by {number(turn, 3)} mrad and shifted by {number(shift, 3)} mm"
 
 
 def from_frame(position: Array, rotation: Array, turn: Array, shift: Array) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import ChangedValue, Deed
 from .law import Law, Place
@@ -41,7 +42,9 @@ class RootTiltCompliance(Law):
         yield ChangedValue(place.name, "root_tilting_stiffness", 1 / compliance if compliance else np.inf)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the clamp at the root of {place.name} tilts, with {values['root_tilting_stiffness']:.3g} N m/rad"
+        return (
+            f"the clamp at the root of {place.name} tilts, with {number(values['root_tilting_stiffness'], 3)} N m/rad"
+        )
 
 
 class HubRootCompliance(RootTiltCompliance):

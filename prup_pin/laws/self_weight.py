@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, Weight
 from .law import Law, Place
@@ -32,7 +33,7 @@ class SelfWeight(Law):
         yield Weight(values["scale"], self._spread)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the robot sags under its own weight ({100 * values['scale']:.3g} % of the robot file's masses)"
+        return f"the robot sags under its own weight ({number(100 * values['scale'], 3)} % of the robot file's masses)"
 
 
 class SpreadSelfWeight(SelfWeight):

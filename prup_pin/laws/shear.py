@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism, Module
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import ChangedValue, Deed
 from .law import Law, Place
@@ -57,7 +58,7 @@ class Shear(_SteelBeams):
         return changes
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"rods and branches shear, {values['scale']:.3g} times as much as round steel would"
+        return f"rods and branches shear, {number(values['scale'], 3)} times as much as round steel would"
 
 
 class Torsion(_SteelBeams):
@@ -72,7 +73,7 @@ class Torsion(_SteelBeams):
         return {"torsion_constant": _divided(module.values["torsion_constant"], scale)}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"rods and branches twist, {values['scale']:.3g} times as much as round steel would"
+        return f"rods and branches twist, {number(values['scale'], 3)} times as much as round steel would"
 
 
 def _divided(value: float, scale: float) -> float:

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import ChangedValue, Deed
 from .law import Law, Place
@@ -49,4 +50,4 @@ class StiffnessChanged(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         share = 100 * values["factor"]
         what = f"{place.aspect} stiffness" if place.aspect else "stiffness"
-        return f"the {what} of {place.name} is {share:.3g} % of the robot file's"
+        return f"the {what} of {place.name} is {number(share, 3)} % of the robot file's"

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array, rotation_exp
 from .deeds import Deed, PoseReport
@@ -38,7 +39,10 @@ class TargetMisalignment(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
         turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
-        return f"the measured target sits {shift:.3g} mm beside the tool frame and is turned by {turn:.3g} mrad"
+        return (
+            f"the measured target sits {number(shift, 3)} mm beside the tool frame and is turned by "
+            f"{number(turn, 3)} mrad"
+        )
 
 
 class MarkerMisalignment(Law):
@@ -64,7 +68,10 @@ class MarkerMisalignment(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
         turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
-        return f"the marker sits {shift:.3g} mm beside the frame {self.frame} and is turned by {turn:.3g} mrad"
+        return (
+            f"the marker sits {number(shift, 3)} mm beside the frame {self.frame} and is turned by "
+            f"{number(turn, 3)} mrad"
+        )
 
 
 def of_markers(mechanism: Mechanism, names: Iterable[str] | None = None) -> tuple[MarkerMisalignment, ...]:

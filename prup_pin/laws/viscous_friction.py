@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from .deeds import Deed, JointResistance
 from .law import Law, Place
@@ -38,4 +39,4 @@ class ViscousFriction(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "N s/m" if joint_at(place.name, mechanism).slides else "N m s/rad"
-        return f"the joint at {place.name} resists its speed, by {values['damping']:.3g} {unit}"
+        return f"the joint at {place.name} resists its speed, by {number(values['damping'], 3)} {unit}"

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import Deed, WrenchReading
@@ -37,7 +38,7 @@ class WrenchSensorMisalignment(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = np.degrees(np.linalg.norm([values[f"r{axis}"] for axis in "xyz"]))
-        return f"the wrench sensor is turned by {turn:.3g} degrees against the base frame"
+        return f"the wrench sensor is turned by {number(turn, 3)} degrees against the base frame"
 
 
 class WrenchSensorGain(Law):
@@ -57,7 +58,7 @@ class WrenchSensorGain(Law):
         yield WrenchReading(partial(np.multiply, np.array([values[name] for name in WRENCH_NAMES])))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        off = ", ".join(f"{name} {100 * (values[name] - 1):+.3g} %" for name in WRENCH_NAMES)
+        off = ", ".join(f"{name} {number(100 * (values[name] - 1), 3, signed=True)} %" for name in WRENCH_NAMES)
         return f"the true wrench differs from the sensor's by {off}"
 
 
@@ -80,7 +81,7 @@ class WrenchSensorCommonGain(Law):
         yield WrenchReading(partial(np.multiply, values["gain"]))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the true wrench is {100 * values['gain']:.4g} % of what the sensor reports"
+        return f"the true wrench is {number(100 * values['gain'], 4)} % of what the sensor reports"
 
 
 class WrenchSensorBias(Law):
@@ -102,7 +103,7 @@ class WrenchSensorBias(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         force = np.linalg.norm([values[name] for name in WRENCH_NAMES[:3]])
         moment = np.linalg.norm([values[name] for name in WRENCH_NAMES[3:]])
-        return f"the wrench sensor reports {force:.3g} N and {moment:.3g} N m at rest"
+        return f"the wrench sensor reports {number(force, 3)} N and {number(moment, 3)} N m at rest"
 
 
 def _turned(reported: Array, turn: Array) -> Array:

@@ -18,6 +18,7 @@ from ..kernel import NEGLIGIBLE, NEGLIGIBLE_ENERGY
 from ..kinematics import ClosedPose
 from ..mechanism import Mechanism
 from ..modules import CompliantModule, DriveModule
+from ..numbers import number
 from ..spatial import Array, as_wrench, motion_between
 from ..statics.compliance import _direction, _Named
 from .border import inverted, no_border
@@ -227,7 +228,7 @@ class LoadedPose:
 
     def __repr__(self) -> str:
         size = np.linalg.norm(self.displacement[:3])
-        return f"<LoadedPose of {self.pose.mechanism.name}: tool moved {size:.4g} m>"
+        return f"<LoadedPose of {self.pose.mechanism.name}: tool moved {number(size, 4)} m>"
 
 
 def find_loaded_pose(
@@ -402,7 +403,7 @@ class _LoadPath:
             )
         return NotConvergedError(
             f"no equilibrium found at {self.pose!r} under the wrench {wrench.tolist()} [N, N m]: raised in proportion "
-            f"from zero, it could be followed to {reached:.6g} of it. Expected a load that the robot can bear; "
+            f"from zero, it could be followed to {number(reached, 6)} of it. Expected a load that the robot can bear; "
             "buckling_margin() of a smaller one says where it gives way",
             self.pose,
             wrench,

@@ -32,7 +32,7 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
     elif named:
         yield f"without mass: {_listed(named)}"
     if not description.home:
-        yield "no home is given: every joint is at 0, or at its nearest limit"
+        yield "no home is given: home is every joint at 0, or at its nearest limit"
     if description.meshes_missing:
         yield f"meshes that are not there, and not drawn: {_listed(description.meshes_missing)}"
 

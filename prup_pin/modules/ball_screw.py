@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..numbers import number
 from ..spatial import Array
 from .module import DriveModule, Mask, ModuleGeometry, Values, diagonal, required
 
@@ -35,6 +36,6 @@ class BallScrew(DriveModule):
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
         return (
-            f"its nut stands at {at.position[..., index]:.6g} m, beyond the screw; expected between 0 and "
-            f"{values['length'][index]:.6g} m"
+            f"its nut stands at {number(at.position[..., index], 6)} m, beyond the screw; expected between 0 and "
+            f"{number(values['length'][index], 6)} m"
         )

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array
 from .flexibility import (
@@ -141,4 +142,4 @@ class Beam(WrenchModule):
         return at.length <= 0
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
-        return f"its length from root to tip is {at.length[..., index]:.6g} m; expected > 0"
+        return f"its length from root to tip is {number(at.length[..., index], 6)} m; expected > 0"

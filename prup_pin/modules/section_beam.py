@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array
 from .flexibility import BodyWeight, SectionFlexibilities, body_weight, own_weight_deformation
@@ -115,6 +116,7 @@ class SectionBeam(WrenchModule):
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
         return (
-            f"length {at.length[..., index]:.6g} m, stations {values['stations'][index].tolist()}; expected a positive "
+            f"length {number(at.length[..., index], 6)} m, stations {values['stations'][index].tolist()}; "
+            "expected a positive "
             "length and stations that rise from 0 (root) to 1 (tip)"
         )

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..numbers import number
 from ..parameters import Quantity
 from ..spatial import Array
 from .flexibility import BodyWeight, SectionFlexibilities, body_weight, own_weight_deformation
@@ -91,7 +92,8 @@ class TaperedBeam(WrenchModule):
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
         return (
-            f"length {at.length[..., index]:.6g} m, diameters {values['root_diameter'][index]:.6g} m and "
-            f"{values['tip_diameter'][index]:.6g} m, bore {values['inner_diameter'][index]:.6g} m; expected a positive "
+            f"length {number(at.length[..., index], 6)} m, diameters {number(values['root_diameter'][index], 6)} m and "
+            f"{number(values['tip_diameter'][index], 6)} m, bore {number(values['inner_diameter'][index], 6)} "
+            "m; expected a positive "
             "length and diameters larger than the bore"
         )

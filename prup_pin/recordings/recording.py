@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UnknownNameError
+from ..numbers import number
 from ..spatial import WRENCH_NAMES, Array
 from .columns import COARSEST_NOISE, FINEST_NOISE, LARGEST_GRAVITY, MARKER_GROUPS, largest
 from .tolerances import SENSORS, Tolerances
@@ -250,7 +251,7 @@ def _column(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     if array.shape != shape:
         raise InputError(f"{name} must have shape {shape}, one row per sample; got {array.shape}")
     if (size := float(np.abs(array[np.isfinite(array)]).max(initial=0.0))) > largest(name):
-        raise InputError(f"{name} reaches {size:.4g}; expected at most {largest(name):g}, in SI units")
+        raise InputError(f"{name} reaches {number(size, 4)}; expected at most {largest(name):g}, in SI units")
     array.flags.writeable = False
     return array
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..numbers import number
 from ..spatial import WRENCH_NAMES, Array
 from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, NOISE_UNITS
 from .recording import Recording
@@ -53,7 +54,7 @@ def _gravity(recording: Recording) -> Iterator[str]:
         return
     size = float(np.nanmedian(np.linalg.norm(recording.gravity, axis=1)))
     if abs(size - 1) < 0.1:
-        yield f"g.x g.y g.z have the size {size:.4g}: are they multiples of g? Expected m/s^2."
+        yield f"g.x g.y g.z have the size {number(size, 4)}: are they multiples of g? Expected m/s^2."
 
 
 def _largest(values: Array | None) -> float:
@@ -65,30 +66,33 @@ def _units(recording: Recording) -> Iterator[str]:
     for name, values in turns:
         if (largest := _largest(values)) > 2 * np.pi:
             yield (
-                f"{name}.x {name}.y {name}.z reach {largest:.4g} rad, more than a full turn: are they degrees? "
+                f"{name}.x {name}.y {name}.z reach {number(largest, 4)} rad, more than a full turn: are they degrees? "
                 "Expected radians."
             )
     for name, values in (("p", recording.position), *((f"p.{key}", value) for key, value in recording.markers.items())):
         if (largest := _largest(values)) > _LARGEST_POSITION:
-            yield f"{name}.x {name}.y {name}.z reach {largest:.4g} m: are they millimetres? Expected metres."
+            yield f"{name}.x {name}.y {name}.z reach {number(largest, 4)} m: are they millimetres? Expected metres."
     for joint, values in recording.positions.items():
         if (largest := _largest(values)) > _LARGEST_POSITION:
-            yield f"q.{joint} reaches {largest:.4g}: is it in millimetres or degrees? Expected metres or radians."
+            yield (
+                f"q.{joint} reaches {number(largest, 4)}: is it in millimetres or degrees? Expected metres or radians."
+            )
     force, moment = _largest(recording.wrench[:, :3]), _largest(recording.wrench[:, 3:])
     for name, largest, unit in (("w.fx w.fy w.fz", force, "N"), ("w.mx w.my w.mz", moment, "N m")):
         if largest > _LARGEST_FORCE:
-            yield f"{name} reach {largest:.4g} {unit}: is the unit right? Expected {unit}."
+            yield f"{name} reach {number(largest, 4)} {unit}: is the unit right? Expected {unit}."
     if force > 1 and moment > _LONGEST_LEVER * force:
         yield (
-            f"w.mx w.my w.mz reach {moment:.4g} N m at forces up to {force:.4g} N, a lever of {moment / force:.3g} m: "
+            f"w.mx w.my w.mz reach {number(moment, 4)} N m at forces up to {number(force, 4)} N, a lever of "
+            f"{number(moment / force, 3)} m: "
             "are they N mm, 1000 times too large? Expected N m."
         )
     if recording.temperature is not None:
         temperature = recording.temperature
         if np.isfinite(temperature).any() and np.nanmin(temperature) < -60:
-            yield f"temperature falls to {np.nanmin(temperature):.4g} degrees Celsius: is the sensor connected?"
+            yield f"temperature falls to {number(np.nanmin(temperature), 4)} degrees Celsius: is the sensor connected?"
         elif _largest(temperature) > 200:
-            yield f"temperature reaches {_largest(temperature):.4g}: is it kelvin? Expected degrees Celsius."
+            yield f"temperature reaches {number(_largest(temperature), 4)}: is it kelvin? Expected degrees Celsius."
 
 
 def _channels(recording: Recording) -> Iterator[str]:
@@ -164,7 +168,8 @@ def _noise(recording: Recording) -> Iterator[str]:
         spread = float(np.nanstd(known, axis=0).max())
         if 0 < spread < 0.9 * noise:
             yield (
-                f"{name}_noise is declared as {noise:.3g} {unit}, but the whole recording varies by {spread:.3g} only "
+                f"{name}_noise is declared as {number(noise, 3)} {unit}, but the whole recording varies by "
+                f"{number(spread, 3)} only "
                 "(standard deviation): is its unit right?"
             )
         steps = np.diff(known, axis=0)[same]
@@ -174,6 +179,7 @@ def _noise(recording: Recording) -> Iterator[str]:
         repeat = float(np.sqrt(np.mean(steps**2) / 2))
         if noise < repeat / 100:
             yield (
-                f"{name}_noise is declared as {noise:.3g} {unit}, but samples at the same actuator positions and load "
-                f"differ by {repeat:.3g} (standard deviation): is its unit right?"
+                f"{name}_noise is declared as {number(noise, 3)} {unit}, but samples at the same actuator "
+                "positions and load "
+                f"differ by {number(repeat, 3)} (standard deviation): is its unit right?"
             )

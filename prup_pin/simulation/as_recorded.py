@@ -9,6 +9,7 @@ import numpy as np
 
 from ..loading import Reading
 from ..mechanism import Joint, Mechanism
+from ..numbers import number
 from ..recordings import Recording
 from ..robot import Robot
 
@@ -126,7 +127,7 @@ def _told(mechanism: Mechanism, held: Mapping[str, float]) -> Iterator[str]:
     still = [name for name in held if name not in floating]
     if still:
         listed = ", ".join(still[:_MOST_LISTED]) + (", …" if len(still) > _MOST_LISTED else "")
-        away = [f"{name} = {held[name]:.4g}" for name in still if not np.isclose(held[name], 0.0)]
+        away = [f"{name} = {number(held[name], 4)}" for name in still if not np.isclose(held[name], 0.0)]
         where = f" ({', '.join(away[:_MOST_LISTED])}; the others at 0)" if away else ", at 0"
         joints, them = ("joints", "them") if len(still) > 1 else ("joint", "it")
         yield (

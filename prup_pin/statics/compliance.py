@@ -11,6 +11,7 @@ from eigenpy import PartialPivLU
 
 from ..errors import InputError, NoStiffnessError, imported, named
 from ..kernel import NEGLIGIBLE_ENERGY
+from ..numbers import number
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius
 from .castigliano import Statics
 from .elastic_line import ElasticLine, elastic_line
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = ["Compliance", "dimensionless"]
+
+#: A rigid direction this near to an axis is that axis: robot files give theirs to four digits (rpy="1.5708 0 0").
+_ALONG = 1e-4
 
 
 def dimensionless(length: float) -> Array:
@@ -63,6 +67,22 @@ def yielding_stiffness(compliance: Array, scaling: Array) -> Array:
     return (stiffness + stiffness.mT) / 2
 
 
+def natural_basis(space: Array, axes: Array) -> Array:
+    """Return a basis (n, 6) of a space of orthonormal columns (6, n): first those of `axes` (m, 6) that lie in it.
+
+    Then come the coordinate axes' shadows in what is left, the longest first, which of equal ones stands first.
+    """
+    rest: Array = space @ space.T
+    found: list[Array] = []
+    while len(found) < space.shape[1]:
+        lying = [axis for axis in axes if np.linalg.norm(axis - rest @ axis) < _ALONG]
+        direction = rest @ lying[0] if lying else rest[int(np.argmax(np.round(np.diagonal(rest), 6)))]
+        found.append(direction)
+        unit = direction / np.linalg.norm(direction)
+        rest = rest - np.outer(unit, unit)
+    return np.array(found)
+
+
 class Compliance:
     """C, K and their parts at one pose.
 
@@ -86,11 +106,20 @@ class Compliance:
 
     @cached_property
     def rigid_directions(self) -> Array:
-        """Wrenches that deflect nothing, (n, 6), each scaled to a largest component of 1; n = 0 where K exists."""
+        """Wrenches that deflect nothing, (n, 6), each with a largest component of +1; n = 0 where K exists.
+
+        Of all bases the one that speaks of axes: forces and moments along those of the base, then of the tool, as far
+        as they are rigid, then what is left, each with a component of its own.
+        """
         values, vectors = np.linalg.eigh(self.C * self._scaling)
         rigid = values <= NEGLIGIBLE_ENERGY * max(values.max(), 0.0)
-        directions = (vectors[:, rigid] * self._scaling[:, :1]).T
-        return directions / np.abs(directions).max(axis=1, keepdims=True) if rigid.any() else np.zeros((0, 6))
+        if not rigid.any():
+            return np.zeros((0, 6))
+        turned = self.pose.base_from_tool[:3, :3].T
+        tool = np.block([[turned, np.zeros((3, 3))], [np.zeros((3, 3)), turned]])
+        directions = natural_basis(vectors[:, rigid], np.vstack((np.eye(6), tool))) * self._scaling[0]
+        largest = np.abs(directions).argmax(axis=1)[:, None]
+        return directions / np.take_along_axis(directions, largest, axis=1) + 0.0
 
     @cached_property
     def K(self) -> Array:  # noqa: N802 - the field's symbol
@@ -295,12 +324,14 @@ class Compliance:
         return compliance_html(self)
 
     def __repr__(self) -> str:
-        at = ", ".join(f"{name}={value:.4g}" for name, value in self.pose.coordinates.items())
+        at = ", ".join(f"{name}={number(value, 4)}" for name, value in self.pose.coordinates.items())
         return f"<Compliance of {self.pose.mechanism.name} at {at or 'a pose'}: {len(self.names)} modules>"
 
 
 def _direction(vector: Array) -> str:
     """Return '+1 fx -0.5 my' of a wrench, small components left out."""
     return " ".join(
-        f"{value:+.3g} {name}" for name, value in zip(WRENCH_NAMES, vector, strict=True) if abs(value) > 1e-6
+        f"{number(value, 3, signed=True)} {name}"
+        for name, value in zip(WRENCH_NAMES, vector, strict=True)
+        if abs(value) > 1e-6
     )

@@ -24,6 +24,7 @@ from ..kinematics import ClosedPose
 from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
 from ..modules.module import Values
+from ..numbers import number
 from ..spatial import Array, base_wrench_from_point, product, skew
 
 __all__ = [
@@ -195,7 +196,8 @@ class StaticsLayout:
         for index, offset, size in zip(self._beams, beside, np.linalg.norm(span, axis=1), strict=True):
             if offset > 1e-6 * size:
                 raise InputError(
-                    f"module '{self.wrench_names[index]}': its tip lies {offset:.6g} m beside the axis through its "
+                    f"module '{self.wrench_names[index]}': its tip lies {number(offset, 6)} m beside the axis "
+                    "through its "
                     "root; expected on it. Correct its axis or its frames, or leave the axis out"
                 )
 

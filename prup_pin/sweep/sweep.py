@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import InputError, PrupPinError
 from ..kinematics import LoopKinematics
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..spatial import as_wrench
 from .engine import Engine
 from .places import Coordinates, Places, drawn, grid, scattered
@@ -155,8 +156,9 @@ def _check_memory(engine: Engine, count: int) -> None:
     free = _free_memory()
     if free is not None and count * each > _SHARE * free:
         raise InputError(
-            f"{count} poses of {each} bytes each are {count * each / 1e9:.3g} GB, more than the "
-            f"{free / 1e9:.3g} GB of free memory hold. Give out='FILE.parquet', which takes any number; ask for fewer "
+            f"{count} poses of {each} bytes each are {number(count * each / 1e9, 3)} GB, more than the "
+            f"{number(free / 1e9, 3)} GB of free memory hold. Give out='FILE.parquet', which takes any "
+            "number; ask for fewer "
             "quantities; or take fewer poses"
         )
 

@@ -1,11 +1,16 @@
 """Closing the loops of the 3-PRUP: closed form, round trips, refusals."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import prup_pin
 from prup_pin.robot import random_poses
 from prup_pin.spatial import rotation_xyz
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 BOX = {"z": (0.25, 0.5), "theta": (-0.6, 0.6), "phi": (-0.6, 0.6)}
 A = 0.181
@@ -126,10 +131,21 @@ def test_actuators_beyond_their_limits(robot):
     assert caught.value.nearest == {"leg1_slide": 0.35, "leg2_slide": 0.609, "leg3_slide": 0.36}
 
 
+def test_what_is_not_given_stays_at_a_home_that_the_file_declares(robot, tmp_path):
+    turned = robot.pose(theta=0.1)
+    assert turned.coordinates == {"z": 0.4, "theta": 0.1, "phi": 0.0}
+    assert np.array_equal(turned.q, robot.pose(z=0.4, theta=0.1, phi=0.0).q)
+    planar = EXAMPLES / "three_rrr.urdf"
+    assert prup_pin.load(planar).pose(phi=0.1).coordinates == {"x": 0.0, "y": 0.0, "phi": 0.1}
+    (tmp_path / "homeless.urdf").write_text(re.sub(r"<home [^>]*/>", "", planar.read_text()))
+    with pytest.raises(prup_pin.InputError, match="missing task coordinates: x, y; give all"):
+        prup_pin.load(tmp_path / "homeless.urdf").pose(phi=0.1)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda robot: robot.pose(z=0.4, theta=0), "missing task coordinate: phi; give all of z, theta, phi"),
+        (lambda robot: robot.pose(), "missing task coordinates: z, theta, phi; give all of z, theta, phi"),
         (lambda robot: robot.pose(z=0.4, teta=0, phi=0), "no task coordinate named 'teta'. Did you mean 'theta'"),
         (lambda robot: robot.pose(z=np.nan, theta=0, phi=0), r"z = nan: expected a finite number \[m\]"),
         (lambda robot: robot.pose(z="0,4", theta=0, phi=0), "z = '0,4': expected a finite number"),

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.spatial import rotation_xyz
+from prup_pin.statics.compliance import natural_basis
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +22,34 @@ def test_it_is_the_least_inverse_of_the_compliance(arm):
     assert k @ c @ k == pytest.approx(k, rel=1e-9, abs=1e-9 * np.abs(k).max())
     bent = arm.compliance(arm.pose_from_actuators([0.1, -1.2, 1.3, -0.7, 0.9, 0.2]))
     assert bent.K_yielding == pytest.approx(bent.K, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "turn", "expected"),
+    [
+        (
+            "double_pendulum",
+            [0.0, 0.0],
+            [[1, 0, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]],
+        ),
+        ("ur5", [0.0, 0.0, 0.0, 0.0, 0.0, 0.7], [[0, 0, 0, 1, 0, 0]]),
+    ],
+)
+def test_rigid_directions_are_named_along_axes(name, turn, expected):
+    """Of all bases of what is rigid, that of the axes: the same whatever the eigenvectors of C are."""
+    robot = prup_pin.load(name, joint_stiffness=1e4)
+    found = robot.compliance(robot.pose_from_actuators(turn)).rigid_directions
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_a_rigid_direction_may_be_an_axis_of_the_tool():
+    turned = rotation_xyz(0.3, -0.5, 0.8)
+    space = np.linalg.qr(np.block([[turned[:, [0]], np.zeros((3, 1))], [np.zeros((3, 1)), turned[:, [2]]]]))[0]
+    mixed = space @ np.array([[0.6, -0.8], [0.8, 0.6]])
+    axes = np.vstack((np.eye(6), np.block([[turned.T, np.zeros((3, 3))], [np.zeros((3, 3)), turned.T]])))
+    force, moment = natural_basis(mixed, axes)
+    np.testing.assert_allclose(force, [*turned[:, 0], 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(moment, [0, 0, 0, *turned[:, 2]], atol=1e-12)
 
 
 def test_a_rigid_direction_takes_no_part(arm):

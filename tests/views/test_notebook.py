@@ -68,7 +68,7 @@ def test_a_robot_shows_what_it_consists_of(robot):
 
 
 def test_a_robot_without_anything_shows_that(robot):
-    text, _ = words(prup_pin.load("z1")._repr_html_())
+    text, _ = words(prup_pin.load("allegro_left_hand")._repr_html_())
     assert "none; load(..., tool=…)" in text
     assert "no module is compliant" in text
 

@@ -14,6 +14,7 @@ from ...errors import InputError
 from ...laws import Effect
 from ...laws.efforts import EffortLaw
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
+from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -211,7 +212,8 @@ class _Verdict:
             unknown = [
                 _plain_unknown(
                     worst,
-                    f"what is left at {worst} is {by_joint[worst]['after']:.3g} times the declared noise; no law of "
+                    f"what is left at {worst} is {number(by_joint[worst]['after'], 3)} times the declared "
+                    "noise; no law of "
                     "the library takes it away, and it follows neither speed, position, load nor time",
                 )
             ]
@@ -225,7 +227,8 @@ class _Verdict:
                 self.at.driven, key=lambda name: shares[name]["heldout"] * _rms(measured[:, self._column(name)])
             )
             text = (
-                f"{100 * shares['all']['heldout']:.3g} % of the efforts are left, most of it at {worst}, and no law of "
+                f"{number(100 * shares['all']['heldout'], 3)} % of the efforts are left, most of it at "
+                f"{worst}, and no law of "
                 "the library takes it away; no noise was declared that it could be"
             )
             unknown = [_plain_unknown(worst, text)]
@@ -423,8 +426,9 @@ class _Verdict:
                 parameters={base.name: FittedParameter(value, base.unit, (value - reach, value + reach))},
                 heldout_gain=float(amount**2 / (amount**2 + self.held.sum())),
                 statement=(
-                    f"{base.name} lies {abs(amount):.3g} tolerances beside the robot file: {value:.6g} {base.unit} "
-                    f"instead of {base.nominal:.6g}"
+                    f"{base.name} lies {number(abs(amount), 3)} tolerances beside the robot file: "
+                    f"{number(value, 6)} {base.unit} "
+                    f"instead of {number(base.nominal, 6)}"
                 ),
             )
 
@@ -544,7 +548,8 @@ class _Verdict:
             left_out = 1 - efforts.good[:, column].mean()
             if left_out > 0.02:
                 remarks.append(
-                    f"{name} stands still in {100 * left_out:.2g} % of the samples: friction takes any value there, "
+                    f"{name} stands still in {number(100 * left_out, 2)} % of the samples: friction takes any "
+                    "value there, "
                     "and they were left out for it"
                 )
         rank, count = efforts.inertial_rank()

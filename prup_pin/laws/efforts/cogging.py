@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -58,6 +59,6 @@ class Cogging(DrivenEffortLaw):
         size = float(np.hypot(values["cosine"], values["sine"]))
         unit = "mm" if mechanism.joint(place.name).slides else "mrad"
         return (
-            f"an effort of {size:.3g} {effort_unit(place, mechanism)} at {place.name} comes back every "
-            f"{1e3 * values['period']:.4g} {unit}"
+            f"an effort of {number(size, 3)} {effort_unit(place, mechanism)} at {place.name} comes back every "
+            f"{number(1e3 * values['period'], 4)} {unit}"
         )

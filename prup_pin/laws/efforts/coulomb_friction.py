@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -54,7 +55,7 @@ class SlidingFriction(JointEffortLaw):
         return at.along(place.name, at.dragged(place.name, values["presliding"]))[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} rubs: it takes {values['limit']:.3g} {effort_unit(place, mechanism)} to slide"
+        return f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide"
 
 
 class LoadedFriction(DrivenEffortLaw):
@@ -92,6 +93,6 @@ class LoadedFriction(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
-            f"{place.name} rubs: it takes {values['limit']:.3g} {effort_unit(place, mechanism)} to slide, and "
-            f"{100 * values['share_of_load']:.3g} % of what the drive passes on"
+            f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide, and "
+            f"{number(100 * values['share_of_load'], 3)} % of what the drive passes on"
         )

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -38,7 +39,7 @@ class Counterbalance(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         size = float(np.hypot(values["cosine"], values["sine"]))
-        return f"a counterbalance acts on {place.name}, with up to {size:.3g} N m as the joint turns"
+        return f"a counterbalance acts on {place.name}, with up to {number(size, 3)} N m as the joint turns"
 
 
 class CounterbalanceSpring(DrivenEffortLaw):
@@ -64,4 +65,4 @@ class CounterbalanceSpring(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "N/m" if mechanism.joint(place.name).slides else "N m/rad"
-        return f"a spring of {values['stiffness']:.3g} {unit} acts along {place.name}"
+        return f"a spring of {number(values['stiffness'], 3)} {unit} acts along {place.name}"

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -32,7 +33,10 @@ class EffortOffset(DrivenEffortLaw):
         return at.along(place.name, np.ones(len(at)))[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the effort reported for {place.name} is off by {values['offset']:+.3g} {effort_unit(place, mechanism)}"
+        return (
+            f"the effort reported for {place.name} is off by {number(values['offset'], 3, signed=True)} "
+            f"{effort_unit(place, mechanism)}"
+        )
 
 
 class EffortGain(DrivenEffortLaw):
@@ -49,7 +53,9 @@ class EffortGain(DrivenEffortLaw):
         return at.along(place.name, at.effort_of(place.name, at.predicted))[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the effort reported for {place.name} is {100 * values['gain']:+.3g} % of it too much"
+        return (
+            f"the effort reported for {place.name} is {number(100 * values['gain'], 3, signed=True)} % of it too much"
+        )
 
 
 class EffortDelay(Delay, DrivenEffortLaw):
@@ -62,7 +68,7 @@ class EffortDelay(Delay, DrivenEffortLaw):
         return at.along(place.name, at.effort_of(place.name, at.later(at.predicted, values["delay"])))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the effort of {place.name} is reported {1e3 * values['delay']:.3g} ms late"
+        return f"the effort of {place.name} is reported {number(1e3 * values['delay'], 3)} ms late"
 
 
 class EffortsDelay(DelayOfAll):
@@ -73,4 +79,4 @@ class EffortsDelay(DelayOfAll):
     sign = 1.0
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"all efforts are reported {1e3 * values['delay']:.3g} ms later than the positions"
+        return f"all efforts are reported {number(1e3 * values['delay'], 3)} ms later than the positions"

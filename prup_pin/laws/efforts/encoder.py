@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -34,7 +35,7 @@ class OffsetEncoder(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "mm" if mechanism.joint(place.name).slides else "mrad"
-        return f"the encoder of {place.name} is off by {1e3 * values['offset']:+.3g} {unit}"
+        return f"the encoder of {place.name} is off by {number(1e3 * values['offset'], 3, signed=True)} {unit}"
 
 
 class DelayedEncoder(DrivenEffortLaw):
@@ -56,7 +57,7 @@ class DelayedEncoder(DrivenEffortLaw):
         return at.shifted(place.name)[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the encoder of {place.name} reports {1e3 * values['delay']:.3g} ms late"
+        return f"the encoder of {place.name} reports {number(1e3 * values['delay'], 3)} ms late"
 
 
 class DelayedEncoders(DelayOfAll):
@@ -67,4 +68,4 @@ class DelayedEncoders(DelayOfAll):
     sign = -1.0
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"all positions are reported {1e3 * values['delay']:.3g} ms later than the efforts"
+        return f"all positions are reported {number(1e3 * values['delay'], 3)} ms later than the efforts"

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import INERTIAL, InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -68,7 +69,10 @@ class InertialParameters(EffortLaw):
         return at.regressor[:, :, body_of(place, at.mechanism)]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} has another mass, centre or inertia than in the robot file ({values['mass']:+.3g} kg)"
+        return (
+            f"{place.name} has another mass, centre or inertia than in the robot file "
+            f"({number(values['mass'], 3, signed=True)} kg)"
+        )
 
 
 class ScaledInertia(EffortLaw):
@@ -98,4 +102,4 @@ class ScaledInertia(EffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = float(mechanism.model.inertias[body_of(place, mechanism) + 1].mass)
-        return f"{place.name} weighs {(1 + values['share']) * mass:.4g} kg instead of {mass:.4g} kg"
+        return f"{place.name} weighs {number((1 + values['share']) * mass, 4)} kg instead of {number(mass, 4)} kg"

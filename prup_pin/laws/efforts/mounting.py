@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -48,4 +49,4 @@ class Mounting(EffortLaw):
         down = mechanism.gravity / np.linalg.norm(mechanism.gravity)
         true = mechanism.gravity + np.array([values[name] for name in self.linear])
         turned = np.degrees(np.arccos(np.clip(true @ down / np.linalg.norm(true), -1, 1)))
-        return f"the base is tilted: gravity pulls {turned:.3g} degrees beside the robot file's direction"
+        return f"the base is tilted: gravity pulls {number(turned, 3)} degrees beside the robot file's direction"

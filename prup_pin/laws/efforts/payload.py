@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import INERTIAL, InMotion, in_frame
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -73,6 +74,6 @@ class HeldBody(EffortLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = values["mass"]
         if mass < 0:
-            return f"the robot file has {-mass:.3g} kg at {place.name} that the robot does not carry"
-        centre = ", ".join(f"{1e3 * values[axis]:.3g}" for axis in _CENTRE)
-        return f"{place.name} carries {mass:.3g} kg, centred at ({centre}) mm in its axes"
+            return f"the robot file has {number(-mass, 3)} kg at {place.name} that the robot does not carry"
+        centre = ", ".join(f"{number(1e3 * values[axis], 3)}" for axis in _CENTRE)
+        return f"{place.name} carries {number(mass, 3)} kg, centred at ({centre}) mm in its axes"

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -35,4 +36,4 @@ class RotorInertia(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         unit = "kg" if mechanism.joint(place.name).slides else "kg m^2"
-        return f"the drive of {place.name} accelerates {values['inertia']:.3g} {unit} of rotor and gears too"
+        return f"the drive of {place.name} accelerates {number(values['inertia'], 3)} {unit} of rotor and gears too"

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -66,6 +67,6 @@ class StribeckFriction(JointEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
-            f"{place.name} rubs more when slow: {values['extra']:.3g} {effort_unit(place, mechanism)} beyond "
-            f"{values['limit']:.3g}, gone above {values['speed']:.3g} {speed_unit(place, mechanism)}"
+            f"{place.name} rubs more when slow: {number(values['extra'], 3)} {effort_unit(place, mechanism)} beyond "
+            f"{number(values['limit'], 3)}, gone above {number(values['speed'], 3)} {speed_unit(place, mechanism)}"
         )

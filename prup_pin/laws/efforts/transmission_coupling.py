@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -79,7 +80,8 @@ class TransmissionCoupling(EffortLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         other = place.aspect.removeprefix(_WITH)
         return (
-            f"the motor of {place.name} turns {values['ratio']:+.3g} times with {other} too: friction "
-            f"{values['limit']:.3g} N m and {values['damping']:.3g} N m s/rad, inertia "
-            f"{values['inertia']:.3g} kg m^2 act on both"
+            f"the motor of {place.name} turns {number(values['ratio'], 3, signed=True)} times with {other} "
+            "too: friction "
+            f"{number(values['limit'], 3)} N m and {number(values['damping'], 3)} N m s/rad, inertia "
+            f"{number(values['inertia'], 3)} kg m^2 act on both"
         )

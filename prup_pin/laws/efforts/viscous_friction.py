@@ -9,6 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -32,7 +33,7 @@ class Damping(JointEffortLaw):
         return at.along(place.name, at.speed(place.name))[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place.name} resists its speed, by {values['damping']:.3g} {per_speed(place, mechanism)}"
+        return f"{place.name} resists its speed, by {number(values['damping'], 3)} {per_speed(place, mechanism)}"
 
 
 class DirectedViscousFriction(JointEffortLaw):
@@ -59,6 +60,6 @@ class DirectedViscousFriction(JointEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
-            f"{place.name} resists its speed, by {values['damping_forwards']:.3g} {per_speed(place, mechanism)} "
-            f"forwards and {values['damping_backwards']:.3g} backwards"
+            f"{place.name} resists its speed, by {number(values['damping_forwards'], 3)} {per_speed(place, mechanism)} "
+            f"forwards and {number(values['damping_backwards'], 3)} backwards"
         )

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...diagnosis import Finding
 from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
+from ...numbers import number
 from ..scene.colours import FOUND
 from ..text.diagnosis_words import finding_text, scaled
 from .plotting import Figure, FigureCanvasAgg, plain_words
@@ -82,7 +83,8 @@ def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, l
         own = np.insert(values[shown, column], gaps, np.nan)
         axes.plot(np.insert(time, gaps, np.nan), own, color=colour, lw=width, zorder=order)
     share = efforts.shares[name]
-    text = f"{100 * share['rigid']:.3g} % of it unexplained as drawn, {100 * share['heldout']:.3g} % with the findings"
+    drawn, found = (number(100 * share[of], 3) for of in ("rigid", "heldout"))
+    text = f"{drawn} % of it unexplained as drawn, {found} % with the findings"
     axes.set_title(f"{name}: {text}", fontsize=9.5, loc="left")
     axes.set_ylabel(f"effort [{unit}]", fontsize=9)
     if last:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...numbers import number
 from ...spatial import Array
 from ...statics import Compliance
 from ..scene.camera import Camera
 from ..scene.colours import ELLIPSOIDS, rgb_of
-from ..text.quantities import number
 from .drawing import FAINT, WIDE, Drawing, Labels, Layout
 from .plotting import Figure, PolyCollection, Polygon
 

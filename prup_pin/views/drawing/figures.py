@@ -14,6 +14,7 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
@@ -23,7 +24,7 @@ from ..scene.elastic import Deflections, fitting_scale
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked, wrench_text
 from ..text.joints import pose_text
-from ..text.quantities import length_text, number
+from ..text.quantities import length_text
 from .drawing import AXES, FAINT, INK, NARROW, WIDE, Drawing, Labels, Layout
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words

@@ -8,6 +8,7 @@ from math import ceil
 import numpy as np
 
 from ...errors import InputError
+from ...numbers import number
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, INK, map_colour
@@ -192,7 +193,7 @@ def _others(found: Swept) -> str:
 
 
 def _said(value: float, unit: str) -> str:
-    return f"{1e3 * value:.4g} mm" if unit == "m" else f"{np.degrees(value):.4g} deg"
+    return f"{number(1e3 * value, 4)} mm" if unit == "m" else f"{number(np.degrees(value), 4)} deg"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------

@@ -130,7 +130,7 @@ class Explorer:
         answer = Answer(self.robot.compliance(pose), wrench if wrench.any() else None)
         table = stiffness_table(answer)
         if table is None:
-            texts = "; ".join(" ".join(text) for text in rigid_texts(answer))
+            texts = "; ".join(rigid_texts(answer))
             return {"title": "K does not exist", "detail": f"no module yields under {texts}"}
         parts = {"rows": table.rows, "columns": table.columns, "cells": table.cells}
         return {"title": table.title, "detail": table.detail, **parts}

@@ -11,13 +11,21 @@ from html import escape
 
 from ...diagnosis import Diagnosis
 from ...errors import PrupPinError
+from ...numbers import number, quantity
 from ...robot import Robot
 from ...statics import Compliance
 from ..text.answer import Answer, ranked
 from ..text.diagnosis_words import channel_rows, finding_text, parameter_texts, verdict_text
-from ..text.joints import pose_text
-from ..text.quantities import length_text, number
-from ..text.tables import MatrixTable, compliance_table, load_text, percent_text, rigid_texts, stiffness_table
+from ..text.joints import clean, pose_text
+from ..text.tables import (
+    MatrixTable,
+    compliance_table,
+    load_text,
+    percent_text,
+    rigid_texts,
+    stiffness_table,
+    yielding_table,
+)
 
 __all__ = ["compliance_html", "diagnosis_html", "robot_html"]
 
@@ -67,14 +75,16 @@ def _some(names: Iterable[str]) -> str:
 def compliance_html(compliance: Compliance) -> str:
     """Return the pose, K (or the directions in which nothing yields), C, and what yields most."""
     answer, pose = Answer(compliance), compliance.pose
-    at = ", ".join(f"{name} {number(value, 4)}" for name, value in (pose.coordinates or pose.actuators).items())
+    at = ", ".join(f"{name} {number(clean(value), 4)}" for name, value in (pose.coordinates or pose.actuators).items())
     parts = [_facts([("pose", f"{at or 'home'} [m, rad]")])]
     if answer.stiffness is None:
-        texts = ", ".join(" ".join(text) for text in rigid_texts(answer))
+        texts = "; ".join(rigid_texts(answer))
         parts.append(_facts([("K does not exist", f"no module yields under {texts}")]))
-    parts += [_matrix(table) for table in (stiffness_table(answer), compliance_table(answer)) if table is not None]
+    if len(compliance.rigid_directions) < 6:
+        parts.append(_matrix(stiffness_table(answer) or yielding_table(answer)))
+    parts.append(_matrix(compliance_table(answer)))
     if answer.shares is not None:
-        amount = f"{number(answer.amount * 1e3, 3)} mrad" if answer.load.turns else length_text(answer.amount)
+        amount = quantity(answer.amount, "rad" if answer.load.turns else "m")
         names = ranked(answer.shares)
         bars = [(name, answer.shares[name]) for name in names[:_SHOWN]]
         if names[_SHOWN:]:

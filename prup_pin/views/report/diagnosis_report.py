@@ -14,6 +14,7 @@ import numpy as np
 from ... import __version__
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.efforts import effort_curve_of
+from ...numbers import number
 from ...recordings import Recording, Together
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES
@@ -31,7 +32,6 @@ from ..text.diagnosis_words import (
     verdict_text,
 )
 from ..text.joints import dimension
-from ..text.quantities import number
 from .pose_report import Picture, page_template, picture
 
 __all__ = ["diagnosis_html", "page"]

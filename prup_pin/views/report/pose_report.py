@@ -20,19 +20,23 @@ import numpy as np
 from ... import __version__
 from ...errors import InputError, MissingExtraError
 from ...kinematics import ClosedPose
+from ...numbers import fixed, number, quantity, readable_unit
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.colours import share_colours
 from ..text.answer import Answer, ranked
-from ..text.joints import clean, pose_text
-from ..text.quantities import fixed, length_text, number, workshop_text
+from ..text.joints import pose_text, position_text
+from ..text.quantities import workshop_text
 from ..text.tables import (
-    DISPLACEMENT_COLUMNS,
+    MatrixTable,
     assumptions,
     compliance_table,
     default_parameters,
+    direction_text,
     displacement_cells,
+    displacement_columns,
+    displacement_units,
     given_parameters,
     load_text,
     mobility_text,
@@ -40,14 +44,17 @@ from ..text.tables import (
     percent_text,
     redundancy_text,
     rigid_texts,
-    sag_cells,
     stiffness_table,
+    why_rigid,
+    yielding_table,
 )
 from .levers import STEP, Lever, find_levers
 
 __all__ = ["Picture", "page_template", "picture", "report_html", "svg"]
 
 _MINUS = "\u2212"
+#: What of a displacement shows as a translation.
+_TRANSLATION = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 #: Modules and levers that are listed.
 SOFTEST, LEVERS = 10, 8
 #: Largest size of the packed scene [bytes]; a heavier one would make a page that cannot be mailed.
@@ -110,10 +117,10 @@ def report_html(
         script_hashes=_script_hashes(scene),
         script=_LOADER,
         drawing=_drawing(robot, answer, scale),
-        stiffness=stiffness_table(answer),
+        stiffness=stiffness_table(answer) or _yielding(answer),
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
+        why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),
-        displacement_columns=DISPLACEMENT_COLUMNS,
         displacements=_displacements(answer),
         groups=_groups(answer),
         chart=_chart(answer),
@@ -123,7 +130,6 @@ def report_html(
         moved=_moved(answer, answer.deflection),
         levers=_levers(robot, answer),
         step=number(100 * STEP),
-        sag=sag_cells(answer),
         mobility=_mobility(robot, answer),
         assumptions=assumptions(robot, answer),
         notes=list(notes),
@@ -152,7 +158,7 @@ def page_template(name: str):
 def _moved(answer: Answer, deflection: Array, digits: int = 3) -> str:
     """Return '4.69 mm, 25.4 mrad'; of a pure force or moment only what it asks for, where that is not zero."""
     metres, radians = float(np.linalg.norm(deflection[:3])), float(np.linalg.norm(deflection[3:]))
-    texts = [length_text(metres), f"{number(radians * 1e3, digits)} mrad"]
+    texts = [quantity(metres, "m", digits), quantity(radians, "rad", digits)]
     if answer.load.turns:
         return texts[1]
     return ", ".join(texts) if answer.load.wrench[3:].any() else texts[0]
@@ -160,19 +166,23 @@ def _moved(answer: Answer, deflection: Array, digits: int = 3) -> str:
 
 def _pose(robot: Robot, answer: Answer) -> list[tuple[str, list[str]]]:
     pose = answer.compliance.pose
-    at = pose.base_from_tool[:3, 3] * 1e3
+    at = pose.base_from_tool[:3, 3]
     rows = [
         ("Task", pose_text(robot, pose.coordinates)),
         ("Actuators", pose_text(robot, pose.actuators)),
-        (f"Tool '{answer.tool}'", [f"{axis} {number(clean(v), 6)} mm" for axis, v in zip("xyz", at, strict=True)]),
+        (f"Tool '{answer.tool}'", [f"{axis} {position_text(v)} mm" for axis, v in zip("xyz", at, strict=True)]),
     ]
     return [(label, [text.replace(" deg", "°") for text in texts]) for label, texts in rows if texts]
+
+
+def _yielding(answer: Answer) -> MatrixTable | None:
+    return yielding_table(answer) if len(answer.compliance.rigid_directions) < 6 else None
 
 
 def _facts(answer: Answer) -> list[tuple[str, str, str]]:
     """Return the answer in a few (label, value, detail)."""
     metres, radians = (float(np.linalg.norm(answer.deflection[block])) for block in (slice(0, 3), slice(3, 6)))
-    moved, turned = length_text(metres), f"{number(radians * 1e3, 3)} mrad"
+    moved, turned = quantity(metres, "m"), quantity(radians, "rad")
     per = "" if answer.load.given else " per N m" if answer.load.turns else " per N"
     if answer.load.turns:
         first = (f"The tool turns{per}", turned, f"and moves {moved}" if metres else "and does not move")
@@ -186,7 +196,7 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
         name = max(answer.shares, key=lambda n: answer.shares[n])  # type: ignore[index]
         facts.append(("Share of the softest part", f"{percent_text(answer.shares[name])} %", name))
     if answer.mechanism.gravity.any():
-        amount = length_text(float(np.linalg.norm(answer.sag[:3])))
+        amount = quantity(float(np.linalg.norm(answer.sag[:3])), "m")
         facts.append(("Sag", amount, "the tool, under the robot's own weight"))
     return facts
 
@@ -196,15 +206,23 @@ def _stiffness_along(answer: Answer) -> str | None:
     wrench, work = answer.load.wrench, float(answer.load.wrench @ answer.deflection)
     if work <= 0 or (wrench[:3].any() and wrench[3:].any()):
         return None
-    unit = "N m/mrad" if answer.load.turns else "N/mm"
-    return f"{number(float(wrench @ wrench) / work * 1e-3)} {unit}"
+    return quantity(float(wrench @ wrench) / work, "N m/rad" if answer.load.turns else "N/m", 4)
 
 
-def _displacements(answer: Answer) -> list[tuple[str, list[str]]]:
-    rows = [(answer.tool, displacement_cells(answer.deflection))]
+def _displacements(answer: Answer) -> dict[str, Any]:
+    """Return the table of displacements in common units, the sag among them, and where down is."""
+    rows = [(answer.tool, answer.deflection)]
     if answer.frame is not None and answer.frame_deflection is not None:
-        rows.append((answer.frame, displacement_cells(answer.frame_deflection)))
-    return rows
+        rows.append((answer.frame, answer.frame_deflection))
+    gravity = answer.mechanism.gravity
+    sags = gravity.any()
+    units = displacement_units(*(values for _, values in rows), *([answer.sag * _TRANSLATION] if sags else []))
+    return {
+        "columns": displacement_columns(units),
+        "rows": [(frame, displacement_cells(values, units)) for frame, values in rows],
+        "sag": displacement_cells(answer.sag, units)[:4] if sags else [],
+        "down": direction_text(gravity / np.linalg.norm(gravity)) if sags else "",
+    }
 
 
 def _groups(answer: Answer) -> list[tuple[str, list[str]]]:
@@ -234,8 +252,8 @@ def _softest(robot: Robot, answer: Answer) -> list[dict[str, Any]]:
     names = _softest_names(answer)
     colours, _ = share_colours(shares)
     largest = max(shares[name] for name in names)
-    unit = "µrad" if answer.load.turns else "µm"
-    amounts = fixed([answer.contributions[name] * 1e6 for name in names])
+    unit, factor = readable_unit(answer.amount, "rad" if answer.load.turns else "m")
+    amounts = fixed([answer.contributions[name] * factor for name in names])
     rows: list[dict[str, Any]] = []
     seen: dict[tuple, str] = {}
     for name, amount in zip(names, amounts, strict=True):

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from ...numbers import number
 from ...spatial import Array
 from ...workspace import Workspace
 from .colours import BEAM, FAINT, INK
@@ -61,7 +62,11 @@ def boundary_scene(found: Workspace, name: str) -> Scene:
     limits = tuple(Row(INK, word, f"{count} points", "line") for word, count in list(found.limited_by.items())[:8])
     legend = Legend(
         f"Workspace of {name}",
-        (f"volume {found.volume:.4g} ± {found.error:.1g} {found.unit}", f"cells of {cells}", *([held] if held else [])),
+        (
+            f"volume {number(found.volume, 4)} ± {number(found.error, 1)} {found.unit}",
+            f"cells of {cells}",
+            *([held] if held else []),
+        ),
         rows=(Row(BEAM, "boundary"), *limits),
     )
     return Scene(name, parts, tuple(labels), legend, np.array([0.0, 0.0, 1.0]), _VIEWER / np.linalg.norm(_VIEWER))
@@ -78,4 +83,4 @@ def _normals(vertices: Array, faces: NDArray[np.int_]) -> Array:
 
 
 def _shown(value: float, unit: str) -> str:
-    return f"{1e3 * value:.4g} mm" if unit == "m" else f"{np.degrees(value):.4g}°"
+    return f"{number(1e3 * value, 4)} mm" if unit == "m" else f"{number(np.degrees(value), 4)}°"

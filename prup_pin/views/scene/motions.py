@@ -9,11 +9,11 @@ import numpy as np
 
 from ...errors import InputError
 from ...kinematics import ClosedPose
+from ...numbers import number
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ...statics.vibration import vibration_modes
-from ..text.quantities import number
 from .colours import MAP, map_rgb
 from .elastic import Deflections, fitting_scale
 from .painter import Painter, pose_words

@@ -10,12 +10,13 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...mechanism import Module
+from ...numbers import number
 from ...robot import Robot
 from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp
 from ...statics import Compliance
 from ..text.answer import ranked, wrench_text
 from ..text.joints import pose_text
-from ..text.quantities import length_text, number
+from ..text.quantities import length_text
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below

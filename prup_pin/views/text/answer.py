@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
-from ...errors import InputError, NoStiffnessError
+from ...errors import InputError, JointLimitWarning, NoStiffnessError, PrupPinError
+from ...numbers import number
+from ...robot import Robot
 from ...spatial import WRENCH_NAMES, Array, as_wrench
 from ...statics import Compliance
-from .quantities import number
 
-__all__ = ["Answer", "Load", "ranked", "softest_load", "wrench_text"]
+__all__ = ["Answer", "Load", "ranked", "softest_load", "wrench_text", "yielding_beside"]
 
 #: Decimals of a share that are more than rounding.
 _SHARE_DIGITS = 9
+#: What counts as beside a pose: so far on [rad, robot's sizes], each joint by another step.
+_BESIDE = 0.05
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,30 @@ def ranked(shares: Mapping[str, float]) -> list[str]:
     Shares that differ by rounding alone (mirrored legs, parts that carry nothing) stay as the robot file has them.
     """
     return sorted(shares, key=lambda name: -round(shares[name], _SHARE_DIGITS))
+
+
+def yielding_beside(robot: Robot, compliance: Compliance) -> int | None:
+    """Return in how many directions the tool yields a little beside a pose, or None where no such pose is found."""
+    pose = compliance.pose
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", JointLimitWarning)
+        try:
+            if pose.mechanism.loops:
+                units = [pose.mechanism.joint(name).unit for name in pose.actuators]
+                size = np.array([1.0 if unit == "rad" else robot.characteristic_length for unit in units])
+                moved = np.array([*pose.actuators.values()]) + _BESIDE * _unequal(len(size)) * size
+                beside = robot.pose_from_actuators(moved, near=pose)
+            else:
+                model = pose.mechanism.model
+                beside = robot.pose_from_configuration(pin.integrate(model, pose.q, _BESIDE * _unequal(model.nv)))
+            return 6 - len(robot.compliance(beside, compliance.load).rigid_directions)
+        except PrupPinError:
+            return None
+
+
+def _unequal(count: int) -> Array:
+    """Return numbers (count,) between 1 and 2 of which no two are alike."""
+    return np.asarray(1.0 + (np.arange(1, count + 1) * 0.618034) % 1.0, float)
 
 
 class Answer:

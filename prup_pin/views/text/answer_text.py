@@ -5,32 +5,41 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rich.console import Console
+from rich.table import Table
 from rich.text import Text
 
+from ...numbers import fixed, readable_unit
 from ...robot import Robot
 from ...spatial import TWIST_NAMES
 from .answer import Answer, ranked
-from .joints import clean, pose_text
-from .quantities import fixed, number, value_text
+from .joints import pose_text, position_text
+from .quantities import value_text
 from .tables import (
-    DISPLACEMENT_COLUMNS,
     MatrixTable,
     assumptions,
     compliance_table,
     displacement_cells,
+    displacement_columns,
+    displacement_units,
     load_text,
     percent_text,
     rigid_texts,
     sag_cells,
     stiffness_table,
+    why_rigid,
     yielding_table,
 )
-from .terminal import heading, listed, make_table, paragraph, print_table
+from .terminal import fits, heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_answer"]
 
 #: Width of a full bar.
 _BAR = 20
+#: Width of a terminal from which bars are always drawn.
+_BARRED = 80
+#: Shares below this are told in one line where there are more of them than so many.
+_SMALL_SHARE = 5e-5
+_SMALL_ROWS = 3
 
 
 def print_answer(
@@ -43,7 +52,7 @@ def print_answer(
 ) -> None:
     """Print pose, K, C, deflection, shares, sag and assumptions."""
     _print_pose(out, robot, answer, pose_source, changes)
-    _print_stiffness(out, answer)
+    _print_stiffness(out, robot, answer)
     _print_compliance(out, answer)
     _print_deflection(out, answer)
     _print_shares(out, answer)
@@ -67,32 +76,27 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
     if robot.mechanism.locked:
         listed(out, "locked", sorted(robot.mechanism.locked), ", ")
     heading(out, "Pose", given[pose_source])
-    if pose.coordinates:
+    if pose.coordinates and robot.mechanism.tasks:
         listed(out, "task", pose_text(robot, pose.coordinates))
     if pose.actuators:
         listed(out, "actuators", pose_text(robot, pose.actuators))
-    at = pose.base_from_tool[:3, 3] * 1e3
-    tool = answer.tool
-    listed(
-        out,
-        "tool",
-        [f"'{tool}' at {' '.join(f'{axis} {number(clean(v), 6)}' for axis, v in zip('xyz', at, strict=True))} mm"],
-    )
+    at = (f"{axis} {position_text(value)}" for axis, value in zip("xyz", pose.base_from_tool[:3, 3], strict=True))
+    listed(out, "tool", [f"'{answer.tool}' at {' '.join(at)} mm"])
 
 
-def _print_stiffness(out: Console, answer: Answer) -> None:
+def _print_stiffness(out: Console, robot: Robot, answer: Answer) -> None:
     table = stiffness_table(answer)
-    if table is None:
-        directions = rigid_texts(answer)
-        some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
-        heading(out, "K does not exist:", f"the model is rigid, no module yields, under {some}:")
-        for direction in directions:
-            listed(out, "", direction, ", ")
-        paragraph(out, "C below is complete; give a compliance to more parts if these should yield.")
-        if len(directions) < 6:
-            _print_matrix(out, yielding_table(answer))
+    if table is not None:
+        _print_matrix(out, table)
         return
-    _print_matrix(out, table)
+    directions = rigid_texts(answer)
+    some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
+    heading(out, "K does not exist:", f"no module yields, the model is rigid, under {some}:")
+    for direction in directions:
+        listed(out, "", [direction])
+    paragraph(out, why_rigid(robot, answer))
+    if len(directions) < 6:
+        _print_matrix(out, yielding_table(answer))
 
 
 def _print_compliance(out: Console, answer: Answer) -> None:
@@ -101,35 +105,55 @@ def _print_compliance(out: Console, answer: Answer) -> None:
 
 def _print_deflection(out: Console, answer: Answer) -> None:
     heading(out, "Deflection", load_text(answer) + ("" if answer.load.given else "; another load with --wrench"))
-    table = make_table(("frame", "left"), *[(name, "right") for name in DISPLACEMENT_COLUMNS])
     rows = {answer.tool: answer.deflection}
     if answer.frame is not None and answer.frame_deflection is not None:
         rows[answer.frame] = answer.frame_deflection
+    units = displacement_units(*rows.values())
+    columns = displacement_columns(units)
+    table = make_table(("frame", "left"), *[(name, "right") for name in columns])
     for name, values in rows.items():
-        table.add_row(name, *displacement_cells(values))
-    print_table(out, table)
+        table.add_row(name, *displacement_cells(values, units))
+    if fits(out, table):
+        print_table(out, table)
+        return
+    for name, values in rows.items():
+        paragraph(out, f"'{name}'")
+        shown = [
+            f"{column.partition(' ')[0]} {cell} {column.partition(' ')[2]}"
+            for column, cell in zip(columns, displacement_cells(values, units), strict=True)
+        ]
+        listed(out, "moves", shown[:4])
+        listed(out, "turns", shown[4:])
 
 
 def _print_shares(out: Console, answer: Answer) -> None:
     if answer.shares is None:
         heading(out, "Shares:", "this load deflects nothing, so no module has a share")
         return
-    motion, unit = answer.motion[1], "µrad" if answer.load.turns else "µm"
-    total = fixed([answer.amount * 1e6])[0]
+    unit, factor = readable_unit(answer.amount, "rad" if answer.load.turns else "m")
+    total = fixed([answer.amount * factor])[0]
     heading(
         out,
         "Shares of the modules:",
-        f"% of the load's work; {unit} of the tool's {motion} ({total} {unit}), along it",
+        f"% of the load's work; {unit} of the tool's {answer.motion[1]} ({total} {unit}), along it",
     )
-    table = make_table(("module", "left"), ("", "left"), ("%", "right"), (unit, "right"))
     shares = answer.shares
     names = ranked(shares)
+    small = [name for name in names if abs(shares[name]) < _SMALL_SHARE]
+    names = [name for name in names if name not in small] if len(small) > _SMALL_ROWS else names
     largest = max(shares.values())
-    amounts = fixed([answer.contributions[name] * 1e6 for name in names])
-    for name, amount in zip(names, amounts, strict=True):
-        share = shares[name]
-        table.add_row(name, _bar(share / largest if largest > 0 else 0.0), percent_text(share), amount)
+    amounts = fixed([answer.contributions[name] * factor for name in names])
+    barred = (True, False) if out.width < _BARRED else (True,)
+    for bars in barred:
+        table = make_table(("module", "left"), *([("", "left")] * bars), ("%", "right"), (unit, "right"))
+        for name, amount in zip(names, amounts, strict=True):
+            bar = [_bar(shares[name] / largest if largest > 0 else 0.0)] * bars
+            table.add_row(name, *bar, percent_text(shares[name]), amount)
+        if fits(out, table):
+            break
     print_table(out, table)
+    if len(small) > _SMALL_ROWS:
+        listed(out, "below 0.01", small, ", ")
     compliance = answer.compliance
     if compliance.legs:
         legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]
@@ -146,16 +170,14 @@ def _bar(fraction: float) -> Text:
 
 
 def _print_sag(out: Console, answer: Answer) -> None:
-    out.print()
     found = sag_cells(answer)
     if found is None:
-        out.print(Text("Sag: the robot file sets no gravity"))
+        heading(out, "Sag by own weight:", "the robot file sets no gravity")
         return
-    (*moved, total), down = found
-    text = Text("Sag by own weight [µm]: " + "  ".join(f"{n} {v}" for n, v in zip(TWIST_NAMES, moved, strict=False)))
-    text.append(f"  total {total}; down is {down}")
-    text.stylize("bold", 0, 22)
-    out.print(text)
+    (*moved, total), unit, down = found
+    heading(out, f"Sag by own weight [{unit}]")
+    parts = [f"{name} {value}" for name, value in zip(TWIST_NAMES, moved, strict=False)]
+    listed(out, "", [*parts, f"total {total}", f"down is {down}"])
 
 
 def _print_assumptions(out: Console, robot: Robot, answer: Answer) -> None:
@@ -165,10 +187,24 @@ def _print_assumptions(out: Console, robot: Robot, answer: Answer) -> None:
 
 
 def _print_matrix(out: Console, matrix: MatrixTable) -> None:
-    """Print a 6 x 6 matrix in blocks of equal units."""
+    """Print a 6 x 6 matrix in blocks of equal units; where that is too wide, forces above moments."""
     heading(out, matrix.title, matrix.detail)
-    columns = [(name, "right") for name in matrix.columns]
-    table = make_table(("", "left"), *columns[:3], ("", "left"), *columns[3:])
+    whole = _matrix_table(matrix, slice(0, 3), slice(3, 6))
+    if fits(out, whole):
+        print_table(out, whole)
+        return
+    print_table(out, _matrix_table(matrix, slice(0, 3)))
+    out.print()
+    print_table(out, _matrix_table(matrix, slice(3, 6)))
+
+
+def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:
+    """Return some columns of a matrix; blocks of equal units are set apart."""
+    headers: list[tuple[str, str]] = []
+    for index, block in enumerate(blocks):
+        headers += [("", "left")] * (index > 0) + [(name, "right") for name in matrix.columns[block]]
+    table = make_table(("", "left"), *headers)
     for index, (name, cells) in enumerate(zip(matrix.rows, matrix.cells, strict=True)):
-        table.add_row(name, *cells[:3], "|", *cells[3:], end_section=index == 2)
-    print_table(out, table)
+        first, *others = (cells[block] for block in blocks)
+        table.add_row(name, *first, *(cell for other in others for cell in ("|", *other)), end_section=index == 2)
+    return table

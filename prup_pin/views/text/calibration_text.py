@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.text import Text
 
 from ...diagnosis.calibration import Calibration
+from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
-from .quantities import number
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_calibration"]
@@ -46,7 +46,7 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
                 f"{number(item.value, 5)} ± {number(item.sd, 2)}",
                 unit,
                 f"{item.x:+.2f}",
-                f"{100 * item.share:.3g} %",
+                f"{number(100 * item.share, 3)} %",
             )
     print_table(out, table)
     if found.twins:

@@ -11,9 +11,9 @@ from rich.text import Text
 
 from ...errors import MissingExtraError, NoStiffnessError, PrupPinError
 from ...mechanism.second_reader import second_opinion
+from ...numbers import number
 from ...robot import Robot
 from ...statics import Compliance
-from .quantities import number
 from .tables import mobility_text, redundancy_text
 from .terminal import heading, in_options, listed, paragraph
 

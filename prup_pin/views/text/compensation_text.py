@@ -10,8 +10,8 @@ from rich.text import Text
 
 from ...compensation import Compensation
 from ...laws import Effect
+from ...numbers import number
 from ...robot import Robot
-from .quantities import number
 from .simulation_text import effect_text, print_failures
 from .terminal import heading, listed, make_table, paragraph, print_table
 

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...diagnosis import Diagnosis, Finding
+from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
 from .diagnosis_words import (
@@ -21,7 +22,6 @@ from .diagnosis_words import (
     recording_rows,
     verdict_text,
 )
-from .quantities import number
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_diagnosis"]

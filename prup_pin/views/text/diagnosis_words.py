@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
-from .quantities import number
+from ...numbers import number
 
 __all__ = [
     "alternative_text",

@@ -11,10 +11,10 @@ from rich.text import Text
 from ...imports import Conversion, Log, LogMap
 from ...imports.map import Column
 from ...imports.units import SI_WORDS, dimension_of
+from ...numbers import number
 from ...recordings import suspicions
 from ...recordings.columns import unit_of
 from ...spatial import WRENCH_NAMES
-from .quantities import number
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_conversion", "print_log"]

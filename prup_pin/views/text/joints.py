@@ -7,10 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...robot import Robot
-from .quantities import number
 
-__all__ = ["clean", "coordinate_dimensions", "dimension", "joint_role", "joint_type", "limits", "pose_text"]
+__all__ = [
+    "clean",
+    "coordinate_dimensions",
+    "dimension",
+    "joint_role",
+    "joint_type",
+    "limits",
+    "pose_text",
+    "position_text",
+]
 
 _ANGLES = ("rx", "ry", "rz")
 
@@ -80,6 +89,11 @@ def pose_text(robot: Robot, coordinates: Mapping[str, float], digits: int = 6) -
         f"{name} {_coordinate_text(clean(value), kinds.get(name) or dimension(robot.mechanism, name), digits)}"
         for name, value in coordinates.items()
     ]
+
+
+def position_text(metres: float) -> str:
+    """Return a place in mm, to six digits and no finer than 0.1 µm."""
+    return number(round(metres * 1e3, 4), 6)
 
 
 def clean(value: float) -> float:

@@ -11,9 +11,9 @@ from rich.text import Text
 
 from ...laws import Law, Place
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...parameters import Quantity
 from ...robot import Robot
-from .quantities import number
 from .terminal import listed, make_table, paragraph, print_table
 
 __all__ = ["print_laws"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from rich.console import Console
 
 from ...diagnosis.before import Prospects
+from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
 from .diagnosis_words import hidden_rows
-from .quantities import number
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_prospects"]

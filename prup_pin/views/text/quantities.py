@@ -7,21 +7,20 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError, nearest_names
+from ...numbers import number, quantity
 from ...spatial import WRENCH_NAMES
 
 __all__ = [
     "UNITS",
     "WRENCH_DIMENSIONS",
-    "fixed",
     "length_text",
     "mark_position",
-    "number",
     "parse_assignments",
     "parse_list",
     "parse_quantity",
@@ -181,41 +180,9 @@ def parse_list(text: str, dimensions: Sequence[str], names: Sequence[str], optio
 # -- the way out -----------------------------------------------------------------------------------------------------
 
 
-def number(value: float, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits, without exponent where that stays short."""
-    value = float(value)
-    if math.isnan(value):
-        return "-"
-    if math.isinf(value):
-        return "infinite" if value > 0 else "-infinite"
-    if value == 0:
-        return "0"
-    exponent = math.floor(math.log10(abs(value)))
-    if -4 <= exponent < digits + 2:
-        text = f"{value:.{max(0, digits - 1 - exponent)}f}"
-        return text.rstrip("0").rstrip(".") if "." in text else text
-    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
-    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-    return f"{mantissa}e{int(power)}"
-
-
-def fixed(values: Iterable[float], digits: int = 4) -> list[str]:
-    """Return numbers with the same decimals, chosen for `digits` significant digits of the largest."""
-    array = np.asarray(list(values), float)
-    largest = float(np.abs(array).max(initial=0.0))
-    if largest == 0:
-        return ["0"] * len(array)
-    exponent = math.floor(math.log10(largest))
-    if exponent < -4 or exponent > 7:
-        return [f"{value:.{digits - 1}e}" if value else "0" for value in array]
-    decimals = max(0, digits - 1 - exponent)
-    smallest = 0.5 * 10.0**-decimals
-    return [f"{value:.{decimals}f}" if abs(value) >= smallest else "0" for value in array]
-
-
 def length_text(metres: float) -> str:
-    """Return a small displacement in µm, a larger one in mm."""
-    return f"{number(metres * 1e3, 3)} mm" if abs(metres) >= 1e-3 else f"{number(metres * 1e6, 3)} µm"
+    """Return a displacement in mm, µm or nm."""
+    return quantity(metres, "m")
 
 
 def value_text(value: Any) -> str:

@@ -13,11 +13,12 @@ from ...errors import MissingExtraError, PrupPinError
 from ...mechanism.second_reader import second_opinion
 from ...mechanism.tolerances import value_tolerances
 from ...modules import KINDS, CompliantModule
+from ...numbers import number
 from ...parameters import Parameter, Quantity
 from ...recordings import KINDS_OF_TOLERANCE, Tolerances
 from ...robot import Robot
 from .joints import clean, joint_role, joint_type, limits, pose_text
-from .quantities import number, value_text
+from .quantities import value_text
 from .tables import default_parameters, mobility_text, module_parameters, redundancy_text
 from .terminal import heading, in_options, listed, make_table, paragraph, print_table
 
@@ -72,14 +73,12 @@ def _print_joints(out: Console, robot: Robot) -> None:
     mechanism = robot.mechanism
     names = list(mechanism.model.names)[1:]
     heading(out, f"Joints: {len(names)}")
-    table = make_table(
-        ("name", "left"), ("type", "left"), ("from", "right"), ("to", "right"), ("", "left"), ("role", "left")
-    )
+    table = make_table(("name", "left"), ("type", "left"), ("limits", "right"), ("", "left"), ("role", "left"))
     for name in names:
         kind, span = joint_type(mechanism, name), limits(mechanism, name)
         factor, unit = (1e3, "mm") if kind == "prismatic" else (180 / np.pi, "deg")
-        low, high = ("-", "-") if span is None else (number(value * factor, 5) for value in span)
-        table.add_row(name, kind, low, high, unit if span else "", joint_role(mechanism, name))
+        ends = " to ".join(number(value * factor) for value in span) if span else "-"
+        table.add_row(name, kind, ends, unit if span else "", joint_role(mechanism, name))
     print_table(out, table)
 
 
@@ -130,7 +129,8 @@ def _print_modules(out: Console, robot: Robot, tolerances: Mapping[str, float]) 
         if given:
             _print_parameters(out, given, tolerances)
         defaults = [
-            f"{p.short} {value_text(p.value)}{'' if p.unit == '1' else f' {p.unit}'}" for p in default_parameters(own)
+            f"{p.short} {value_text(p.value)}{'' if p.unit == '1' or np.isinf(p.value) else f' {p.unit}'}"
+            for p in default_parameters(own)
         ]
         if defaults:
             listed(out, "defaults", defaults, ", ", indent=4)

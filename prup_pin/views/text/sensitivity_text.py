@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from rich.console import Console
 
+from ...numbers import fixed, number
 from ...sensitivity import Sensitivity
 from .answer import wrench_text
-from .quantities import fixed, number, workshop_text
+from .quantities import workshop_text
 from .terminal import heading, make_table, paragraph, print_table
 
 __all__ = ["print_stiffen_first"]

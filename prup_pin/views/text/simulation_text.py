@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.text import Text
 
 from ...laws import Effect
+from ...numbers import number
 from ...recordings import Recording, suspicions
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
-from .quantities import number
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["effect_text", "print_failures", "print_simulation"]

@@ -8,8 +8,8 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from ...numbers import number
 from ...sweep import QUANTITIES, SweepFile, SweepResult
-from .quantities import number
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_sweep"]

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...kinematics import Mobility
 from ...mechanism import Mechanism, Module
+from ...numbers import fixed, number, readable_unit
 from ...parameters import Parameter
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array
-from .answer import Answer, wrench_text
-from .quantities import fixed, number
+from .answer import Answer, wrench_text, yielding_beside
 
 __all__ = [
-    "DISPLACEMENT_COLUMNS",
     "MatrixTable",
     "assumptions",
     "compliance_table",
     "default_parameters",
     "direction_text",
     "displacement_cells",
+    "displacement_columns",
+    "displacement_units",
     "given_parameters",
     "load_text",
     "mobility_text",
@@ -32,11 +33,14 @@ __all__ = [
     "rigid_texts",
     "sag_cells",
     "stiffness_table",
+    "why_rigid",
     "yielding_table",
 ]
 
-#: Columns of `displacement_cells`.
-DISPLACEMENT_COLUMNS = (*(f"{n} µm" for n in TWIST_NAMES[:3]), "total µm", *(f"{n} µrad" for n in TWIST_NAMES[3:]))
+#: A wrench's component below this, beside a largest one of 1, is none.
+_NO_COMPONENT = 1e-4
+#: A share below this many percent is rounding.
+_NO_PERCENT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class MatrixTable:
 
 
 def stiffness_table(answer: Answer) -> MatrixTable | None:
-    """Return K in N/mm and N m/mrad, or None where it does not exist."""
+    """Return K in N/mm and N m/mrad, or finer where it is very stiff; None where it does not exist."""
     if answer.stiffness is None:
         return None
     return _stiffness("Stiffness K", answer, answer.stiffness)
@@ -63,30 +67,48 @@ def yielding_table(answer: Answer) -> MatrixTable:
 
 
 def _stiffness(title: str, answer: Answer, stiffness: Array) -> MatrixTable:
+    moves, turns = _per(stiffness[:3, :3], _MOVES), _per(stiffness[3:, 3:], _TURNS)
+    (far, _), (arc, _) = moves, turns
     return MatrixTable(
         title,
-        f"at '{answer.tool}', base axes [N/mm, N/mrad; N m/mm, N m/mrad]",
+        f"at '{answer.tool}', base axes [N/{far}, N/{arc}; N m/{far}, N m/{arc}]",
         tuple(f"{name} {'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)),
-        tuple(f"{name}/{'mm' if i < 3 else 'mrad'}" for i, name in enumerate(TWIST_NAMES)),
-        _cells(stiffness * 1e-3),
+        tuple(f"{name}/{far if i < 3 else arc}" for i, name in enumerate(TWIST_NAMES)),
+        _cells(stiffness / np.repeat([moves[1], turns[1]], 3)),
     )
 
 
+#: Units of small displacements, coarse to fine, and how many of them are one SI unit.
+_MOVES = (("mm", 1e3), ("µm", 1e6), ("nm", 1e9))
+_TURNS = (("mrad", 1e3), ("µrad", 1e6), ("nrad", 1e9))
+
+
+def _per(block: Array, units: tuple[tuple[str, float], ...]) -> tuple[str, float]:
+    """Return the coarsest unit of displacement of which one takes less than 10 000 N (N m)."""
+    largest = float(np.abs(block).max(initial=0.0))
+    return next((unit for unit in units if largest / unit[1] < 1e4), units[-1])
+
+
 def compliance_table(answer: Answer) -> MatrixTable:
-    """Return C in µm/N and µrad/(N m)."""
+    """Return C in µm/N and µrad/(N m), or in the unit in which its largest entry needs no leading zeros."""
+    compliance = answer.compliance.C
+    (far, moves), (arc, turns) = (
+        readable_unit(np.diagonal(compliance)[block].max(), unit)
+        for block, unit in ((slice(0, 3), "m"), (slice(3, 6), "rad"))
+    )
     return MatrixTable(
         "Compliance C",
-        f"at '{answer.tool}', base axes [µm/N, µm/(N m); µrad/N, µrad/(N m)]",
-        tuple(f"{name} {'µm' if i < 3 else 'µrad'}" for i, name in enumerate(TWIST_NAMES)),
+        f"at '{answer.tool}', base axes [{far}/N, {far}/(N m); {arc}/N, {arc}/(N m)]",
+        tuple(f"{name} {far if i < 3 else arc}" for i, name in enumerate(TWIST_NAMES)),
         tuple(f"{name}/{'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)),
-        _cells(answer.compliance.C * 1e6),
+        _cells(compliance * np.repeat([moves, turns], 3)[:, None]),
     )
 
 
 def _cells(matrix: Array) -> tuple[tuple[str, ...], ...]:
-    """Return a symmetric 6 x 6 matrix as text, each block of equal units with its own number of decimals."""
+    """Return a 6 x 6 matrix as text, each block of equal units with its own number of decimals; rounding is zero."""
     size = np.sqrt(np.abs(np.diagonal(matrix)))
-    matrix = np.where(np.abs(matrix) < 1e-9 * size[:, None] * size, 0.0, matrix)
+    matrix = np.where(np.abs(matrix * matrix.T) < 1e-18 * np.outer(size, size) ** 2, 0.0, matrix)
     cells = [[""] * 6 for _ in range(6)]
     for i in (0, 3):
         for j in (0, 3):
@@ -95,12 +117,46 @@ def _cells(matrix: Array) -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(row) for row in cells)
 
 
-def rigid_texts(answer: Answer) -> list[list[str]]:
-    """Return each wrench that deflects nothing as ['1 fx', '0.5 my']."""
-    return [
-        [f"{number(value, 3)} {name}" for name, value in zip(WRENCH_NAMES, direction, strict=True) if abs(value) > 1e-6]
-        for direction in answer.compliance.rigid_directions
-    ]
+def rigid_texts(answer: Answer) -> list[str]:
+    """Return each wrench that deflects nothing: 'a force along z (fz)', or '1 fx, 0.5 my'."""
+    turned = answer.compliance.pose.base_from_tool[:3, :3].T
+    return [_wrench_words(direction, turned) for direction in answer.compliance.rigid_directions]
+
+
+def _wrench_words(direction: Array, tool_axes: Array) -> str:
+    """Return a wrench by the axis it goes along, of the base or of the tool (rows); else by its components."""
+    parts = ", ".join(
+        f"{number(value, 3)} {name}"
+        for name, value in zip(WRENCH_NAMES, direction, strict=True)
+        if abs(value) > _NO_COMPONENT
+    )
+    for block, words in ((slice(0, 3), "a force along"), (slice(3, 6), "a moment about")):
+        along = direction[block]
+        if np.linalg.norm(direction) - np.linalg.norm(along) > _NO_COMPONENT:
+            continue
+        for axes, whose in ((np.eye(3), ""), (tool_axes, "the tool's ")):
+            found = np.flatnonzero(np.linalg.norm(np.cross(axes, along), axis=1) < _NO_COMPONENT)
+            if len(found):
+                return f"{words} {whose}{'xyz'[found[0]]} ({parts.removeprefix('1 ') if not whose else parts})"
+    return parts
+
+
+def why_rigid(robot: Robot, answer: Answer) -> str:
+    """Return why there is no K: because of this pose, or because of what yields in this robot at any pose."""
+    here, beside = 6 - len(answer.compliance.rigid_directions), yielding_beside(robot, answer.compliance)
+    count = len(answer.compliance.names)
+    modules = "the one module that yields moves" if count == 1 else f"the {count} modules that yield move"
+    if beside is not None and beside > here:
+        there = "all directions" if beside == 6 else f"{beside} of 6 directions"
+        return (
+            f"Why: this pose is singular. Here {modules} the tool in {here} of 6 directions, beside it in {there}; "
+            "take another pose. C below is complete."
+        )
+    likewise = ", and beside this pose no more" if beside is not None else ""
+    return (
+        f"Why: {modules} the tool in {here} of 6 directions{likewise}. Give a compliance to more parts if the others "
+        "should yield. C below is complete."
+    )
 
 
 def load_text(answer: Answer) -> str:
@@ -112,19 +168,38 @@ def load_text(answer: Answer) -> str:
     return f"per {unit} along the softest {motion}, {direction_text(answer.load.wrench[block])}"
 
 
-def displacement_cells(values: Array) -> list[str]:
-    """Return dx dy dz, their length, rx ry rz in µm and µrad."""
-    moved = values[:3] * 1e6
-    return fixed([*moved, float(np.linalg.norm(moved))]) + fixed(values[3:] * 1e6)
+def displacement_units(*values: Array) -> tuple[tuple[str, float], tuple[str, float]]:
+    """Return the units of translations and of rotations in which the largest of some displacements is readable."""
+    moved = max(float(np.linalg.norm(value[:3])) for value in values)
+    turned = max(float(np.abs(value[3:]).max()) for value in values)
+    return readable_unit(moved, "m"), readable_unit(turned, "rad")
 
 
-def sag_cells(answer: Answer) -> tuple[list[str], str] | None:
-    """Return dx dy dz and their length in µm under the robot's weight, and where down is; None without gravity."""
+def displacement_columns(units: tuple[tuple[str, float], tuple[str, float]]) -> tuple[str, ...]:
+    """Return the columns of `displacement_cells` with their units."""
+    (far, _), (arc, _) = units
+    return (*(f"{n} {far}" for n in TWIST_NAMES[:3]), f"total {far}", *(f"{n} {arc}" for n in TWIST_NAMES[3:]))
+
+
+def displacement_cells(values: Array, units: tuple[tuple[str, float], tuple[str, float]]) -> list[str]:
+    """Return dx dy dz, their length, rx ry rz in such units."""
+    (_, moves), (_, turns) = units
+    return _small([*values[:3], float(np.linalg.norm(values[:3]))], moves) + _small(values[3:], turns)
+
+
+def _small(values: Iterable[float], factor: float) -> list[str]:
+    """Return small displacements [m, rad], times a factor; what is smaller than an atom's nucleus is rounding."""
+    return fixed([factor * value if abs(value) > 1e-15 else 0.0 for value in values])
+
+
+def sag_cells(answer: Answer) -> tuple[list[str], str, str] | None:
+    """Return dx dy dz and their length under the robot's weight, their unit, where down is; None without gravity."""
     gravity = answer.mechanism.gravity
     if not gravity.any():
         return None
-    cells = fixed([*(answer.sag[:3] * 1e6), float(np.linalg.norm(answer.sag[:3])) * 1e6])
-    return cells, direction_text(gravity / np.linalg.norm(gravity))
+    total = float(np.linalg.norm(answer.sag[:3]))
+    unit, factor = readable_unit(total, "m")
+    return _small([*answer.sag[:3], total], factor), unit, direction_text(gravity / np.linalg.norm(gravity))
 
 
 def direction_text(direction: Array) -> str:
@@ -137,6 +212,8 @@ def percent_text(share: float | None) -> str:
     if share is None:
         return "-"
     percent = 100 * share
+    if abs(percent) < _NO_PERCENT:
+        return "0"
     return "<0.01" if 0 < percent < 0.005 else f"{percent:.2f}"
 
 

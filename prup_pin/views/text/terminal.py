@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 
 from rich import box
 from rich.console import Console
-from rich.padding import Padding
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["console", "error_text", "heading", "in_options", "listed", "make_table", "paragraph", "print_table"]
+__all__ = [
+    "console",
+    "error_text",
+    "fits",
+    "heading",
+    "in_options",
+    "lines_of",
+    "listed",
+    "make_table",
+    "paragraph",
+    "print_table",
+]
+
+#: Wider than any table.
+_UNBOUNDED = 10_000
 
 
 #: What messages advise in Python, and the option that does it here.
@@ -35,10 +50,46 @@ def in_options(message: str) -> str:
 
 
 def console(stderr: bool = False) -> Console:
-    """Return a console between 80 and 110 columns wide; 80 in a pipe."""
+    """Return a console between 40 and 110 columns wide; 80 in a pipe."""
     made = Console(stderr=stderr, highlight=False, markup=False, emoji=False)
-    made.width = min(max(made.width, 80), 110)
+    made.width = min(max(made.width, 40), 110)
     return made
+
+
+#: Spaces at which no line ends: between a number and its unit, inside a unit, a short bracket or an equation.
+_KEPT = re.compile(
+    r"(?<=\d) (?=(?:[mµnkM]?m|[mµn]?rad|deg|[kM]?N|Pa|[kM]?Hz|m?s|kg|°|%|±)(?![\w]))"
+    r"|(?<=\bN) (?=m\b|µ?mm?\b)|(?<=[\w%]) (?=[=±×] )|(?<= [=±×]) |(?<=[(\d]) (?=-?[\d.]+(?: -?[\d.]+)*\))"
+)
+_HELD = "\N{NO-BREAK SPACE}"
+
+
+def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str]:
+    """Return a text broken into lines: a number keeps its unit, a path too long for a line is broken at its folders.
+
+    No other word is cut.
+    """
+    room = width - max(len(first), len(then))
+    words = (_folders(word, room) if len(word) > room and "/" in word else word for word in text.split(" "))
+    broken = textwrap.wrap(
+        _KEPT.sub(_HELD, " ".join(words)),
+        width,
+        initial_indent=first,
+        subsequent_indent=then,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [line.replace(_HELD, " ") for line in broken]
+
+
+def _folders(path: str, room: int) -> str:
+    """Return a path cut after slashes into pieces that fill lines."""
+    pieces = [""]
+    for part in re.findall(r"[^/]*/|[^/]+$", path):
+        if len(pieces[-1]) + len(part) > room:
+            pieces.append("")
+        pieces[-1] += part
+    return " ".join(piece for piece in pieces if piece)
 
 
 def error_text(message: str, width: int) -> str:
@@ -48,19 +99,19 @@ def error_text(message: str, width: int) -> str:
         if len(line) <= width:
             lines.append(line)
             continue
-        indent = line[: len(line) - len(line.lstrip())] + "  "
-        lines += textwrap.wrap(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        indent = line[: len(line) - len(line.lstrip())]
+        lines += lines_of(line.lstrip(), width, indent, indent + "  ")
     return "\n".join(lines)
 
 
 def heading(out: Console, text: str, detail: str = "") -> None:
     """Print a bold heading with an unbold rest, after an empty line."""
     out.print()
-    for index, line in enumerate(textwrap.wrap(f"{text}{' ' + detail if detail else ''}", out.width)):
+    for index, line in enumerate(lines_of(f"{text}{' ' + detail if detail else ''}", out.width)):
         styled = Text(line)
         if index == 0:
             styled.stylize("bold", 0, min(len(text), len(line)))
-        out.print(styled)
+        out.print(styled, soft_wrap=True)
 
 
 def listed(out: Console, label: str, items: Iterable[str], separator: str = "   ", indent: int = 2) -> None:
@@ -69,7 +120,7 @@ def listed(out: Console, label: str, items: Iterable[str], separator: str = "   
     room, blank = out.width - len(start), " " * len(start)
     lines = [""]
     for item in items:
-        for part in textwrap.wrap(item, room, break_on_hyphens=False) or [""]:
+        for part in lines_of(item, room) or [""]:
             joined = f"{lines[-1]}{separator}{part}" if lines[-1] else part
             if len(joined) <= room - 1:
                 lines[-1] = joined
@@ -82,9 +133,7 @@ def listed(out: Console, label: str, items: Iterable[str], separator: str = "   
 
 def paragraph(out: Console, text: str, bullet: str = "") -> None:
     """Print an indented paragraph."""
-    for line in textwrap.wrap(
-        text, out.width, initial_indent=f"  {bullet}", subsequent_indent="  " + " " * len(bullet)
-    ):
+    for line in lines_of(text, out.width, f"  {bullet}", "  " + " " * len(bullet)):
         out.print(Text(line), soft_wrap=True)
 
 
@@ -96,6 +145,43 @@ def make_table(*columns: tuple[str, str]) -> Table:
     return table
 
 
+def fits(out: Console, table: Table, indent: int = 2) -> bool:
+    """Return True where a table fits with nothing in it broken, its columns closer to each other if need be."""
+    if _width(out, table) + indent > out.width:
+        table.padding = (0, 1, 0, 0)
+    return _width(out, table) + indent <= out.width
+
+
+def _width(out: Console, table: Table) -> int:
+    return Measurement.get(out, out.options.update(max_width=_UNBOUNDED), table).maximum
+
+
 def print_table(out: Console, table: Table, indent: int = 2) -> None:
-    """Print a table, indented."""
-    out.print(Padding(table, (0, 0, 0, indent), expand=False))
+    """Print a table, indented. Where it is too wide, columns of words are broken between words; a number, a name or a
+    unit never is: then lines are longer than the terminal, which breaks them without losing anything.
+    """
+    room = out.width - indent
+    if not fits(out, table, indent):
+        _narrow(out, table, _width(out, table) - room)
+    wide = out.options.update(width=max(room, _width(out, table)))
+    for line in out.render_lines(table, wide, pad=False, new_lines=False):
+        text = Text.assemble(" " * indent, *((segment.text, segment.style or "") for segment in line))
+        text.rstrip()
+        out.print(text, soft_wrap=True)
+
+
+def _narrow(out: Console, table: Table, excess: int) -> None:
+    """Take `excess` away from the widths of columns of words, the widest first, none below its longest word."""
+    unbounded = out.options.update(max_width=_UNBOUNDED)
+    for column in table.columns:
+        texts = [column.header, *column.cells]
+        spans = [Measurement.get(out, unbounded, text) for text in texts]
+        column.width = max(span.maximum for span in spans)
+        column.min_width = max(span.minimum for span in spans)
+    while excess > 0:
+        loose = [c for c in table.columns if c.justify == "left" and (c.width or 0) > (c.min_width or 0)]
+        if not loose:
+            break
+        widest = max(loose, key=lambda column: column.width or 0)
+        widest.width = (widest.width or 0) - 1
+        excess -= 1

@@ -1,0 +1,66 @@
+"""Text for terminals of any width: nothing is cut, no number loses its unit."""
+
+import io
+import re
+
+import pytest
+from rich.console import Console
+
+import prup_pin
+from prup_pin.views.text.answer import Answer
+from prup_pin.views.text.answer_text import print_answer
+from prup_pin.views.text.robot_text import print_info
+from prup_pin.views.text.terminal import lines_of, make_table, print_table
+
+
+def console(width: int) -> Console:
+    return Console(file=io.StringIO(), width=width, highlight=False, markup=False, emoji=False)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return prup_pin.load("panda", joint_stiffness=1e4)
+
+
+@pytest.mark.parametrize("width", [60, 80, 100])
+def test_an_answer_fits_and_breaks_no_name_and_no_number(arm, width):
+    out = console(width)
+    answer = Answer(arm.compliance(arm.home))
+    print_answer(out, arm, answer, "home", {})
+    text = out.file.getvalue()
+    assert max(map(len, text.splitlines())) <= width
+    names = {answer.tool, *answer.compliance.names}
+    assert all(re.search(rf"(?<![\w]){re.escape(name)}(?![\w])", text) for name in names)
+    wide = console(200)
+    print_answer(wide, arm, answer, "home", {})
+
+    def numbers(text: str) -> set[str]:
+        return set(re.findall(r"-?\d+\.\d+", text))
+
+    assert numbers(text) == numbers(wide.file.getvalue())
+
+
+def test_a_long_path_is_broken_at_its_folders(arm):
+    out = console(60)
+    print_info(out, arm)
+    text = out.file.getvalue().partition("Joints")[0]
+    assert max(map(len, text.splitlines())) <= 60
+    assert "".join(text.split()).count(str(arm.mechanism.description.path)) == 1
+
+
+def test_a_number_keeps_its_unit_at_the_end_of_a_line():
+    for width in range(12, 40):
+        lines = lines_of("it moves by 16.4 µm, turns by 3 mrad and takes 250 N m/mrad; down is (0 0 -1)", width)
+        for whole in ("16.4 µm", "3 mrad", "250 N m/mrad", "(0 0 -1)"):
+            assert sum(whole in line for line in lines) == 1, (width, lines)
+
+
+def test_a_table_that_is_too_wide_breaks_words_alone():
+    table = make_table(("name", "left"), ("value", "right"), ("what it is", "left"))
+    table.add_row("root_tilting_stiffness", "1234567.25", "how far the clamp of a beam gives way as it is turned")
+    out = console(44)
+    print_table(out, table)
+    text = out.file.getvalue()
+    assert re.search("root_tilting_stiffness +1234567.25", text)
+    assert len(text.splitlines()) > 5
+    assert not any(line.endswith(" ") for line in text.splitlines())
