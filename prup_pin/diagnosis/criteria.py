@@ -339,3 +339,18 @@ FEWEST_EFFORT_BLOCKS = 4
 #: Another place or law is as good where it loses less than so many standard errors over blocks, or than this share
 #: of the gain.
 EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02
+
+# -- everything off at once --------------------------------------------------------------------------------------------
+
+#: Steps of the whole simulation in which spreads are found; a step below this share of its own uncertainty is the last.
+SPREAD_ROUNDS: Final = 12
+SPREAD_SETTLED: Final = 0.1
+#: Freedom of Student's t, with which numbers far off weigh little while nothing is known: few, since some may be gross.
+SPREAD_FREEDOM: Final = 3.0
+#: A number so many standard deviations off, by the middle half of all, is gross and left out: normal numbers never are.
+OUTLIER: Final = 6.0
+#: ... unless they are more than this share: then they are the machine, not its sensor.
+MOST_OUTLIERS: Final = 0.1
+#: How much a joint of an arm usually yields: a unit of no other meaning [rad/(N m), m/N].
+USUAL_COMPLIANCE: Final = 1e-4
+USUAL_COMPLIANCE_SLIDE: Final = 1e-6

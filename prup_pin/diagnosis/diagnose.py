@@ -70,6 +70,7 @@ from .plausible import beside_allowed, check_belongs, unused_columns, what_is_mi
 from .recovered import recovered, residuals
 from .registration import Registered, registered
 from .sensor_noise import estimate_noise, scatter_of_repeats
+from .spread import Spread, spread_of
 from .whiteness import compared, could_show_structure, noise_of_the_rest
 
 __all__ = ["Asked", "asked", "diagnose"]
@@ -133,7 +134,8 @@ class Asked:
 
     raw_linear (n, K): what it leaves of the simulation that a user starts from; raw_registered: the same with sensors
     where they stand. `remarks` grow as it is looked at.
-    `placed`: what was measured, and where its sensors stand.
+    `placed`: what was measured, and where its sensors stand; `spread`: by how much what is off that nothing declares,
+    where that was asked.
     """
 
     together: Together
@@ -146,6 +148,7 @@ class Asked:
     unused: tuple[str, ...]
     remarks: list[str]
     placed: Registered
+    spread: Spread | None = None
 
     def within_tolerances(self, problem: Problem, reach: float = np.inf) -> Problem:
         """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare.
@@ -180,6 +183,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     allowed = beside_allowed(recording.tolerances.declared, robot.mechanism)
     placed = registered(measured, linear, together, robot.mechanism, allowed)
     stack = placed.stack
+    allowed = allowed[0] + placed.beside, allowed[1]
     remarks += placed.remarks
     for source, here in together.each():
         try:
@@ -198,13 +202,34 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
         remarks += [together.told(source, text) for text in quieter]
     noise = Noise.of_several(noises, together.which)
     problem = Problem.of(simulator, stack, noise, nominal)
-    raw_linear = (measured if placed.found else stack).residual_of_start(linear)[problem.first.samples]
     library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups)
+    tell("what is off all over", 0.01)
+    spread = _spread(problem, together, library)
+    if spread is not None:
+        remarks += spread.told(together, noise)
+        stack, noise = spread.stack(stack), spread.noise(noise)
+        if not recording.tolerances.declared:
+            together = spread.widened(together)
+        recording = together.recording
+    if noise.source == "assumed":
+        noise = replace(noise, source="estimated")
+    problem = Problem.of(simulator, stack, noise, nominal)
+    raw_linear = (measured if placed.found else stack).residual_of_start(linear)[problem.first.samples]
     toleranced = toleranced_of(placed.open(recording), robot.mechanism, together.groups)
     remarks += without_effect(recording.tolerances.declared)
     every = tuple(dict.fromkeys(unused))
     raw = stack.residual_of_start(linear)[problem.first.samples]
-    return Asked(together, problem, inputs, raw_linear, raw, library, toleranced, every, remarks, placed)
+    return Asked(together, problem, inputs, raw_linear, raw, library, toleranced, every, remarks, placed, spread)
+
+
+def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
+    """Return what is off all over a tree that is seen by a pose sensor and that nothing loads but its weight."""
+    simulator = problem.simulator
+    if simulator.robot.mechanism.loops or not simulator.inputs.weight_alone:
+        return None
+    heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
+    weight = [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
+    return spread_of(problem, together, weight)
 
 
 def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:

@@ -3,7 +3,7 @@
 Calibration steps from what is nearly right; a tracker may stand anywhere. With simulated positions a_i and measured
 ones b_i the motion b = M a + t of least squares follows from the singular values of sum (b - mean b)(a - mean a)^T
 (Arun, Huang and Blostein, IEEE Trans. Pattern Anal. Mach. Intell. 9, 1987). Where a marker sits beside its frame is
-looked for in turns with it, where its tolerance leaves that open.
+looked for in turns with it, where its tolerance leaves that open or nothing else fits. Points far off weigh little.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2 as chi_squared
 
 from ..channels import Channel, Linear, PoseChannel, Stack
 from ..laws import Effect, Law
@@ -22,11 +23,22 @@ from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import ARM, Recording, Together
 from ..spatial import Array, rotation_log, skew, turn_between
-from .criteria import FEWEST_REGISTERED, LEAST_REACH, LEVER, OPEN_FRAME, OPEN_TARGET, REGISTERED, TURNED
+from .criteria import (
+    FEWEST_REGISTERED,
+    LEAST_REACH,
+    LEVER,
+    OPEN_FRAME,
+    OPEN_TARGET,
+    REGISTERED,
+    SPREAD_FREEDOM,
+    TURNED,
+)
 
 __all__ = ["Registered", "registered"]
 
 _ROUNDS, _STILL = 200, 1e-9
+#: Points nearer than this are where they should be [m].
+_NEAREST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +53,7 @@ class Registered:
     found: tuple[Effect, ...] = ()
     deviations: tuple[Array, ...] = ()  # (6,) of each one found
     remarks: tuple[str, ...] = ()
+    beside: float = 0.0  # how far a marker sits beside its frame at most, where that had to be found too [m]
 
     @property
     def every(self) -> tuple[Effect, ...]:
@@ -62,7 +75,7 @@ class Registered:
 class _Motion:
     """b = turn a + shift, and the root mean squares of the distances (all points) before and after [m].
 
-    deviation (6,): standard deviations of turn and shift [rad, m].
+    deviation (6,): standard deviations of turn and shift [rad, m]; beside: how far a marker sits beside its frame [m].
     """
 
     turn: Array
@@ -70,6 +83,7 @@ class _Motion:
     deviation: Array
     before: float
     after: float
+    beside: float
 
 
 def registered(
@@ -90,12 +104,16 @@ def registered(
         is_open = max(kinds.get("frame_position", 0.0), LEVER * kinds.get("frame_rotation", 0.0)) > OPEN_FRAME
         if not is_open and not any(_worlds_apart(channel, linear, here, allowed) for channel in out.stack.poses):
             continue
-        beside = together.recording.tolerances.target_position or 0.0
-        motion = _motion(out.stack.poses, linear, here, beside > OPEN_TARGET)
-        if motion is None or (not is_open and not motion.after < REGISTERED * motion.before):
-            continue
-        stack = _seen_from_base(out.stack, motion, here)
-        if not is_open and any(_worlds_apart(channel, linear, here, allowed) for channel in stack.poses):
+        declared = together.recording.tolerances.target_position
+        for beside in [(declared or 0.0) > OPEN_TARGET] if is_open or declared else [False, True]:
+            motion = _motion(out.stack.poses, linear, here, beside)
+            if motion is None or (not is_open and not motion.after < REGISTERED * motion.before):
+                continue
+            stack = _seen_from_base(out.stack, motion, here)
+            reach = allowed[0] + motion.beside, allowed[1]
+            if is_open or not any(_worlds_apart(channel, linear, here, reach) for channel in stack.poses):
+                break
+        else:
             continue
         effect = _effect(motion, group, mechanism)
         label = f"{group.label}: " if group is not None and group.label else ""
@@ -112,7 +130,7 @@ def registered(
                 'declare it: "tolerances": {"frame_position": 5, "frame_rotation": 3}'
             )
             out = replace(out, stack=stack, found=(*out.found, effect), remarks=(*out.remarks, text))
-            out = replace(out, deviations=(*out.deviations, motion.deviation))
+            out = replace(out, deviations=(*out.deviations, motion.deviation), beside=max(out.beside, motion.beside))
     return out
 
 
@@ -155,31 +173,41 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
     shifts = [np.zeros(3) for _ in parts]
     measured = np.concatenate([part[2] for part in parts])
     drawn = np.concatenate([part[0] for part in parts])
-    turn, shift = np.eye(3), np.zeros(3)
-    for _ in range(_ROUNDS if beside else 1):
+    turn, shift, weights = np.eye(3), np.zeros(3), np.ones(points)
+    for _ in range(_ROUNDS):
         own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
-        fit = _rigid(own, measured)
+        fit = _rigid(own, measured, weights)
         if fit is None:
             return None
         moved = max(np.abs(fit[0] - turn).max(), np.abs(fit[1] - shift).max())
         turn, shift = fit
-        if moved < _STILL or not beside:
+        if moved < _STILL:
             break
-        for index, (at, turned, seen) in enumerate(parts):
+        weights = _trusted(np.linalg.norm(measured - own @ turn.T - shift, axis=1))
+        ends = np.cumsum([len(part[0]) for part in parts])[:-1]
+        for index, ((at, turned, seen), trust) in enumerate(zip(parts, np.split(weights, ends), strict=True)):
             left = (seen - shift) @ turn - at  # in the base's axes
-            shifts[index] = (turned.mT @ left[..., None])[..., 0].mean(axis=0)
+            if beside:
+                shifts[index] = np.average((turned.mT @ left[..., None])[..., 0], axis=0, weights=trust)
     own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
     before = np.sqrt(((measured - drawn) ** 2).sum(axis=1).mean())
-    after = np.sqrt(((measured - own @ turn.T - shift) ** 2).sum(axis=1).mean())
+    after = np.sqrt(np.average(((measured - own @ turn.T - shift) ** 2).sum(axis=1), weights=weights))
     by = np.concatenate((-skew(own @ turn.T), np.broadcast_to(np.eye(3), (len(own), 3, 3))), axis=2).reshape(-1, 6)
     deviation = after / np.sqrt(3) * np.sqrt(np.diag(np.linalg.pinv(by.T @ by)))
-    return _Motion(turn, shift, deviation, float(before), float(after))
+    aside = max(float(np.linalg.norm(each)) for each in shifts)
+    return _Motion(turn, shift, deviation, float(before), float(after), aside)
 
 
-def _rigid(points: Array, measured: Array) -> tuple[Array, Array] | None:
+def _trusted(distances: Array) -> Array:
+    """Return weights (n,) of points so far from where they should be: gross ones weigh little (Student's t)."""
+    size = max(float(np.median(distances**2)) / float(chi_squared.median(3)), _NEAREST**2)
+    return (SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + distances**2 / size)
+
+
+def _rigid(points: Array, measured: Array, weights: Array) -> tuple[Array, Array] | None:
     """Return rotation (3, 3) and shift (3,) that take points (n, 3) to measured ones; None where they are on a line."""
-    middle, aim = points.mean(axis=0), measured.mean(axis=0)
-    left, sizes, right = np.linalg.svd((measured - aim).T @ (points - middle))
+    middle, aim = np.average(points, axis=0, weights=weights), np.average(measured, axis=0, weights=weights)
+    left, sizes, right = np.linalg.svd((weights[:, None] * (measured - aim)).T @ (points - middle))
     if sizes[1] < 1e-6 * max(float(sizes[0]), 1e-300):
         return None
     turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right

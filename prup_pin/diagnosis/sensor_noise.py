@@ -29,22 +29,27 @@ _CLIPPED = 1 - 2 * CLIP * float(norm.pdf(CLIP)) / (2 * float(norm.cdf(CLIP)) - 1
 def estimate_noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> Noise:
     """Return the declared noise, and that which repeats show where the recording declares none.
 
-    here (N,): which samples of the stack are the recording's. What was not measured needs no declaration.
+    here (N,): which samples of the stack are the recording's. What was not measured needs no declaration. Where nothing
+    is declared and nothing repeats it is that of a good sensor, and its source "assumed".
     """
     declared = recording.noise
     position, rotation = declared.position, declared.rotation
     given = {"m": position, "rad": rotation}
     measured = {unit for _, unit, where in stack.groups() if stack.exists[here][:, where].any()}
     estimated = any(given[unit] is None for unit in measured) if measured else None in given.values()
+    source = "estimated" if estimated else "declared"
     if position is None or rotation is None:
         seen = scatter_of_repeats(stack, linear, inputs, here)
+        repeated = {"m": seen[0], "rad": seen[1]}
+        if measured and all(given[unit] is None and repeated[unit] is None for unit in measured):
+            source = "assumed"
         position = position if position is not None else seen[0] or USUAL_POSITION_NOISE
         rotation = rotation if rotation is not None else seen[1] or USUAL_ROTATION_NOISE
     assert position is not None
     assert rotation is not None
     force = declared.force if declared.force is not None else 0.0
     moment = declared.moment if declared.moment is not None else 0.0
-    return Noise(position, rotation, force, moment, "estimated" if estimated else "declared")
+    return Noise(position, rotation, force, moment, source)
 
 
 def scatter_of_repeats(

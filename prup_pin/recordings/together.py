@@ -91,6 +91,17 @@ class Together:
         index = np.asarray(rows, np.int64)
         return replace(self, recording=self.recording.select(index), which=self.which[index], rows=self.rows[index])
 
+    def within(self, kinds: Mapping[str, float]) -> Together:
+        """Return the same recordings with one standard deviation of some kinds declared, which then hold for all."""
+        sources = tuple(
+            replace(
+                source, recording=replace(source.recording, tolerances=replace(source.recording.tolerances, **kinds))
+            )
+            for source in self.sources
+        )
+        own = replace(self.recording, tolerances=replace(self.recording.tolerances, **kinds))
+        return replace(self, recording=own, sources=sources)
+
     def each(self) -> Iterator[tuple[Source, np.ndarray]]:
         """Yield every recording with the mask (N,) of its samples here."""
         for place, source in enumerate(self.sources):

@@ -1,0 +1,482 @@
+"""How far parts of one kind are off, and how much the sensor scatters, by what was measured alone.
+
+On a machine that nobody has calibrated everything is off at once: zeros, links, gears that yield, where the tracker
+stands and where its markers sit. Each kind is off by numbers of one normal distribution whose standard deviation s is
+not known; nor is the noise sigma. With J the change of what was measured per parameter and r what is left,
+
+    -2 log L = log |sigma^2 I + J S J^T| + r^T (sigma^2 I + J S J^T)^-1 r,    S = diag s^2,
+
+the likelihood of all s and sigma with the parameters integrated out, is largest where s^2 = sum m^2 / gamma over a
+kind, m the posterior means and gamma how many of them the data tell (MacKay, Bayesian interpolation, Neural
+Computation 4, 1992). A kind is off where its s makes that likelihood larger than chance would. Numbers that no such
+machine explains weigh little (Student's t; Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989), and gross ones are
+left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2 as chi_squared
+
+from ..channels import Noise, PoseChannel, Stack
+from ..laws import Effect, Place
+from ..laws.deviations import Calibration, amounts_of, deviations_of
+from ..laws.joint_compliance import JointCompliance, way_of
+from ..mechanism import Mechanism
+from ..recordings import ARM, SENSORS, Group, Recording, Together
+from ..simulation import Run, Simulator
+from ..spatial import Array
+from .calibrate import Toleranced, changes_per_tolerance
+from .criteria import (
+    FALSE_ALARM,
+    MOST_OUTLIERS,
+    MOST_TERMS,
+    OUTLIER,
+    SPREAD_FREEDOM,
+    SPREAD_ROUNDS,
+    SPREAD_SETTLED,
+    USUAL_COMPLIANCE,
+    USUAL_COMPLIANCE_SLIDE,
+)
+from .fit import Problem
+from .influence import Influence
+
+__all__ = ["Outlier", "Spread", "spread_of"]
+
+#: Tolerances that say the noise is all, (p,), in place of none.
+_NONE = 1e-6
+_ITERATIONS, _AGREED = 60, 1e-3
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A position or orientation that no machine of this kind explains.
+
+    sample, from 0; channel, as its columns are named; distance in multiples of the noise, and `by` in `unit`, m or rad.
+    """
+
+    sample: int
+    channel: str
+    distance: float
+    by: float
+    unit: str
+
+    @property
+    def size(self) -> str:
+        """By how much, for people."""
+        small = {"m": "mm", "rad": "mrad"}[self.unit]
+        return f"{1e3 * self.by:.3g} {small}"
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """What parts of a kind scatter by where that is more than was declared, and how much the sensor does.
+
+    kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
+    costs: what each of them takes away of -2 log L. scale: noise in multiples of the one assumed; exists (N, K): what
+    was measured but for outliers.
+    """
+
+    kinds: Mapping[str, float]
+    costs: Mapping[str, float]
+    scale: float
+    outliers: tuple[Outlier, ...]
+    exists: np.ndarray
+
+    def stack(self, stack: Stack) -> Stack:
+        """Return what was measured without outliers."""
+        ends = np.cumsum([channel.size for channel in stack.channels])[:-1]
+        parts = np.split(self.exists, ends, axis=1)
+        return Stack(
+            tuple(
+                replace(channel, exists=exists) if isinstance(channel, PoseChannel) else channel
+                for channel, exists in zip(stack.channels, parts, strict=True)
+            )
+        )
+
+    def noise(self, noise: Noise) -> Noise:
+        """Return the noise: that of what is left where else it would be assumed."""
+        if noise.source != "assumed":
+            return noise
+        position, rotation = self.scale * noise.position, self.scale * noise.rotation
+        return replace(noise, position=position, rotation=rotation, source="estimated")
+
+    def widened(self, together: Together) -> Together:
+        """Return recordings that declare what is off."""
+        if not self.kinds:
+            return together
+        return together.within(self.kinds)
+
+    def told(self, together: Together, noise: Noise) -> Iterator[str]:
+        """Yield sentences for people; noise: as it was assumed."""
+        if self.outliers:
+            worst = sorted(self.outliers, key=lambda item: -item.distance)
+            listed = [
+                together.told(
+                    together.sources[together.which[item.sample]],
+                    f"line {together.rows[item.sample] + 2} ({item.channel}, {item.size} off)",
+                )
+                for item in worst[:_MOST_LISTED]
+            ]
+            more = ", …" if len(worst) > _MOST_LISTED else ""
+            yield (
+                f"left out {'are' if len(worst) > 1 else 'is'} {len(worst)} gross "
+                f"error{'s' if len(worst) > 1 else ''}, which all other samples contradict: {', '.join(listed)}{more}"
+            )
+        if noise.source == "assumed":
+            found = self.noise(noise)
+            yield (
+                f"the noise is not declared, and no pose repeats: {1e6 * found.position:.3g} µm is what is left beside "
+                "all that may be off. What is smaller does not show"
+            )
+        if self.kinds:
+            yield (
+                "everything is off at once, at more places than can be named one by one. It was calibrated, each kind "
+                "by as much as these data ask for (one standard deviation): "
+                + ", ".join(f"{name} {size:.2g}" for name, size in self.kinds.items())
+            )
+
+
+#: Outliers that a sentence lists.
+_MOST_LISTED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class _Parameters:
+    """Toleranced parameters and joints that may yield, side by side.
+
+    kinds (p,) labels; floors (p,): what was declared, in the same units as x; places (p,): what one law would move.
+    """
+
+    toleranced: Toleranced
+    joints: tuple[tuple[JointCompliance, Place], ...]
+    units: Array
+    kinds: np.ndarray
+    floors: Array
+    places: np.ndarray
+
+    def effects(self, x: Array) -> list[Effect]:
+        count = len(self.toleranced)
+        found = [self.toleranced.effect(x[:count])] if count else []
+        for (law, place), unit, value in zip(self.joints, self.units, x[count:], strict=True):
+            if value > 0:
+                found.append(Effect(law, place, {"compliance": float(unit * value)}))
+        return found
+
+    def without(self, kind: str) -> _Parameters:
+        """Return the parameters but for one kind."""
+        keep = self.kinds != kind
+        own = len(self.toleranced)
+        items = [item for item, stays in zip(self.toleranced.law.deviations, keep[:own], strict=True) if stays]
+        joints = tuple(item for item, stays in zip(self.joints, keep[own:], strict=True) if stays)
+        toleranced = Toleranced(Calibration(items), self.toleranced.tolerances[keep[:own]])
+        return _Parameters(
+            toleranced, joints, self.units[keep[own:]], self.kinds[keep], self.floors[keep], self.places[keep]
+        )
+
+    def clipped(self, x: Array) -> Array:
+        """Return x (p,) without compliances below zero."""
+        out = x.copy()
+        out[len(self.toleranced) :] = np.maximum(out[len(self.toleranced) :], 0.0)
+        return out
+
+    def columns(self, simulator: Simulator, influence: Influence, x: Array, beside: Sequence[Effect]) -> Array:
+        """Return what is measured per unit of each parameter, (n, K, p), to first order about a run at x."""
+        count = len(self.toleranced)
+        yielding = self.effects(x)[1 if count else 0 :]
+        found = [changes_per_tolerance(simulator, influence, self.toleranced, x[:count], [*beside, *yielding])]
+        here = [*self.effects(x), *beside]
+        for (law, place), unit in zip(self.joints, self.units, strict=True):
+            step = Effect(law, place, {"compliance": _STEP * unit})
+            found.append(influence.change(simulator.setup([*here, step]))[..., None] / _STEP)
+        return np.concatenate(found, axis=2)
+
+
+#: Share of a unit by which the simulation's first order is differentiated.
+_STEP = 1e-3
+#: Kinds that are left out first where little was measured.
+_FINEST = ("encoder_slope", "yields across", "direction", "position", "yields own")
+
+
+def _parameters(
+    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool
+) -> _Parameters:
+    """Return all that may be off on an arm or torso, in units of what is usual there."""
+    tool = mechanism.need_tool().name
+    markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
+    kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
+    deviations = deviations_of(mechanism, markers, kinds)
+    usual = {kind: size for kind, size in ARM.declared.items() if kind != "mass"}
+    loose = [replace(item, group=None) for item in deviations]
+    toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, usual))
+    declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
+    law = JointCompliance()
+    joints = tuple((law, place) for place in law.places(mechanism)) if weight else ()
+    units = [USUAL_COMPLIANCE_SLIDE if place.aspect == "along" else USUAL_COMPLIANCE for _, place in joints]
+    own = toleranced.law.deviations
+    labels = [*(item.kind for item in own), *(f"yields {way_of(place)}" for _, place in joints)]
+    names = [*(f"{item.physics} {item.kind} {item.place}" for item in own)]
+    names += [f"{law.physics} {place}" for _, place in joints]
+    floors = [declared.get(item.name, 0.0) / size for item, size in zip(own, toleranced.tolerances, strict=True)]
+    floors += [0.0] * len(joints)
+    return _Parameters(toleranced, joints, np.array(units), np.array(labels), np.array(floors), np.array(names))
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """r = J x + noise, as J^T J, J^T r, r^T r and the number of r's numbers."""
+
+    normal: Array
+    right: Array
+    square: float
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Variances (p,), noise squared, posterior mean (p,) and covariance (p, p), and -2 log L."""
+
+    variances: Array
+    noise: float
+    mean: Array
+    covariance: Array
+    cost: float
+
+
+def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floors: Array, least: float) -> _Fit:
+    """Return the largest likelihood over one variance for each label, at least the floors, and the noise's.
+
+    What is labelled '' stays at its floor; least: of the noise's variance.
+    """
+    variances, noise = np.maximum(start, floors), max(noise, least)
+    names = [name for name in np.unique(labels) if name]
+    found = _posterior(data, variances, noise)
+    for _ in range(_ITERATIONS):
+        told = 1 - np.diagonal(found.covariance) / variances
+        new = floors.copy()
+        for name in names:
+            here = labels == name
+            size = float((found.mean[here] ** 2).sum()) / max(float(told[here].sum()), 1e-9)
+            new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
+        mean = found.mean
+        left = data.square - 2 * float(data.right @ mean) + float(mean @ data.normal @ mean)
+        quiet = max(left / max(data.count - float(told.sum()), 1.0), least, 1e-300)
+        moved = max(np.abs(np.log(new / variances)).max(initial=0.0), abs(np.log(quiet / noise)))
+        variances, noise = new, quiet
+        found = _posterior(data, variances, noise)
+        if moved < _AGREED:
+            break
+    return found
+
+
+def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
+    root = np.sqrt(variances)
+    scaled = np.eye(len(root)) + root[:, None] * data.normal * root / noise
+    factor = np.linalg.cholesky(scaled)
+    inverse = np.linalg.inv(factor)
+    covariance = root[:, None] * (inverse.T @ inverse) * root
+    mean = covariance @ data.right / noise
+    cost = data.count * np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
+    cost += (data.square - float(data.right @ mean)) / noise
+    return _Fit(variances, noise, mean, covariance, float(cost))
+
+
+def _without_kinds(
+    data: _Linear, fit: _Fit, labels: np.ndarray, floors: Array, least: float
+) -> tuple[_Fit, np.ndarray]:
+    """Return the fit without kinds that chance explains as well, and the labels of those left."""
+    labels = labels.copy()
+    most = float(chi_squared.isf(2 * FALSE_ALARM / max(len(np.unique(labels)), 1), 1))  # at the end of its range
+    while True:
+        trials = []
+        for name in np.unique(labels[labels != ""]):
+            fewer = np.where(labels == name, "", labels)
+            trials.append((_fitted(data, fit.variances, fit.noise, fewer, floors, least), fewer))
+        trials = [each for each in trials if each[0].cost - fit.cost < most]
+        if not trials:
+            return fit, labels
+        fit, labels = min(trials, key=lambda each: each[0].cost)
+
+
+# -- the whole ---------------------------------------------------------------------------------------------------------
+
+
+def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) -> Spread | None:
+    """Return what is off by how much on a tree that is seen by a pose sensor; None where too little was measured.
+
+    problem: at the robot file; weight: that acts.
+    """
+    simulator = problem.simulator
+    parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
+    asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
+    seen = asked.told_by(problem.stack.exists)
+    if seen is None:
+        return None
+    labels = seen.parameters.kinds
+    x = np.zeros(len(labels))
+    exists = problem.stack.exists
+    x, robust, _, distances = seen.settled(x, exists, True)
+    outliers = seen.outliers(distances, robust)
+    exists = _less(exists, outliers, problem.stack)
+    x, fit, data, _ = seen.settled(x, exists, False)
+    fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
+    kinds, costs = {}, {}
+    if not _are_few(data, fit, seen):
+        for name in map(str, np.unique(labels[labels != ""])):
+            if name in ARM.declared:
+                here = labels == name
+                kinds[name] = float(np.sqrt(fit.variances[here][0])) * ARM.declared[name]
+                fewer = np.where(here, "", labels)
+                costs[name] = _fitted(data, fit.variances, fit.noise, fewer, seen.floors, seen.least).cost - fit.cost
+    return Spread(kinds, costs, float(np.sqrt(fit.noise)), tuple(outliers), exists)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What was measured, as a question to parameters. least: of the noise's variance in multiples of the assumed."""
+
+    problem: Problem
+    parameters: _Parameters
+    weight: tuple[Effect, ...]
+    least: float
+
+    @property
+    def floors(self) -> Array:
+        return np.maximum(self.parameters.floors, _NONE) ** 2
+
+    def told_by(self, exists: np.ndarray) -> _Seen | None:
+        """Return the question with as many kinds as what was measured can tell, the finest left out first; or None."""
+        parameters = self.parameters
+        for name in (None, *_FINEST):
+            parameters = parameters if name is None else parameters.without(name)
+            if exists.sum() > len(parameters.kinds):
+                return replace(self, parameters=parameters)
+        return None
+
+    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array]:
+        """Return x (p,), the fit about it, its data, and distances (n, channels) of what was measured."""
+        problem, parameters = self.problem, self.parameters
+        noise, variances = 1e12, np.ones(len(x))
+        weights = None
+        run: Run | None = None
+        for _ in range(SPREAD_ROUNDS):
+            acting = [*parameters.effects(x), *self.weight]
+            run = problem.simulator.run(acting, run)
+            influence = Influence(problem.simulator, run, problem.stack)
+            white = np.where(exists[run.samples], 1.0, 0.0) / problem.stack.deviation(problem.noise)
+            residual = problem.stack.residual(run)[run.samples] * white
+            columns = parameters.columns(problem.simulator, influence, x, self.weight) * white[..., None]
+            target = residual + columns @ x
+            good = np.isfinite(target).all(axis=1) & np.isfinite(columns).all(axis=(1, 2))
+            white, target, columns, samples = white[good], target[good], columns[good], run.samples[good]
+            for _ in range(4 if robust else 1):
+                data = _linear(target, columns, white, weights, problem.stack)
+                fit = _fitted(data, variances, noise, parameters.kinds, self.floors, self.least)
+                variances, noise = fit.variances, fit.noise
+                distances = _distances(target, columns, white, weights, fit, problem.stack)
+                if robust:
+                    weights = _weights(distances)
+            new = parameters.clipped(fit.mean)
+            step = new - x
+            x = new
+            if (np.abs(step) < SPREAD_SETTLED * np.sqrt(np.diagonal(fit.covariance)) + 1e-4).all():
+                break
+        full = np.full((len(exists), distances.shape[1]), np.nan)
+        full[samples] = distances
+        return x, fit, data, full
+
+    def outliers(self, distances: Array, fit: _Fit) -> list[Outlier]:
+        """Return what lies too far off: distances (N, groups), squared, in multiples of the noise."""
+        found = []
+        stack, noise = self.problem.stack, self.problem.noise
+        for index, group in enumerate(stack.groups()):
+            here = distances[:, index]
+            known = np.isfinite(here)
+            if not known.any():
+                continue
+            size = float(np.median(here[known])) / float(chi_squared.median(3))
+            far = known & (here > OUTLIER**2 * size)
+            if far.sum() > MOST_OUTLIERS * known.sum():
+                continue
+            unit = noise.of_unit(group.unit) * np.sqrt(fit.noise)
+            for sample in np.flatnonzero(far):
+                by = float(np.sqrt(here[sample]))
+                found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
+        return found
+
+
+def _groups_of(stack: Stack) -> list[slice]:
+    return [group.where for group in stack.groups()]
+
+
+def _linear(target: Array, columns: Array, white: Array, weights: Array | None, stack: Stack) -> _Linear:
+    scale = np.ones(target.shape)
+    if weights is not None:
+        for index, where in enumerate(_groups_of(stack)):
+            scale[:, where] = np.sqrt(weights[:, index])[:, None]
+    right = (target * scale).ravel()
+    matrix = (columns * scale[..., None]).reshape(len(right), -1)
+    count = float((scale**2 * (white > 0)).sum()) if weights is not None else float((white > 0).sum())
+    return _Linear(matrix.T @ matrix, matrix.T @ right, float(right @ right), int(count))
+
+
+def _distances(target: Array, columns: Array, white: Array, weights: Array | None, fit: _Fit, stack: Stack) -> Array:
+    """Return squared distances (n, groups) from what the others ask for, in multiples of the noise; NaN: not measured.
+
+    e^T (1 - H)^-1 e, with e what is left and H = J C J^T / sigma^2: what is left where a number has no part in the fit.
+    """
+    left = target - columns @ fit.mean
+    found = []
+    for index, where in enumerate(_groups_of(stack)):
+        part = columns[:, where]
+        reach = part @ fit.covariance @ part.mT / fit.noise
+        weight = np.ones(len(left)) if weights is None else weights[:, index]
+        rest = np.eye(reach.shape[1]) - weight[:, None, None] * reach
+        lone = np.linalg.solve(rest + 1e-9 * np.eye(len(rest[0])), left[:, where, None])[..., 0]
+        size = (left[:, where] * lone).sum(axis=1) / fit.noise
+        found.append(np.where((white[:, where] > 0).any(axis=1), size, np.nan))
+    return np.stack(found, axis=1)
+
+
+def _weights(distances: Array) -> Array:
+    """Return the weights of Student's t for squared distances of three numbers each."""
+    return np.nan_to_num((SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + distances), nan=1.0)
+
+
+def _less(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.ndarray:
+    """Return what was measured (N, K) without outliers."""
+    out = exists.copy()
+    where = {group.name: group.where for group in stack.groups()}
+    for item in outliers:
+        out[item.sample, where[item.channel]] = False
+    return out
+
+
+def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
+    """Return True where a few laws at single places explain as much as whole kinds do: then these are named."""
+    parameters = seen.parameters
+    floors, labels = seen.floors, np.full(len(parameters.kinds), "", object)
+    chosen: list[str] = []
+    now = _fitted(data, floors, fit.noise, labels, floors, seen.least)
+    most = float(chi_squared.isf(FALSE_ALARM, 1))
+    while now.cost - fit.cost > most:
+        if len(chosen) == MOST_TERMS:
+            return False
+        left = data.right - data.normal @ now.mean
+        inside = data.normal / now.noise
+        spread = inside - inside @ now.covariance @ inside
+        gains = {}
+        for name in np.unique(parameters.places):
+            here = parameters.places == name
+            if name not in chosen:
+                part = left[here] / now.noise
+                gains[name] = float(part @ np.linalg.lstsq(spread[np.ix_(here, here)], part, rcond=1e-9)[0])
+        best = max(gains, key=lambda name: gains[name])
+        chosen.append(best)
+        labels[parameters.places == best] = best
+        start = np.where(labels == "", floors, np.maximum(now.variances, 1.0))
+        now = _fitted(data, start, now.noise, labels, floors, seen.least)
+    return True
