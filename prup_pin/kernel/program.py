@@ -86,13 +86,23 @@ class Tape:
 
     def constant(self, value: float) -> Expression:
         """Return a constant exactly as it is."""
-        return self._known_or_new(Operation("constant", value=float(value)), np.full(self._samples, float(value)))
+        operation = Operation("constant", value=float(value))
+        if operation in self._known:
+            return Expression(self, self._known[operation])
+        return self._known_or_new(operation, np.full(self._samples, float(value)))
 
     def constants(self, values: Array) -> Array:
         """Return an object array of constants."""
         out = np.empty(values.shape, object)
         for index, value in np.ndenumerate(values):
             out[index] = self.constant(value)
+        return out
+
+    def expressed(self, values: Array) -> Array:
+        """Return an object array whose numbers have become constants."""
+        out = np.empty(values.shape, object)
+        for index, value in np.ndenumerate(values):
+            out[index] = value if isinstance(value, Expression) else self.constant(value)
         return out
 
     def apply(self, name: str, a: Expression, b: Expression | None = None) -> Expression:
@@ -350,9 +360,9 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
     pivots: list[Expression] = []
     inverses: dict[int, Any] = {}
     zero = _is_zero(a)
-    magnitude = _magnitudes(a, zero)
+    values = _sampled(a, zero)
     while rows:
-        row, column = _pivot(magnitude, zero, rows, columns)
+        row, column = _pivot(values, zero, rows, columns)
         order.append((row, column))
         pivots.append(a[row, column])
         rows.remove(row)
@@ -367,7 +377,7 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
                 if not zero[row, k]:
                     a[other, k] = a[other, k] - factor * a[row, k]
                     zero[other, k] = _vanishes(a[other, k])
-                    magnitude[:, other, k] = 0.0 if zero[other, k] else np.abs(a[other, k].values)
+                    values[:, other, k] = 0.0 if zero[other, k] else a[other, k].values
             for k in range(b.shape[1]):
                 if not _vanishes(b[row, k]):
                     b[other, k] = b[other, k] - factor * b[row, k]
@@ -383,12 +393,15 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
     return solution, pivots
 
 
-def _pivot(magnitude: Array, zero: NDArray[np.bool_], rows: list[int], columns: list[int]) -> tuple[int, int]:
+def _pivot(values: Array, zero: NDArray[np.bool_], rows: list[int], columns: list[int]) -> tuple[int, int]:
     """Return the pivot of the least fill among those that are large enough."""
     part = np.ix_(rows, columns)
-    sizes = magnitude[:, rows][:, :, columns]
+    signed = values[:, rows][:, :, columns]
+    sizes = np.abs(signed)
     rival = np.maximum(sizes.max(axis=2, keepdims=True), 1e-300)
-    good = (sizes >= _PIVOT * rival).all(axis=0) & ~zero[part]
+    # What has either sign is zero somewhere between the samples.
+    one_sign = (signed > 0.0).all(axis=0) | (signed < 0.0).all(axis=0)
+    good = (sizes >= _PIVOT * rival).all(axis=0) & one_sign & ~zero[part]
     if not good.any():
         share = np.where(zero[part], 0.0, (sizes / rival).min(axis=0))
         if not share.any():
@@ -410,12 +423,13 @@ def _is_zero(matrix: Array) -> NDArray[np.bool_]:
     return np.array([[_vanishes(value) for value in row] for row in matrix], bool).reshape(matrix.shape)
 
 
-def _magnitudes(matrix: Array, zero: NDArray[np.bool_]) -> Array:
+def _sampled(matrix: Array, zero: NDArray[np.bool_]) -> Array:
+    """Return a matrix at the sample poses, (S, m, n)."""
     samples = next(value for value in matrix.flat if isinstance(value, Expression)).tape._samples
     out = np.zeros((samples, *matrix.shape))
     for index, value in np.ndenumerate(matrix):
         if not zero[index]:
-            out.transpose(1, 2, 0)[index] = np.abs(value.values if isinstance(value, Expression) else float(value))
+            out.transpose(1, 2, 0)[index] = value.values if isinstance(value, Expression) else float(value)
     return out
 
 

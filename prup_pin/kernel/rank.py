@@ -18,6 +18,7 @@ __all__ = [
     "NEGLIGIBLE_ENERGY",
     "Rank",
     "equal_ranks",
+    "independent",
     "pseudo_inverse",
     "rank_of",
     "semidefinite_inverse",
@@ -69,6 +70,24 @@ def equal_ranks(matrix: Array, rows: Array, columns: Array, rank: int) -> tuple[
     inverse = (vt[..., :rank, :].mT / kept[..., None, :]) @ u[..., :rank].mT
     left, right = rows[:, None] * u[..., rank:], columns[:, None] * vt[..., rank:, :].mT
     return Rank(rank, left, right, columns[:, None] * inverse * rows), same
+
+
+def independent(matrix: Array) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Return as many rows and columns of a matrix (m, n) as it has rank, a square part that is far from singular.
+
+    Each row counts by its largest entry, whatever its unit.
+    """
+    left = matrix / np.maximum(np.abs(matrix).max(axis=1, keepdims=True, initial=0.0), np.finfo(float).tiny)
+    rows, columns = [], []
+    for _ in range(min(matrix.shape)):
+        row, column = divmod(int(np.abs(left).argmax()), matrix.shape[1])
+        if abs(left[row, column]) <= NEGLIGIBLE:
+            break
+        rows.append(row)
+        columns.append(column)
+        left = left - np.outer(left[:, column], left[row]) / left[row, column]
+        left[row], left[:, column] = 0.0, 0.0
+    return np.array(sorted(rows), int), np.array(sorted(columns), int)
 
 
 def pseudo_inverse(matrix: Array) -> Array:

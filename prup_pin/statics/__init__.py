@@ -2,10 +2,12 @@
 
 from .castigliano import Statics, invalid, problems_of, solve_statics
 from .compliance import Compliance, dimensionless, yielding_stiffness
+from .legs import Legs
 from .wrench_jacobians import StaticsLayout
 
 __all__ = [
     "Compliance",
+    "Legs",
     "Statics",
     "StaticsLayout",
     "dimensionless",

@@ -19,7 +19,7 @@ from ..modules import ModuleGeometry
 from ..spatial import Array, product
 from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
-__all__ = ["Statics", "invalid", "problems_of", "solve_statics"]
+__all__ = ["Statics", "compliances", "invalid", "problems_of", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
 
@@ -113,7 +113,7 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
     loads = None
     if load is not None and any(group.kind.nonlinear for group in layout.groups):
         loads = _loads_under(layout, geometries, [jacobian @ load for jacobian in jacobians], stress)
-    lambdas = _lambdas(layout, geometries, loads, pose.q.shape[:-1])
+    lambdas = compliances(layout, geometries, loads, pose.q.shape[:-1])
     if stress is not None:
         jacobians = _least_energy(jacobians, stress, lambdas)
     return Statics(layout, pose, frames, maps, geometries, jacobians, lambdas, stress)
@@ -129,7 +129,7 @@ def _loads_under(layout: StaticsLayout, geometries, loads: list[Array], stress) 
         return loads
     gradient = _gap(layout, geometries, loads, stress)
     for _ in range(_LOAD_ITERATIONS):
-        lambdas = _lambdas(layout, geometries, loads)
+        lambdas = compliances(layout, geometries, loads)
         hessian = np.zeros((len(gradient), len(gradient)))
         for unit, lam in zip(stress, lambdas, strict=True):
             hessian += (unit.mT @ lam @ unit).sum(axis=0)
@@ -163,7 +163,7 @@ def _gap(layout: StaticsLayout, geometries, loads, stress) -> Array:
     return total
 
 
-def _lambdas(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] = ()) -> tuple[Array, Array]:
+def compliances(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] = ()) -> tuple[Array, Array]:
     """Return the stacked module compliances, (n, 6, 6) and (m, 1, 1), at the modules' loads (None: at rest).
 
     Those that pose or load change have the leading axes `lead` of the poses.
@@ -181,16 +181,16 @@ def _lambdas(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] = (
     return stacks[0], stacks[1]
 
 
-def problems_of(statics: Statics) -> list[NDArray]:
+def problems_of(layout: StaticsLayout, geometries: list[ModuleGeometry]) -> list[NDArray]:
     """Return, by group of modules that a pose can put out of range, which of them are, (..., n)."""
-    found = (group.kind.problems(group.values, statics.geometries[index]) for index, group in statics.layout.varying)
+    found = (group.kind.problems(group.values, geometries[index]) for index, group in layout.varying)
     return [problems for problems in found if problems is not None]
 
 
 def invalid(statics: Statics) -> NDArray[np.bool_]:
     """Return at which of many poses the equation of a module does not hold, (...)."""
     bad = np.zeros(statics.pose.q.shape[:-1], bool)
-    for problems in problems_of(statics):
+    for problems in problems_of(statics.layout, statics.geometries):
         bad |= problems.any(axis=-1)
     return bad
 

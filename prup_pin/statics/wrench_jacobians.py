@@ -106,7 +106,10 @@ class StaticsLayout:
         self.load_rows = len(self.row_joints) - len(self.free)
         # What a row's joint carries: of loads on a joint's body, and of every closure force.
         self.row_support = mechanism.support[self.row_joints]
-        self.row_incidence = Closure(mechanism).incidence[self.row_joints]
+        closure = Closure(mechanism)
+        self.row_incidence = closure.incidence[self.row_joints]
+        #: The loop of each closure force.
+        self.closure_loops = closure.row_loop
         # The same of six loads on the body of each joint, and of every closure force: (nj, rows, 6 + c).
         loaded = np.repeat(self.row_support.T[..., None], 6, axis=-1)
         forces = np.broadcast_to(self.row_incidence, (len(loaded), *self.row_incidence.shape))

@@ -21,13 +21,10 @@ from ..statics import Compliance, Statics, StaticsLayout, solve_statics, yieldin
 from ..statics.vibration import vibration_modes
 from .indices import along, homogenised, principal_stiffnesses, softest
 
-__all__ = ["CORNERS", "QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
+__all__ = ["QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
 
-#: Which component turns about from one corner of the box of wrenches to the next, so that 32 are visited: one of each
-#: opposite pair (Gray's code). Norms are convex: they are largest at corners.
-_TURNED = [(step & -step).bit_length() for step in range(1, 32)]
-#: Those corners in units of the box's half sides, (32, 6).
-CORNERS = np.cumprod([np.ones(6), *(np.where(np.arange(6) == turned, -1.0, 1.0) for turned in _TURNED)], axis=0)
+#: Corners of a cube (3, 4), one of each opposite pair: norms are convex, they are largest at corners of the box.
+_HALF = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
 
 
 @dataclass(frozen=True)
@@ -121,16 +118,16 @@ class Solved:
     @cached_property
     def extremes(self) -> Array:
         """Largest translation and rotation over the corners of the box, (n, 2)."""
-        columns = 2.0 * self.asked.box * self.C
-        moved, signs = self.C @ self.asked.box, np.ones(6)
-        norms: list[list[Array]] = [[], []]
-        for turned in (None, *_TURNED):
-            if turned is not None:
-                signs[turned] *= -1
-                moved = moved + signs[turned] * columns[..., turned]
-            for norm, part in zip(norms, (moved[..., :3], moved[..., 3:]), strict=True):
-                norm.append((part * part).sum(axis=-1))
-        return np.sqrt(np.stack([largest(norm) for norm in norms], axis=-1))
+        most = []
+        columns = self.C * self.asked.box
+        for rows in (slice(0, 3), slice(3, 6)):
+            by_force, by_moment = (columns[..., rows, part] @ _HALF for part in (slice(0, 3), slice(3, 6)))
+            # |a + b|^2 and |a - b|^2 at once
+            squares = ((part * part).sum(axis=-2) for part in (by_force, by_moment))
+            forces, moments = squares
+            both = forces[..., :, None] + moments[..., None, :] + abs(2.0 * (by_force.mT @ by_moment))
+            most.append(largest(list(np.moveaxis(both.reshape(*both.shape[:-2], 16), -1, 0))))
+        return np.sqrt(np.stack(most, axis=-1))
 
     @property
     def direction(self) -> Array:
@@ -188,7 +185,7 @@ class Quantity:
     """`value` (n, *shape) of solved poses, in `unit`; `labels` name the entries along each axis.
 
     `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: needs K;
-    `wrench`, `direction`: needs that; `after`: follows from C or K alone, by what no straight line of operations does;
+    `wrench`, `direction`: needs that; `by_module`: needs what each module carries; `after`: follows from C or K alone, by what no straight line of operations does;
     `by_one`: is worked out pose by pose, which takes some hundred times as long.
     """
 
@@ -203,6 +200,7 @@ class Quantity:
     symmetric: bool = False
     wrench: bool = False
     direction: bool = False
+    by_module: bool = False
     after: str = ""
     by_one: bool = False
 
@@ -305,7 +303,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "shares", "1", "each module's share of the work: under `wrench`, else the mean over the box's corners",
-            lambda s: s.shares, (_modules,), box=True,
+            lambda s: s.shares, (_modules,), box=True, by_module=True,
         ),
         Quantity(
             "translational", "N/m", "principal stiffnesses against forces, moments free, ascending",

@@ -6,6 +6,7 @@ written so (redundant loops, modules whose equation asks which case holds) is to
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,18 +14,23 @@ from numpy.typing import NDArray
 
 from ..kernel import NEGLIGIBLE_ENERGY, Expression, Pipeline, Program, Tape, eliminated, least
 from ..kinematics import SURE, ClosedPose, ManyPoses, PassiveBalance
+from ..modules import ModuleGeometry
 from ..spatial import Array
-from ..statics import StaticsLayout, problems_of
+from ..statics import Legs, StaticsLayout, problems_of
 from .quantities import QUANTITIES, Asked, Quantity, Solved
 
 __all__ = ["Written", "written"]
 
 #: Sample poses, and how far joints are moved away from closed loops where Newton's steps are sampled [m, rad].
-_SAMPLES, _APART = 16, 0.03
+_SAMPLES, _APART = 64, 0.03
 #: Part of the ball about home from which samples are drawn, and joints' turns [rad] where there is none.
-_BALL, _TURN = 0.6, 3.0
+_BALL, _TURN = 0.9, 3.0
 #: A pivot this much smaller than at any sample is looked at again.
 _SMALL_PIVOT = 1e-3
+#: How exactly what is written agrees with arrays at the samples.
+_EXACT = 1e-12
+#: What rounding leaves of motions that a leg's other joints allow already [m, 1].
+_IDLE = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
 
@@ -49,37 +55,81 @@ class Written(NamedTuple):
 
 
 class _Solver:
-    """Stands in the place of an inverse matrix: solves instead of multiplying, and remembers the pivots."""
+    """Solves systems of expressions, and remembers the pivots."""
 
-    ndim = 0
-
-    def __init__(self, matrix: Array):
-        self._matrix = matrix
+    def __init__(self, tape: Tape):
+        self._tape = tape
         self.pivots: list[Expression] = []
 
-    def __matmul__(self, right: Array) -> Array:
-        solution, pivots = eliminated(self._matrix, right)
+    def __call__(self, matrix: Array, right: Array) -> Array:
+        """Return the solution (n, c) of a square matrix (n, n)."""
+        solution, pivots = eliminated(self._tape.expressed(matrix), self._tape.expressed(right))
         self.pivots += pivots
         return solution
 
 
+class _Inverse:
+    """Stands in the place of an inverse matrix: solves instead of multiplying."""
+
+    ndim = 0
+
+    def __init__(self, matrix: Array, solve: _Solver):
+        self._matrix, self._solve = matrix, solve
+
+    def __matmul__(self, right: Array) -> Array:
+        return self._solve(self._matrix, right)
+
+
 class _WrittenSolved(Solved):
-    """Statics as expressions."""
+    """Statics as expressions; by `legs` where the mechanism has such."""
+
+    def __init__(self, pose: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked, legs: Legs | None, solve):
+        super().__init__(pose, layout, scaling, asked)
+        self._legs, self._solve = legs, solve
+
+    @cached_property
+    def _side_by_side(self) -> tuple[Array, list[ModuleGeometry]]:
+        assert self._legs is not None
+        return self._legs.stiffness(self.poses, self._solve)
+
+    @cached_property
+    def _both(self) -> tuple[Array, Array, Expression]:
+        """C, K, and a bound of the square of their condition."""
+        if self._legs is None:
+            c = self.statics.compliance(self.deformations)
+            scaled = c * self.scaling
+            inverse, _ = eliminated(scaled, np.eye(6).astype(object))
+            k = inverse * self.scaling
+            k = (k + k.T) * 0.5
+        else:
+            k = self._side_by_side[0]
+            scaled = k * (1 / self.scaling)
+            inverse = self._solve(scaled, np.eye(6).astype(object))
+            c = inverse * (1 / self.scaling)
+            c = (c + c.T) * 0.5
+        return c, k, (inverse * inverse).sum() * (scaled * scaled).sum()
+
+    @property
+    def C(self) -> Array:  # noqa: N802
+        return self.statics.compliance(self.deformations) if self._legs is None else self._both[0]
 
     @property
     def K(self) -> Array:  # noqa: N802
-        k, self.condition = self._inverted
-        return k
+        return self._both[1]
 
-    @property
-    def _inverted(self) -> tuple[Array, Expression]:
-        if "_k" not in self.__dict__:
-            scaled = self.C * self.scaling
-            inverse, _ = eliminated(scaled, np.eye(6).astype(object))
-            k = inverse * self.scaling
-            bound = (inverse * inverse).sum() * (scaled * scaled).sum()
-            self.__dict__["_k"] = (k + k.T) * 0.5, bound
-        return self.__dict__["_k"]
+    def conditions(self, elastic: bool, stiff: bool) -> list[Any]:
+        """Return conditions that are 1 where C, or K too, is what has been written."""
+        found = []
+        if elastic:
+            geometries = self.statics.geometries if self._legs is None else self._side_by_side[1]
+            for problems in problems_of(self.layout, geometries):
+                found += [1.0 - flag for flag in problems.ravel() if isinstance(flag, Expression)]
+        if stiff or (elastic and self._legs is not None):
+            found.append(self._both[2] <= (0.1 / NEGLIGIBLE_ENERGY) ** 2)
+        if elastic and self._legs is not None:
+            idle = self._legs.idle(self.poses, self._solve)
+            found += [abs(left) <= _IDLE for left in idle if isinstance(left, Expression) and left.known is None]
+        return found
 
 
 def written(many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked) -> Written | None:
@@ -126,6 +176,11 @@ class _Writer:
             self.coordinates = generator.uniform(-size, size, (_SAMPLES, len(joints)))
             self.q = many.reach(self.coordinates).q
         self.apart = self.q + generator.uniform(-_APART, _APART, self.q.shape)
+
+    @cached_property
+    def legs(self) -> Legs | None:
+        """The mechanism's legs, where it consists of such."""
+        return Legs.of(self.layout, self.kinematics.pose_from_configuration(self.kinematics.home))
 
     def written(self) -> Written:
         final, names, widths = self._final(anywhere=False)
@@ -190,28 +245,39 @@ class _Writer:
         columns = closure[:, self.mechanism.free_dofs]
         if columns.shape[0] != columns.shape[1]:
             raise _NotWrittenError
-        solver = _Solver(columns.T)
+        solve = _Solver(tape)
         none = np.zeros((len(columns), 0))
-        balance = PassiveBalance(solver, none, none)  # type: ignore[arg-type]
+        balance = PassiveBalance(_Inverse(columns.T, solve), none, none)  # type: ignore[arg-type]
         pose = ClosedPose(self.mechanism, q, placements, jacobian, closure, gaps.wrenches, balance, gaps.gap, {})
-        solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked)
         asked = [QUANTITIES[name] for name in self.asked.quantities]
+        legs = None if any(item.by_module for item in asked) else self.legs
+        solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked, legs, solve)
         if any(item.by_one for item in asked):
             raise _NotWrittenError
         outputs: list[Any] = []
         computed, widths = self._computed(asked), []
+        by_arrays = Solved(many.poses(self.q)[0], self.layout, self.scaling, self.asked)
         for item in computed:
             entries = np.asarray(item.value(solved), object).ravel()
+            self._check(item, tape.expressed(entries), by_arrays)
             widths.append(len(entries))
             outputs += list(entries)
-        if any(item.elastic for item in asked):
-            for problems in problems_of(solved.statics):
-                conditions += [1.0 - flag for flag in problems.ravel() if isinstance(flag, Expression)]
-        if any(item.stiff for item in asked):
-            conditions.append(solved._inverted[1] <= (0.1 / NEGLIGIBLE_ENERGY) ** 2)
-        conditions += _conditions(solver.pivots)
+        elastic, stiff = any(item.elastic for item in asked), any(item.stiff for item in asked)
+        conditions += solved.conditions(elastic, stiff)
+        conditions += _conditions(solve.pivots)
         good = least([tape.constant(1.0), *conditions])
         return Program(tape, [*outputs, good]), tuple(item.name for item in computed), (*widths, 3)
+
+    def _check(self, item: Quantity, entries: Array, by_arrays: Solved) -> None:
+        """Raise _NotWrittenError where arrays say otherwise at the samples."""
+        ours = np.stack([entry.values for entry in entries], axis=-1)
+        theirs = item.value(by_arrays).reshape(ours.shape)
+        exact = np.full(len(ours), _EXACT)
+        if item.stiff:  # an inverse is as exact as C's condition lets it be
+            exact = np.maximum(exact, 1e-14 * np.linalg.cond(by_arrays.C * self.scaling))
+        good = np.abs(ours - theirs).max(axis=1) <= exact * np.abs(theirs).max(axis=1)
+        if not good.all():
+            raise _NotWrittenError
 
     def _computed(self, asked: list[Quantity]) -> list[Quantity]:
         """Return what is computed by the pipeline: K in the place of what follows from it."""
