@@ -1,8 +1,8 @@
 """Legs side by side: the stiffness of a robot whose legs each join the base to the platform.
 
-A leg passes on only what its free joints let it: wrenches G x, with as many x as it constrains motions. They strain it by
-B = sum (J G)^T Lambda (J G) over its modules, so that it answers a twist t of the platform with G B^-1 G^T t. All legs
-move with the platform: K = sum G B^-1 G^T, and C = K^-1, whether or not they constrain it more often than six times.
+A leg passes on only what its free joints let it: wrenches G x, with as many x as it constrains motions. They strain it
+by B = sum (J G)^T Lambda (J G) over its modules, so that it answers a twist t of the platform with G B^-1 G^T t. All
+legs move with the platform: K = sum G B^-1 G^T, and C = K^-1, also where they constrain it more often than six times.
 """
 
 from __future__ import annotations
@@ -27,12 +27,16 @@ Indices = NDArray[np.int_]
 Solver = Callable[[Array, Array], Array]
 
 
+def _solved(matrix: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, right), float)
+
+
 @dataclass(frozen=True)
 class _Leg:
-    """`modules` and `drives` are its modules' places among the loads of either kind, `free` its free joints' velocities.
+    """`modules`, `drives`: places of its modules among the loads of either kind; `free`: velocities of its free joints.
 
     `closures` are the rows of the loop that it passes, none where it belongs to the tree or is welded to the platform.
-    Of what its free joints ask of its wrench, `held` is independent; it settles `settled` components, not `chosen` ones.
+    Of what its free joints ask of its wrench, `held` is independent; that settles some components, `chosen` are free.
     """
 
     modules: Indices
@@ -83,9 +87,9 @@ class Legs:
             chosen = np.setdiff1d(np.arange(asked.shape[-1]), settled)
             ordered.append(replace(leg, held=held, settled=settled, chosen=chosen))
         found = cls(layout, ordered, found._points)
-        return found if all(map(_definite, found._side_by_side(home, np.linalg.solve)[1])) else None
+        return found if all(map(_definite, found._side_by_side(home, _solved)[1])) else None
 
-    def stiffness(self, pose: ClosedPose, solve: Solver = np.linalg.solve) -> tuple[Array, list[ModuleGeometry]]:
+    def stiffness(self, pose: ClosedPose, solve: Solver = _solved) -> tuple[Array, list[ModuleGeometry]]:
         """Return K (..., 6, 6) at the tool in base axes, and what the pose tells each group of modules.
 
         Of many poses, or of expressions, for which `solve` writes down what it does.
@@ -96,7 +100,7 @@ class Legs:
             stiffness = stiffness + g @ solve(b, g.mT)
         return (stiffness + stiffness.mT) * 0.5, geometries
 
-    def idle(self, pose: ClosedPose, solve: Solver = np.linalg.solve) -> Array:
+    def idle(self, pose: ClosedPose, solve: Solver = _solved) -> Array:
         """Return what is left of demands on the legs' wrenches that were met with others at home, (..., k) [m, 1].
 
         Zero as long as the joints that turn idly there do so here.
@@ -136,7 +140,7 @@ class Legs:
         return wrenches, yielding, geometries
 
     def _asked(self, pose: ClosedPose) -> list[tuple[Array, Array]]:
-        """Return of each leg what its free joints ask of its wrench, (..., f, c) y = 0, and its wrench, (..., 6, c) y."""
+        """Return of each leg what its free joints ask of its wrench, (..., f, c) y = 0, and that, (..., 6, c) y."""
         points = self._places(pose)
         jacobian = self._jacobian(pose, points)
         found = []
@@ -153,7 +157,7 @@ class Legs:
 
     @staticmethod
     def _left_over(leg: _Leg, asked: Array, solve: Solver) -> Array:
-        """Return a basis (..., c, n) of what the free joints leave of a wrench's components: each chosen one in turn."""
+        """Return a basis (..., c, n) of what the free joints leave of a wrench: each chosen component in turn."""
         count, chosen = asked.shape[-1], len(leg.chosen)
         basis = np.zeros((*asked.shape[:-2], count, chosen), asked.dtype)
         basis[..., leg.chosen, range(chosen)] = 1.0
@@ -174,7 +178,7 @@ class Legs:
 
 
 def _crossing(home: ClosedPose, free: Indices, joints: Indices) -> int:
-    """Return the joint of a leg through whose place most axes of its free joints go: they ask nothing of a force there."""
+    """Return a leg's joint through whose place most axes of its free joints go: they ask nothing of a force there."""
     twists = home.jacobian[:, free].T
     best, most = 0, -1
     for joint in joints.tolist():

@@ -185,8 +185,9 @@ class Quantity:
     """`value` (n, *shape) of solved poses, in `unit`; `labels` name the entries along each axis.
 
     `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: needs K;
-    `wrench`, `direction`: needs that; `by_module`: needs what each module carries; `after`: follows from C or K alone, by what no straight line of operations does;
-    `by_one`: is worked out pose by pose, which takes some hundred times as long.
+    `wrench`, `direction`: needs that; `by_module`: needs what each module carries; `after`: follows from C or K alone,
+    by what no straight line of operations does; `by_one`: is worked out pose by pose, which takes some hundred times as
+    long.
     """
 
     name: str
