@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import prup_pin
@@ -60,8 +61,13 @@ def files() -> list[Path]:
     return [path for path in sorted(ROOT.rglob("*.py")) if path.parent != ROOT or not path.name.startswith("__")]
 
 
-def imported(path: Path) -> Iterator[tuple[str, ...]]:
-    """Yield the dotted name of each module of the package that a file imports, as a tuple without the package."""
+@cache
+def imported(path: Path) -> tuple[tuple[str, ...], ...]:
+    """Return the dotted name of each module of the package that a file imports, as a tuple without the package."""
+    return tuple(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[tuple[str, ...]]:
     package = ("prup_pin", *path.relative_to(ROOT).parent.parts)
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom):

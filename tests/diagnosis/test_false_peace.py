@@ -55,14 +55,21 @@ def rigid():
     return prup_pin.load("ur5")
 
 
+@pytest.fixture(scope="module")
+def raised(sprung):
+    """(recording, diagnosis) of that arm when its tool rises and falls."""
+    recording = lifted(bench_of(sprung))
+    return recording, diagnose(sprung, recording)
+
+
 def the_unknown(diagnosis):
     assert diagnosis.verdict == "unexplained"
     (finding,) = (finding for finding in diagnosis.findings if finding.physics == "unknown")
     return finding
 
 
-def test_what_no_module_can_do_is_unknown_at_the_robot(sprung):
-    diagnosis = diagnose(sprung, lifted(bench_of(sprung)))
+def test_what_no_module_can_do_is_unknown_at_the_robot(raised):
+    _, diagnosis = raised
     assert diagnosis.after["fit"] > 20
     finding = the_unknown(diagnosis)
     assert (finding.location, finding.candidates, finding.curve) == ("robot", ("robot",), None)
@@ -157,10 +164,10 @@ def test_a_pose_where_no_load_is_known_compares_nothing(clean_bench):
     assert "no sample with a measured pose could be simulated" in the_unknown(diagnosis).statement
 
 
-def test_it_can_be_written_and_read(rigid, sprung, tmp_path):
-    cases = {"efforts": (rigid, without_pose(bench_of(rigid))), "lifted": (sprung, lifted(bench_of(sprung)))}
-    for name, (robot, recording) in cases.items():
-        diagnosis = diagnose(robot, recording)
+def test_it_can_be_written_and_read(rigid, sprung, raised, tmp_path):
+    efforts = without_pose(bench_of(rigid))
+    cases = {"efforts": (rigid, efforts, diagnose(rigid, efforts)), "lifted": (sprung, *raised)}
+    for name, (robot, recording, diagnosis) in cases.items():
         write_diagnosis(diagnosis, robot, recording, tmp_path / name, robot_name="ur5")
         document = json.loads((tmp_path / name / "diagnosis.json").read_text())
         assert document["verdict"] == "unexplained"

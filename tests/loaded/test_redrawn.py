@@ -66,9 +66,13 @@ CASES: dict[str, tuple[Machine, Drawing]] = {
             FIVE_BAR,
             Drawing({link: at(np.eye(3)["xyz".index(axis)] * angle)}),
         )
-        for joint, link in (("left elbow", "left_rod"), ("right elbow", "right_rod"), ("left motor", "left_arm"))
-        for axis in "xyz"
-        for angle in (0.3, 1.0, HALF, np.pi)
+        for joint, link, axes, angles in (
+            ("left elbow", "left_rod", "xyz", (0.3, HALF, np.pi)),
+            ("right elbow", "right_rod", "x", (1.0,)),
+            ("left motor", "left_arm", "y", (1.0,)),
+        )
+        for axis in axes
+        for angle in angles
     },
     **{
         f"five-bar, {name}": (FIVE_BAR, drawing)
@@ -162,12 +166,12 @@ def turned(matrix: np.ndarray, ground: np.ndarray) -> np.ndarray:
     return both.T @ matrix @ both if matrix.ndim == 2 else both.T @ matrix
 
 
-def answers(machine: Machine, drawing: Drawing, folder: Path, gravity: bool) -> dict[str, np.ndarray]:
+def answers(machine: Machine, drawing: Drawing, folder: Path) -> dict[str, np.ndarray]:
     folder.mkdir(exist_ok=True)
     robot, pose = drawn(machine, drawing, folder)
     there = drawing.ground
     wrench = turned(np.array(machine.wrench), there.T)
-    loaded = robot.equilibrium(pose, wrench, gravity=gravity)
+    loaded = robot.equilibrium(pose, wrench, gravity=True)
     names = {new: old for old, new in drawing.names.items()}
     found = {
         "rigid C": turned(robot.compliance(pose).C, there),
@@ -188,22 +192,21 @@ def agree(value: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:
 @pytest.fixture(scope="module")
 def as_drawn(tmp_path_factory):
     """The answers of the files as they are, computed once."""
-    known: dict[tuple[Path, bool], dict] = {}
+    known: dict[Path, dict] = {}
 
-    def get(machine: Machine, gravity: bool) -> dict:
-        key = machine.source, gravity
-        if key not in known:
-            known[key] = answers(machine, Drawing(), tmp_path_factory.mktemp("drawn"), gravity)
-        return known[key]
+    def get(machine: Machine) -> dict:
+        if machine.source not in known:
+            known[machine.source] = answers(machine, Drawing(), tmp_path_factory.mktemp("drawn"))
+        return known[machine.source]
 
     return get
 
 
 @CASE
-@pytest.mark.parametrize("gravity", [False, True], ids=["weightless", "weighing"])
-def test_answers_do_not_depend_on_the_drawing(tmp_path, as_drawn, machine, drawing, gravity):
-    expected = as_drawn(machine, gravity)
-    found = answers(machine, drawing, tmp_path / "robot", gravity)
+def test_answers_do_not_depend_on_the_drawing(tmp_path, as_drawn, machine, drawing):
+    """Under a load and its own weight: without the latter at rest, which is asked here too, and under small loads."""
+    expected = as_drawn(machine)
+    found = answers(machine, drawing, tmp_path / "robot")
     assert set(found) == set(expected)
     for name, value in found.items():
         assert agree(value, expected[name], 1e-8), name
@@ -229,8 +232,7 @@ def test_a_small_load_moves_the_tool_as_castigliano_says(tmp_path, machine, draw
         ("delta, arms", (30, -80, 20, 1, -2, 1.5)),
         ("delta, arms", (0, 0, 100, 0, 0, 0)),
         ("delta, standing turned", (30, -80, 20, 1, -2, 1.5)),
-        ("delta, standing turned", (0, 0, 100, 0, 0, 0)),
-        ("3prup, standing turned", (100, -50, 200, 10, 20, -15)),
+        pytest.param("3prup, standing turned", (100, -50, 200, 10, 20, -15), marks=pytest.mark.slow),
     ],
 )
 def test_where_it_gives_way_does_not_depend_on_the_drawing(tmp_path, name, wrench):
@@ -266,7 +268,7 @@ def rigid_directions(result) -> np.ndarray:
     return np.zeros((6, 0))
 
 
-@pytest.mark.parametrize("digits", [7, 9, 11, 13])
+@pytest.mark.parametrize("digits", [7, 10])
 @pytest.mark.parametrize(("machine", "drawing"), CROOKED.values(), ids=CROOKED)
 def test_seven_digits_of_a_drawing_are_enough(tmp_path, machine, drawing, digits):
     """Parallel axes are then parallel to 1e-7: redundant loops still close, and nothing is stiff that was free."""
