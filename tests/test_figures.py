@@ -106,8 +106,9 @@ def test_title_states_pose_load_and_scale(robot, compliance):
         assert f"{value:.3g} µm/N" in said
 
 
-@pytest.mark.parametrize("narrow", [False, True])
-@pytest.mark.parametrize("wrench", [None, WRENCH, [0, 0, 500, 0, 0, 0], [0, 0, 0, 20, 0, 0]])
+@pytest.mark.parametrize(
+    ("wrench", "narrow"), [(None, True), (WRENCH, False), ([0, 0, 500, 0, 0, 0], True), ([0, 0, 0, 20, 0, 0], False)]
+)
 def test_labels_do_not_overlap(robot, wrench, narrow):
     for pose in (robot.home, robot.pose(z=0.4, theta=0.436, phi=0.262), robot.pose(z=0.3, theta=-0.3, phi=0.2)):
         figure = pose_figure(robot, pose, robot.compliance(pose), wrench, narrow=narrow)
