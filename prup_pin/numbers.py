@@ -15,13 +15,20 @@ _NOTHING = 1e-15
 
 #: Units from coarse to fine, and how many of them one SI unit is.
 _LADDERS: dict[str, tuple[tuple[str, float], ...]] = {
-    "m": (("mm", 1e3), ("µm", 1e6), ("nm", 1e9)),
-    "rad": (("mrad", 1e3), ("µrad", 1e6), ("nrad", 1e9)),
+    "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6), ("nm", 1e9)),
+    "rad": (("rad", 1.0), ("mrad", 1e3), ("µrad", 1e6), ("nrad", 1e9)),
+    "s": (("s", 1.0), ("ms", 1e3)),
+    "m/m": (("mm/m", 1e3), ("µm/m", 1e6)),
+    "1/K": (("mm/(m K)", 1e3), ("µm/(m K)", 1e6)),
     "m/N": (("mm/N", 1e3), ("µm/N", 1e6), ("nm/N", 1e9)),
     "rad/(N m)": (("mrad/(N m)", 1e3), ("µrad/(N m)", 1e6), ("nrad/(N m)", 1e9)),
+    "N": (("MN", 1e-6), ("kN", 1e-3), ("N", 1.0)),
+    "N m": (("MN m", 1e-6), ("kN m", 1e-3), ("N m", 1.0)),
     "N/m": (("N/µm", 1e-6), ("N/mm", 1e-3), ("N/m", 1.0)),
     "N m/rad": (("N m/mrad", 1e-3), ("N m/rad", 1.0)),
 }
+#: Thousands of newtons are told in kN from here on [kN].
+_LEAST = {"kN": 10.0, "kN m": 10.0, "MN": 10.0, "MN m": 10.0}
 
 
 def number(value: SupportsFloat, digits: int = 4, signed: bool = False) -> str:
@@ -64,17 +71,17 @@ def fixed(values: Iterable[float], digits: int = 4) -> list[str]:
 
 def readable_unit(largest: float, unit: str) -> tuple[str, float]:
     """Return the coarsest unit in which an SI value is at least one, and how many of them one SI unit is."""
-    ladder = _LADDERS.get(unit, ((unit, 1.0),))
+    ladder = _LADDERS.get(unit, (("" if unit == "1" else unit, 1.0),))
     size = abs(float(largest))
     if not _NOTHING < size < math.inf:
-        return ladder[0]
-    return next((step for step in ladder if round(size * step[1], 9) >= 1), ladder[-1])
+        return ladder[1] if unit in ("m", "rad") else ladder[-1]
+    return next((step for step in ladder if round(size * step[1], 9) >= _LEAST.get(step[0], 1.0)), ladder[-1])
 
 
 def quantity(value: float, unit: str, digits: int = 3, signed: bool = False) -> str:
-    """Return '0.32 µm' as '320 nm': an SI value in the unit that needs no leading zeros; rounding is zero."""
+    """Return '320 nm' of 3.2e-7 and 'm': an SI value in the unit that needs no leading zeros; rounding is zero."""
     name, factor = readable_unit(value, unit)
-    if unit in _LADDERS and abs(value) < _NOTHING:
+    if unit in ("m", "rad") and abs(value) < _NOTHING:
         value = 0.0
     text = number(value * factor, digits, signed)
-    return text if math.isinf(value) or not name or name == "1" else f"{text} {name}"
+    return text if math.isinf(value) or not name else f"{text} {name}"

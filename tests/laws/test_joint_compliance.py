@@ -87,4 +87,4 @@ def test_stands_where_the_robot_file_says_nothing():
 def test_says_how_stiff_that_is():
     mechanism = prup_pin.load("ur5").mechanism
     effect = yields(mechanism, "elbow_joint", "about", 1e-4)
-    assert "1e+04 N m/rad" in effect.statement(mechanism)
+    assert "10000 N m/rad" in effect.statement(mechanism)

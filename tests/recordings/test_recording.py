@@ -183,8 +183,8 @@ def test_nothing_suspicious():
             },
             "position_noise is declared as 2 m, but the whole recording varies by",
         ),
-        (lambda r: {"noise": Noise(rotation=1e-8)}, "rotation_noise is declared as 1e-08 rad, but samples at the same"),
-        (lambda r: {"noise": Noise(force=1000)}, "force_noise is declared as 1e+03 N"),
+        (lambda r: {"noise": Noise(rotation=1e-8)}, "rotation_noise is declared as 1e-8 rad, but samples at the same"),
+        (lambda r: {"noise": Noise(force=1000)}, "force_noise is declared as 1000 N"),
         (lambda r: {"noise": Noise(effort=1e-4, force=0.01, moment=0.001)}, "effort_noise is declared as 0.0001"),
     ],
 )

@@ -12,12 +12,13 @@ from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.recovered import Agreement, Recovered, Residuals
 from ...kinematics import ClosedPose
 from ...modules import DriveModule
+from ...numbers import readable_unit
 from ...robot import Robot
 from ...spatial import Array
 from ..scene.camera import camera_of
 from ..scene.colours import FOUND
 from ..scene.skeleton import Skeleton, skeleton
-from ..text.diagnosis_words import finding_text, scaled
+from ..text.diagnosis_words import finding_text
 from .drawing import AXES, INK, Drawing, Labels, Layout
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
 from .plotting import Figure, FigureCanvasAgg, plain_words
@@ -222,8 +223,8 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
     reach = np.abs(response.curve) + 2 * response.band
     if response.law is not None:
         reach = np.concatenate((reach, np.abs(response.law)))
-    x_factor, x_unit = scaled(float(np.abs(response.x).max(initial=0.0)), response.x_unit)
-    y_factor, y_unit = scaled(float(reach.max(initial=0.0)), response.y_unit)
+    x_unit, x_factor = readable_unit(float(np.abs(response.x).max(initial=0.0)), response.x_unit)
+    y_unit, y_factor = readable_unit(float(reach.max(initial=0.0)), response.y_unit)
     x, y, knots = x_factor * response.x, y_factor * response.y, x_factor * response.knots
     curve, band = y_factor * response.curve, y_factor * response.band
     axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
@@ -273,7 +274,7 @@ def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Fi
         axes = figure.add_axes(below if narrow else (0.1 + 0.47 * index, 0.13, 0.38, 0.73))
         asked, law = response.asked[:, block], response.law[:, block]
         largest = float(np.abs(law).max(initial=0.0)) or float(np.abs(asked).max(initial=0.0))
-        factor, unit = scaled(largest, si)
+        unit, factor = readable_unit(largest, si)
         reach = 1.08 * factor * largest
         noise = 2 * factor * response.noise.of_unit(si)
         line = np.array([-reach, reach])
@@ -321,7 +322,7 @@ def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
         axes = figure.add_axes((left, bottom, 0.98 - left, (each - 0.18) / height))
         noise = diagnosis.noise.of_unit(si)
         before, after = diagnosis.residual_before[:, channel], diagnosis.residual_after[:, channel]
-        factor, unit = scaled(float(np.quantile(np.abs(before), 0.98)), si)
+        unit, factor = readable_unit(float(np.quantile(np.abs(before), 0.98)), si)
         if len(parts) > 1:
             for part, edge in zip(parts, edges, strict=True):
                 own, ends = 2 * factor * part.noise.of_unit(si), (edge - 0.5, samples[part.used[-1]] + 0.5)

@@ -6,9 +6,9 @@ import numpy as np
 
 from ...diagnosis import Finding
 from ...diagnosis.efforts import EffortCurve, EffortDiagnosis
-from ...numbers import number
+from ...numbers import number, readable_unit
 from ..scene.colours import FOUND
-from ..text.diagnosis_words import finding_text, scaled
+from ..text.diagnosis_words import finding_text
 from .plotting import Figure, FigureCanvasAgg, plain_words
 
 __all__ = ["effort_curve_figure", "effort_figure"]
@@ -114,7 +114,7 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
     figure = Figure(figsize=(5.2, 4.2) if narrow else (9.5, 4.2), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.15, 0.14, 0.81, 0.73) if narrow else (0.1, 0.14, 0.87, 0.73))
-    factor, unit = scaled(float(np.abs(curve.x).max(initial=0.0)), curve.x_unit)
+    unit, factor = readable_unit(float(np.abs(curve.x).max(initial=0.0)), curve.x_unit)
     x = factor * curve.x
     axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
     if x.min() < 0 < x.max():

@@ -12,7 +12,7 @@ from ...diagnosis.calibration import Calibration
 from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
-from .terminal import heading, listed, make_table, paragraph, print_table
+from .terminal import heading, lines_of, listed, make_table, paragraph, print_table
 
 __all__ = ["print_calibration"]
 
@@ -24,7 +24,8 @@ _UNSEEN = 0.01
 
 def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording], found: Calibration) -> None:
     """Print before and after, what was learned, what these data tell only together and what they never saw."""
-    out.print(Text(_verdict(found), style="bold"))
+    for line in lines_of(_verdict(found), out.width):
+        out.print(Text(line, style="bold"), soft_wrap=True)
     out.print()
     listed(out, "robot", [robot.name])
     for recording in recordings:

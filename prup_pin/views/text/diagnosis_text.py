@@ -22,7 +22,7 @@ from .diagnosis_words import (
     recording_rows,
     verdict_text,
 )
-from .terminal import heading, listed, make_table, paragraph, print_table
+from .terminal import heading, lines_of, listed, make_table, paragraph, print_table
 
 __all__ = ["print_diagnosis"]
 
@@ -68,12 +68,12 @@ def print_diagnosis(
 
 def _verdict(out: Console, text: str) -> None:
     """Print a bold paragraph at the margin."""
-    for line in Text(text, style="bold").wrap(out, out.width):
-        out.print(line)
+    for line in lines_of(text, out.width):
+        out.print(Text(line, style="bold"), soft_wrap=True)
 
 
 def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
-    out.print(Text(f"  {index}  {finding_text(finding)}: {gain_text(finding)}"), soft_wrap=True)
+    paragraph(out, f"{finding_text(finding)}: {gain_text(finding)}", f"{index}  ")
     paragraph(out, finding.statement, "   ")
     for name, value, interval in parameter_texts(finding.parameters):
         paragraph(out, f"{name} {value} (95 %: {interval})", "   ")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
-from ...numbers import number
+from ...numbers import number, quantity, readable_unit
 
 __all__ = [
     "alternative_text",
@@ -20,33 +20,11 @@ __all__ = [
     "parameter_texts",
     "places_text",
     "recording_rows",
-    "scaled",
     "verdict_text",
 ]
 
-#: Smaller units of SI ones, the smallest first.
-_SMALLER = {
-    "m": ((1e6, "µm"), (1e3, "mm")),
-    "rad": ((1e6, "µrad"), (1e3, "mrad")),
-    "m/m": ((1e6, "µm/m"),),
-    "s": ((1e3, "ms"),),
-    "1/K": ((1e6, "µm/(m K)"),),
-    "1": (),
-}
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
-_LARGER = {"N/m": (1e-6, "N/µm"), "N m/rad": (1e-3, "N m/mrad")}
-
-
-def scaled(largest: float, unit: str) -> tuple[float, str]:
-    """Return factor and unit in which a value reads well: (1e6, 'µm') of 3e-5 and 'm'."""
-    size = abs(largest)
-    if unit in _LARGER and size >= 1 / _LARGER[unit][0]:
-        return _LARGER[unit]
-    for factor, name in _SMALLER.get(unit, ()):
-        if 0 < size * factor < 1000:
-            return factor, name
-    return 1.0, "" if unit == "1" else unit
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
@@ -104,7 +82,7 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
     """Return (name, value with unit, 95 % interval) of fitted parameters."""
     rows = []
     for name, fitted in parameters.items():
-        factor, unit = scaled(fitted.value, fitted.unit)
+        unit, factor = readable_unit(fitted.value, fitted.unit)
         low, high = sorted(fitted.interval)
         value = f"{number(factor * fitted.value, 4)} {unit}".strip()
         rows.append((name.replace("_", " "), value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
@@ -165,8 +143,7 @@ def noise_text(diagnosis: Diagnosis) -> list[str]:
     for name, unit in items:
         value = getattr(noise, name)
         if value:
-            factor, shown = scaled(value, unit)
-            texts.append(f"{name} {number(factor * value, 3)} {shown}")
+            texts.append(f"{name} {quantity(value, unit)}")
     return [*texts, noise.source]
 
 
@@ -210,7 +187,7 @@ def _needed(parameter: str, unit: str, items: Sequence[Detectable]) -> str:
         return "never visible in this test"
     if not items[0].below:
         sizes = [size for size in sizes if size <= _ABSURD]
-    factor, shown = scaled(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
+    shown, factor = readable_unit(math.sqrt(sizes[0] * sizes[-1]) if sizes[0] > 0 else sizes[-1], unit)
     ends = [number(factor * size, 2) for size in (sizes[0], sizes[-1])]
     amount = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
     which = ", by place" if ends[0] != ends[1] else ""
