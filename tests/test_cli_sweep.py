@@ -85,7 +85,7 @@ def test_what_can_be_asked_is_listed(run):
         (["--over", "theta=0..1:3", "--draws", "4"], "without ':3'"),
         (["--over", "theta=0..30:3"], "30deg"),
         (["--over", "z=300"], "z=300mm"),
-        ([*GRID], "--force 300 --moment 100"),
+        ([*GRID, "--quantities", "extremes"], "--force 300 --moment 100"),
         ([*GRID, "--quantities", "D"], "no quantity named 'D'"),
         ([*GRID, *BOX, "--out", "nowhere/s.parquet"], "no folder"),
         ([*GRID, "--quantities", "buckling_margin"], "--wrench"),

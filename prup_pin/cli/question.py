@@ -17,6 +17,7 @@ from ..spatial import Array, as_wrench
 from ..statics import Compliance
 from ..views.text.joints import coordinate_dimensions, dimension
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list
+from ..views.text.tables import some
 from .options import Reading, RobotName, SetParameters, changes_of
 
 __all__ = ["Case", "Question", "limits_as_notes"]
@@ -85,7 +86,7 @@ class Question:
                 robot.mechanism.frame(frame)
             pose, source, kept = _pose(robot, self.at, self.actuators)
         if kept:
-            notes.append(f"not given, so at home: {', '.join(kept)}")
+            notes.append(f"not given, so at home: {', '.join(some(kept))}")
         return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
 
 
@@ -136,7 +137,9 @@ def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPo
                 f"--at: {name}={value:g} would be {value:g} {hint[1]}; write {name}={value:g}{hint[2]}, "
                 f"or {name}={value:g}{hint[1]} if it is meant"
             )
-    return robot.pose(**wanted), "task coordinates", [name for name in dimensions if name not in wanted]
+    idle = {str(robot.mechanism.model.names[joint]) for joint in robot.mechanism.load_paths.idle}
+    kept = [name for name in dimensions if name not in wanted and name not in idle]
+    return robot.pose(**wanted), "task coordinates", kept
 
 
 def _has_unit(at: str, name: str) -> bool:

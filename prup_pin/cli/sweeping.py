@@ -46,8 +46,14 @@ def sweep(
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of --draws: the same seed draws the same poses.")] = 0,
     quantities: Annotated[
-        str, typer.Option(metavar="C,K,extremes,…", help="What is wanted of each pose; list: --quantities help.")
-    ] = "extremes,translational,homogenised_ksi",
+        str | None,
+        typer.Option(
+            metavar="C,K,extremes,…",
+            help="What is wanted of each pose; list: --quantities help. Default: translational,homogenised_ksi, and "
+            "extremes where --force or --moment is given.",
+            show_default=False,
+        ),
+    ] = None,
     force: Annotated[
         str | None, typer.Option(metavar="300", help="Half the side of the box of wrenches, forces.")
     ] = None,
@@ -80,6 +86,9 @@ def sweep(
     reading: Reading,
 ) -> None:
     """Stiffness over the workspace: grids or draws of poses, indices, extremes over a box of loads."""
+    if quantities is None:
+        boxed = force is not None or moment is not None
+        quantities = f"{'extremes,' if boxed else ''}translational,homogenised_ksi"
     names = [name.strip() for name in quantities.split(",") if name.strip()]
     if names == ["help"]:
         _print_quantities()

@@ -231,7 +231,10 @@ def _text(content: bytes, problems: Problems, first: int) -> bytes:
     elif content.startswith((b"\xff\xfe", b"\xfe\xff")):
         whole = "is UTF-16 text; save it as UTF-8"
     elif start in (b"{", b"["):
-        whole = f"looks like JSON; expected {_EXPECTED}, and the JSON file beside it"
+        whole = (
+            f"looks like JSON; expected {_EXPECTED}, and the JSON file beside it. A test plan is carried out by "
+            "prup-pin simulate --plan"
+        )
     elif start == b"<":
         whole = f"looks like XML or HTML; expected {_EXPECTED}"
     elif b"\0" in content[:4096].partition(b"\n")[0]:

@@ -25,6 +25,7 @@ from .tables import (
     percent_text,
     rigid_texts,
     sag_cells,
+    some,
     stiffness_table,
     why_rigid,
     yielding_table,
@@ -39,7 +40,7 @@ _BAR = 20
 _BARRED = 80
 #: Shares below this are told in one line where there are more of them than so many.
 _SMALL_SHARE = 5e-5
-_SMALL_ROWS = 3
+_SMALL_ROWS, _SMALL_NAMES = 3, 20
 
 
 def print_answer(
@@ -79,7 +80,12 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
     if pose.coordinates and robot.mechanism.tasks:
         listed(out, "task", pose_text(robot, pose.coordinates))
     if pose.actuators:
-        listed(out, "actuators", pose_text(robot, pose.actuators))
+        beside = {str(robot.mechanism.model.names[joint]) for joint in robot.mechanism.load_paths.idle}
+        on_the_way = {name: value for name, value in pose.actuators.items() if name not in beside}
+        listed(out, "actuators", pose_text(robot, on_the_way))
+        if len(on_the_way) < len(pose.actuators):
+            count = len(pose.actuators) - len(on_the_way)
+            listed(out, "", [f"{' ' * 12}{count} more beside the way from tool to base, which carry nothing"])
     at = (f"{axis} {position_text(value)}" for axis, value in zip("xyz", pose.base_from_tool[:3, 3], strict=True))
     listed(out, "tool", [f"'{answer.tool}' at {' '.join(at)} mm"])
 
@@ -139,7 +145,9 @@ def _print_shares(out: Console, answer: Answer) -> None:
     )
     shares = answer.shares
     names = ranked(shares)
+    joints = {module.name: module.joint for module in answer.mechanism.modules}
     small = [name for name in names if abs(shares[name]) < _SMALL_SHARE]
+    carried = [name for name in small if joints[name] not in answer.mechanism.load_paths.idle]
     names = [name for name in names if name not in small] if len(small) > _SMALL_ROWS else names
     largest = max(shares.values())
     amounts = fixed([answer.contributions[name] * factor for name in names])
@@ -152,8 +160,8 @@ def _print_shares(out: Console, answer: Answer) -> None:
         if fits(out, table):
             break
     print_table(out, table)
-    if len(small) > _SMALL_ROWS:
-        listed(out, "below 0.01", small, ", ")
+    if len(small) > _SMALL_ROWS and carried:
+        listed(out, "below 0.01", some(carried, _SMALL_NAMES), ", ")
     compliance = answer.compliance
     if compliance.legs:
         legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]

@@ -14,7 +14,7 @@ from ...mechanism.second_reader import second_opinion
 from ...numbers import number
 from ...robot import Robot
 from ...statics import Compliance
-from .tables import mobility_text, redundancy_text
+from .tables import mobility_text, redundancy_text, some
 from .terminal import heading, in_options, listed, paragraph
 
 __all__ = ["print_check", "print_remarks", "robot_remarks"]
@@ -50,7 +50,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     yield from _tool_of_a_walker(robot)
     idle = [str(mechanism.model.names[joint]) for joint in sorted(mechanism.load_paths.idle)]
     if idle:
-        yield f"joints beside the way from tool to base, which carry nothing: {', '.join(idle)}"
+        yield f"joints beside the way from tool to base, which carry nothing: {', '.join(some(idle))}"
     if not mechanism.modules:
         yield "no module is compliant: everything is rigid"
         return
@@ -101,9 +101,9 @@ def print_check(out: Console, robot: Robot) -> None:
         out,
         "holds",
         [
-            f"{len(mechanism.joints)} joints, {len(mechanism.actuated)} actuated",
-            f"{len(mechanism.loops)} loops",
-            f"{len(mechanism.modules)} compliant modules",
+            f"{_count(len(mechanism.joints), 'joint')}, {len(mechanism.actuated)} actuated",
+            _count(len(mechanism.loops), "loop"),
+            _count(len(mechanism.modules), "compliant module"),
         ],
         ", ",
     )
@@ -112,10 +112,15 @@ def print_check(out: Console, robot: Robot) -> None:
     try:
         found = robot.mobility(robot.home)
         listed(out, "freedom", [mobility_text(mechanism, found)])
-        listed(out, "redundant", [redundancy_text(found)])
+        if found.closures:
+            listed(out, "redundant", [redundancy_text(found)])
     except PrupPinError:
         pass  # among the remarks
     print_remarks(out, list(robot_remarks(robot)), list(robot.assumptions))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
 
 
 def print_remarks(out: Console, remarks: list[str], assumed: list[str]) -> None:

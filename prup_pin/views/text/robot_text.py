@@ -190,14 +190,17 @@ def print_robots(out: Console) -> None:
         table.add_row(name, path.name, ", ".join(f"{name}_{variant}" for variant in read(path).variants) or "-")
     print_table(out, table)
     examples = robots.example_folder()
-    heading(out, "From example-robot-data", "which describes no compliance: add --joint-stiffness")
+    heading(out, "From example-robot-data,", "which describes no compliance: add --joint-stiffness")
     if examples is None:
         paragraph(out, "not installed: pip install 'prup_pin[robots]'")
-    table = make_table(("name", "left"), ("file", "left"), ("here", "left"), ("tool", "left"))
+    # a column says which are here only where some are not
+    missing = examples is None or not all((examples / file).is_file() for file in robots.example_files().values())
+    here = [("here", "left")] if missing else []
+    table = make_table(("name", "left"), ("file", "left"), *here, ("tool", "left"))
     for name, file in robots.example_files().items():
         present = examples is not None and (examples / file).is_file()
         known = "known" if name in robots.EXAMPLE_TOOLS else "--tool"
-        table.add_row(name, file.rpartition("/")[2], "yes" if present else "no", known)
+        table.add_row(name, file.rpartition("/")[2], *(["yes" if present else "no"] if missing else []), known)
     print_table(out, table)
     out.print()
     paragraph(out, "A path to a URDF or MJCF file works wherever a name does.")

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...numbers import number
+from ...numbers import fixed, number, readable_unit
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .terminal import heading, listed, make_table, paragraph, print_table
 
@@ -16,8 +16,6 @@ __all__ = ["print_sweep"]
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
-#: Units of entries whose name tells them.
-_ENTRY_UNITS = {"translation": ("mm", 1e3), "rotation": ("°", 180 / np.pi), "d": ("mm", 1e3), "r": ("°", 180 / np.pi)}
 
 
 def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str, str]) -> None:
@@ -52,13 +50,13 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
             continue
         values = found[name][ok]
         for place, label in enumerate(labels[0] if labels else [""]):
-            unit, factor = _unit(name, label)
-            column = (values[:, place] if labels else values) * factor
+            column = values[:, place] if labels else values
             finite = column[np.isfinite(column)]
             if not len(finite):
                 continue
+            unit, factor = _unit(name, label, float(np.abs(finite).max()))
             shown = (finite.min(), finite.mean(), np.percentile(finite, 95), finite.max())
-            table.add_row(f"{name} {label}".strip(), *(number(float(value), 4) for value in shown), unit)
+            table.add_row(f"{name} {label}".strip(), *fixed(factor * value for value in shown), unit)
             rows += 1
     if rows:
         heading(out, "Over the poses that answered")
@@ -67,12 +65,14 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
         listed(out, "besides", matrices, ", ")
 
 
-def _unit(name: str, label: str) -> tuple[str, float]:
-    """Return the unit in which an entry is shown, and its factor."""
+def _unit(name: str, label: str, largest: float) -> tuple[str, float]:
+    """Return the unit in which an entry is shown, and its factor; rotations are told in degrees, as poses are."""
     unit = QUANTITIES[name].unit
     if unit == "m, rad" and name not in ("q", "joints", "actuators"):
-        return _ENTRY_UNITS.get(label) or _ENTRY_UNITS[label[0]]
-    return unit, 1.0
+        if label.startswith("r"):
+            return "°", 180 / np.pi
+        unit = "m"
+    return readable_unit(largest, unit)
 
 
 def axis_text(name: str, values: Sequence[float]) -> str:

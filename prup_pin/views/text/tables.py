@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ __all__ = [
     "redundancy_text",
     "rigid_texts",
     "sag_cells",
+    "some",
     "stiffness_table",
     "why_rigid",
     "yielding_table",
@@ -84,9 +85,10 @@ _TURNS = (("mrad", 1e3), ("µrad", 1e6), ("nrad", 1e9))
 
 
 def _per(block: Array, units: tuple[tuple[str, float], ...]) -> tuple[str, float]:
-    """Return the coarsest unit of displacement of which one takes less than 10 000 N (N m)."""
-    largest = float(np.abs(block).max(initial=0.0))
-    return next((unit for unit in units if largest / unit[1] < 1e4), units[-1])
+    """Return the coarsest unit of displacement of which one takes less than 10 000 N (N m) along the softest axis."""
+    sizes = np.abs(np.diagonal(block))
+    softest = float(sizes[sizes > 1e-9 * sizes.max()].min(initial=np.inf)) if sizes.max() > 0 else 0.0
+    return next((unit for unit in units if softest / unit[1] < 1e4), units[-1])
 
 
 def compliance_table(answer: Answer) -> MatrixTable:
@@ -217,6 +219,11 @@ def percent_text(share: float | None) -> str:
     return "<0.01" if 0 < percent < 0.005 else f"{percent:.2f}"
 
 
+def some(names: Sequence[str], most: int = 8) -> list[str]:
+    """Return names, and how many more there are beyond the first of them."""
+    return list(names) if len(names) <= most + 1 else [*names[:most], f"and {len(names) - most} more"]
+
+
 def assumptions(robot: Robot, answer: Answer) -> list[str]:
     """Return what the answer takes for granted, never nothing."""
     notes = list(robot.assumptions)
@@ -228,7 +235,9 @@ def assumptions(robot: Robot, answer: Answer) -> list[str]:
 
 
 def mobility_text(mechanism: Mechanism, found: Mobility) -> str:
-    """Return '3 degrees of freedom = …'."""
+    """Return '3 degrees of freedom = …'; a tree's are its joints'."""
+    if not found.closures:
+        return f"{found.mobility} degrees of freedom, {len(mechanism.actuated_dofs)} actuated"
     return (
         f"{found.mobility} degrees of freedom = {found.velocities} joint velocities - rank {found.rank} of "
         f"{found.closures} closures; {len(mechanism.actuated_dofs)} actuated"
@@ -242,8 +251,10 @@ def redundancy_text(found: Mobility) -> str:
 
 
 def module_parameters(robot: Robot, module: Module) -> list[Parameter]:
-    """Return the parameters of a module in the order of its kind."""
-    return [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
+    """Return the parameters of a module in the order of its kind; a joint says which of two units is meant."""
+    along = {"m": "N/m", "rad": "N m/rad"}.get(robot.mechanism.joint(module.joint).unit or "")
+    found = [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
+    return [replace(parameter, unit=along) if along and " or " in parameter.unit else parameter for parameter in found]
 
 
 def given_parameters(parameters: Sequence[Parameter]) -> list[Parameter]:
