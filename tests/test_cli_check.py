@@ -1,5 +1,7 @@
 """`prup-pin check`: what a reviewer would say; robots by name; what is taken for granted is said."""
 
+from pathlib import Path
+
 import pytest
 from typer.testing import CliRunner
 
@@ -38,6 +40,21 @@ def test_parts_that_carry_nothing_and_redundancy_are_named(run, tmp_path):
     assert "modules that carry nothing at home, whatever acts on the tool: panda_finger_joint1" in text
     assert "joints beside the way from tool to base, which carry nothing: panda_finger_joint1" in text
     assert "K does not exist at home: nothing yields under 5 of 6 loads" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('value="0.02" unit="m"', 'value="20" unit="m"', "beam 'left/arm' is thicker (20 m) than long (250 mm)"),
+        ('value="206000000000"', 'value="206"', "beam 'left/arm': youngs_modulus 206 Pa: is it in GPa?"),
+        ('name="y" component="y"', 'name="z" component="z"', "cannot be changed alone, beginning at home: z"),
+    ],
+)
+def test_numbers_in_other_units_and_coordinates_that_nothing_moves_are_doubted(run, tmp_path, old, new, words):
+    text = (Path(__file__).parents[1] / "examples" / "five_bar.urdf").read_text()
+    assert old in text
+    (tmp_path / "robot.urdf").write_text(text.replace(old, new, 1))
+    assert words in told(run("check", tmp_path / "robot.urdf"))
 
 
 def test_without_a_tool_nothing_can_be_loaded(run):

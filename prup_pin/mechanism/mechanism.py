@@ -405,10 +405,14 @@ class Mechanism:
         for joint in paths.between(module.joint, root.joint, tip.joint):
             if joint in passive and self._bends(joint, root, tip):
                 return f"spans the passive joint '{names[joint]}', which bends it: a beam ends where a joint turns"
+            if joint not in passive and self._bends(joint, root, tip, across=True):
+                return f"spans joint '{names[joint]}', which turns one end away: a beam ends where a joint turns"
         return ""
 
-    def _bends(self, joint: int, root: Frame, tip: Frame) -> bool:
-        """Return True where a joint's motion takes a beam's root off its axis, or changes its length."""
+    def _bends(self, joint: int, root: Frame, tip: Frame, across: bool = False) -> bool:
+        """Return True where a joint's motion takes a beam's root off its axis, or, if not asked `across` alone,
+        changes its length: that of a rod which a drive pushes out does.
+        """
         data, spans = self.model.createData(), []
         home = self.home_configuration()
         for step in (0.0, _SMALL_MOTION):
@@ -418,7 +422,10 @@ class Mechanism:
             ends = [data.oMi[frame.joint].homogeneous @ frame.placement for frame in (root, tip)]
             spans.append(ends[1][:3, :3].T @ (ends[0][:3, 3] - ends[1][:3, 3]))
         length = max(float(np.linalg.norm(spans[0])), 1e-9)
-        return float(np.linalg.norm(spans[1] - spans[0])) > 1e-3 * _SMALL_MOTION * length
+        moved = spans[1] - spans[0]
+        if across:
+            moved = np.cross(spans[0] / length, moved)
+        return float(np.linalg.norm(moved)) > 1e-3 * _SMALL_MOTION * length
 
     def _coupled(self) -> list[Problem]:
         """Return joints that follow another one where they carry load: the coupling would carry it too."""

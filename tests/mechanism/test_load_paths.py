@@ -56,6 +56,20 @@ def test_a_beam_across_a_passive_joint_is_refused(tmp_path):
     assert "spans the passive joint" in refusal(path) or "does not lie where" in refusal(path)
 
 
+@pytest.mark.parametrize("swapped", [True, False], ids=["root and tip swapped", "rooted one joint too early"])
+def test_a_beam_whose_end_another_joint_turns_away_is_refused(tmp_path, swapped):
+    """Drawn right at home, both gave another C at every other pose."""
+    (first, joint, root, tip), (second, _, _, end), *_ = beams()
+    if swapped:
+        path = changed(tmp_path, f'root="{root}" tip="{tip}"', f'root="{tip}" tip="{root}"')
+        name, turning = first, joint
+    else:
+        path = changed(tmp_path, f'root="{tip}" tip="{end}"', f'root="{root}" tip="{end}"')
+        name, turning = second, beams()[1][1]
+    assert f"module '{name}': a beam from" in refusal(path)
+    assert f"spans joint '{turning}', which turns one end away" in refusal(path)
+
+
 def test_loops_and_modules_are_told_in_one_report(tmp_path):
     (name, *_), *_ = beams()
     loop = re.search(r'<loop name="[^"]+" frame1="([^"]+)"', FIVE_BAR)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 
 import numpy as np
@@ -11,7 +11,7 @@ from rich.text import Text
 
 from ...errors import MissingExtraError, NoStiffnessError, PrupPinError
 from ...mechanism.second_reader import second_opinion
-from ...numbers import number
+from ...numbers import number, quantity
 from ...robot import Robot
 from ...statics import Compliance
 from .tables import mobility_text, redundancy_text, some
@@ -21,6 +21,10 @@ __all__ = ["print_check", "print_remarks", "robot_remarks"]
 
 #: Share of the largest module's load below which one carries nothing.
 _NOTHING = 1e-9
+#: How far a coordinate is moved to see whether it can be [m, rad].
+_STEP = 1e-4
+#: No beam is softer [Pa].
+_SOFT = 1e6
 
 
 def robot_remarks(robot: Robot) -> Iterator[str]:
@@ -40,6 +44,8 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
             f"{found.mobility} degrees of freedom, {len(found.idle_joints)} of them idle, and {driven} actuated "
             "joints: expected as many actuated joints as degrees of freedom that move the tool"
         )
+    yield from _fixed_coordinates(robot)
+    yield from _odd_beams(robot)
     if found.idle_joints:
         yield f"joints that turn idly, holding nothing: {', '.join(found.idle_joints)}"
     if found.redundant:
@@ -60,6 +66,40 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         yield f"stiffness at home: {in_options(str(error))}"
         return
     yield from _stiffness(compliance)
+
+
+def _fixed_coordinates(robot: Robot) -> Iterator[str]:
+    """Yield the task coordinates along which the tool cannot leave home, the others kept."""
+    home = robot.home.coordinates
+    fixed = [name for name in (task.name for task in robot.mechanism.tasks) if not _moves(robot, home, name)]
+    if fixed:
+        yield f"task coordinates that cannot be changed alone, beginning at home: {', '.join(fixed)}"
+
+
+def _moves(robot: Robot, home: Mapping[str, float], name: str) -> bool:
+    for step in (_STEP, -_STEP):
+        with suppress(PrupPinError):
+            robot.pose(**{**home, name: home[name] + step})
+            return True
+    return False
+
+
+def _odd_beams(robot: Robot) -> Iterator[str]:
+    """Yield beams whose numbers are those of another unit."""
+    for module in robot.mechanism.modules:
+        if module.root is None:
+            continue
+        ends = [robot.home.placements[frame.joint] @ frame.placement for frame in (module.root, module.frame)]
+        span = ends[1][:3, 3] - ends[0][:3, 3]
+        length, diameter = float(np.linalg.norm(span)), float(module.values.get("diameter", np.nan))
+        if diameter > length:
+            yield (
+                f"beam '{module.name}' is thicker ({quantity(diameter, 'm')}) than long ({quantity(length, 'm')}): is "
+                "its diameter in metres?"
+            )
+        modulus = float(np.min(module.values.get("youngs_modulus", np.inf)))
+        if modulus < _SOFT:
+            yield f"beam '{module.name}': youngs_modulus {number(modulus)} Pa: is it in GPa? Steel has 2.1e11 Pa"
 
 
 def _tool_of_a_walker(robot: Robot) -> Iterator[str]:
