@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -147,11 +148,13 @@ PHYSICS = [
 ]  # fmt: skip
 
 
-def _pick(rng, items):
+def pick(rng, items):
+    """One of some items."""
     return items[int(rng.integers(len(items)))]
 
 
-def _unit(rng):
+def unit(rng) -> np.ndarray:
+    """A random direction (3,)."""
     v = rng.normal(size=3)
     return v / np.linalg.norm(v)
 
@@ -164,7 +167,7 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
     along their length; "mixed" one of the two at random.
     """
     if variants == "mixed":
-        variants = _pick(rng, ["practice", "physical"])
+        variants = pick(rng, ["practice", "physical"])
     plain = variants == "practice"
     leg = f"leg{int(rng.integers(1, 4))}"
     sign = float(rng.choice([-1.0, 1.0]))
@@ -173,20 +176,20 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
         return {"physics": physics, "location": f"{leg}/{module}" if module else "robot", **size}
 
     if physics == "stiffness_changed":
-        module, parameter = _pick(rng, STIFFNESSES)
+        module, parameter = pick(rng, STIFFNESSES)
         return Candidate(lambda x: effect(module, parameter=parameter, factor=1.0 / (1.0 + x)), 0.05, 60.0)
     if physics == "backlash":
-        module, direction = _pick(rng, GAPS)
+        module, direction = pick(rng, GAPS)
         smooth = float(rng.choice([0.5, 1.0]) if plain else rng.uniform(0.1, 0.5))
         return Candidate(lambda x: effect(module, direction=direction, half_gap=x, smooth=smooth), 1e-6, 3e-4)
     if physics == "hertzian_contact":
-        module, direction = _pick(rng, CONTACTS)
+        module, direction = pick(rng, CONTACTS)
         f0, secant = float(rng.uniform(1.0, 10.0)), bool(not plain and rng.random() < 0.5)
         return Candidate(
             lambda x: effect(module, direction=direction, f0=f0, f_ref=x, secant=secant), 10.0, 1e10
         )  # fmt: skip
     if physics == "coulomb_friction":
-        joint, module = _pick(rng, [("theta", "R_theta_P"), ("phi", "R_phi"), ("lambda", "R_lambda"),
+        joint, module = pick(rng, [("theta", "R_theta_P"), ("phi", "R_phi"), ("lambda", "R_lambda"),
                                     ("slide", "R_theta_P")])  # fmt: skip
         if joint == "slide":
             pre = float(rng.uniform(1e-4, 5e-4))
@@ -194,7 +197,7 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
         per_moment = float(rng.uniform(2e-4, 2.5e-4) if plain else rng.uniform(5e-5, 1e-3))  # rad at 1 N m
         return Candidate(lambda x: effect(module, joint=joint, limit=x, presliding=per_moment * x), 0.01, 8.0)
     if physics == "viscous_friction":
-        joint, module = _pick(rng, [("theta", "R_theta_P"), ("phi", "R_phi"), ("lambda", "R_lambda"),
+        joint, module = pick(rng, [("theta", "R_theta_P"), ("phi", "R_phi"), ("lambda", "R_lambda"),
                                     ("slide", "R_theta_P")])  # fmt: skip
         low, high = (10.0, 1e7) if joint == "slide" else (1.0, 1e5)
         return Candidate(lambda x: effect(module, joint=joint, damping=x), low, high)
@@ -209,7 +212,7 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
     if physics == "hub_root_compliance":
         return Candidate(lambda x: effect("moving_star_branch", stiffness=1.0 / x), 1e-7, 5e-3)
     if physics == "thermal_growth":
-        module = _pick(rng, ["ball_screw", "ball_screw", "linear_rod"])
+        module = pick(rng, ["ball_screw", "ball_screw", "linear_rod"])
         return Candidate(lambda x: effect(module, coefficient=x), 1e-7, 2e-4)
     if physics == "lead_error":
         if rng.random() < 0.5:
@@ -217,7 +220,7 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
         phase = float(rng.uniform(0, 2 * np.pi))
         return Candidate(lambda x: effect("ball_screw", kind="periodic", amplitude=x, phase=phase), 1e-6, 5e-4)
     if physics == "geometric_offset":
-        which = _pick(rng, ["radial", "tangential", "height", "both", "offset"])
+        which = pick(rng, ["radial", "tangential", "height", "both", "offset"])
         turn = rng.uniform(0, 2 * np.pi)
         if which == "both":
             return Candidate(lambda x: effect("base", radial=x * np.cos(turn), tangential=x * np.sin(turn)), 1e-6, 5e-3)
@@ -227,12 +230,12 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
         module = "ball_screw"
         return Candidate(lambda x: effect(module, offset=sign * x), 1e-6, 5e-3)
     if physics == "wrench_sensor_misalignment":
-        v = _unit(rng)
+        v = unit(rng)
         return Candidate(
             lambda x: {"physics": physics, "location": "wrench_sensor", "rotation": list(x * v)}, 1e-4, 0.2
         )
     if physics == "wrench_sensor_gain":
-        which = _pick(rng, [[0, 1, 2], [3, 4, 5], list(range(6)), [int(rng.integers(6))]])
+        which = pick(rng, [[0, 1, 2], [3, 4, 5], list(range(6)), [int(rng.integers(6))]])
 
         def gain(x):
             g = np.ones(6)
@@ -241,23 +244,23 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
 
         return Candidate(gain, 1e-4, 0.4)
     if physics == "wrench_sensor_bias":
-        v = np.r_[_unit(rng), np.zeros(3)] if rng.random() < 0.5 else np.r_[np.zeros(3), 0.15 * _unit(rng)]
+        v = np.r_[unit(rng), np.zeros(3)] if rng.random() < 0.5 else np.r_[np.zeros(3), 0.15 * unit(rng)]
         return Candidate(lambda x: {"physics": physics, "location": "wrench_sensor", "bias": list(x * v)}, 0.02, 60.0)
     if physics == "pose_sensor_misalignment":
-        v, t = _unit(rng), _unit(rng) * (0.0 if rng.random() < 0.5 else 0.2)
+        v, t = unit(rng), unit(rng) * (0.0 if rng.random() < 0.5 else 0.2)
 
         def pose(x):
             return {"physics": physics, "location": "pose_sensor", "rotation": list(x * v), "translation": list(x * t)}
 
         return Candidate(pose, 1e-6, 0.05)
     if physics == "creep":
-        module, direction = _pick(rng, CREEPS)
+        module, direction = pick(rng, CREEPS)
         tau = float(rng.uniform(1.0, 20.0))
         return Candidate(
             lambda x: effect(module, direction=direction, ratio=x, time_constant=tau), 0.02, 20.0
         )  # fmt: skip
     if physics == "payload":
-        lever = list(rng.uniform(0, 0.05) * _unit(rng)) if rng.random() < 0.5 else [0.0, 0.0, 0.0]
+        lever = list(rng.uniform(0, 0.05) * unit(rng)) if rng.random() < 0.5 else [0.0, 0.0, 0.0]
         return Candidate(
             lambda x: {"physics": physics, "location": "moving_star", "mass": x, "lever": lever}, 0.02, 40.0
         )  # fmt: skip
@@ -267,7 +270,7 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
 
 
 def _alien(rng, leg, sign) -> Candidate:
-    kind = _pick(rng, list(ALIENS))
+    kind = pick(rng, list(ALIENS))
     low, high = ALIENS[kind]
     place = {"drift": "ball_screw", "periodic_stiffness": "ball_screw", "cubic": "ball_nut", "quadratic": "timing_belt",
              "one_sided": "support_bearing", "coupling": "support_bearing", "tilt_quadratic": "R_lambda",
@@ -284,7 +287,7 @@ def _alien(rng, leg, sign) -> Candidate:
     return Candidate(lambda x: e | {key: flip * x}, low, high)
 
 
-def scaled(cand: Candidate, run: Programme, target: float, noise=NOISE, sized=None) -> tuple[dict, np.ndarray]:
+def scaled(cand: Candidate, run: Programme | None, target: float, noise=NOISE, sized=None) -> tuple[dict, np.ndarray]:
     """The effect at the size that gives `target` in its strongest channel (or at its bound), and its strengths.
 
     `sized(effects)` returns strengths by another yardstick.
@@ -319,6 +322,41 @@ def scaled(cand: Candidate, run: Programme, target: float, noise=NOISE, sized=No
     return cand.make(float(x)), s
 
 
+def effect_of_size(
+    rng,
+    name: str,
+    multiple: tuple[float, float],
+    chosen: Sequence[Mapping[str, Any]],
+    drawn: Callable[[], Candidate],
+    sizes: Callable[[Sequence[Mapping[str, Any]]], np.ndarray],
+) -> dict:
+    """An effect, elsewhere than those chosen, whose size, the last of `sizes`, is drawn log-uniformly from a range."""
+
+    def size(effects):
+        return sizes(effects)[-1:]
+
+    target = float(np.exp(rng.uniform(*np.log(multiple))))
+    taken = [(effect["physics"], effect["location"]) for effect in chosen]
+    best = None
+    for tries in range(16):  # where a size is out of reach, the place is drawn again
+        try:
+            effect, found = scaled(drawn(), None, target, sized=size)
+        except RuntimeError:  # so large that nothing balances
+            continue
+        miss = abs(np.log(max(found[0], 1e-9) / target))
+        if (effect["physics"], effect["location"]) in taken:
+            miss += 10.0
+        if best is None or miss < best[0]:
+            best = miss, effect
+        if best[0] < 0.2:
+            break
+        if tries > 4 and best[0] < 5 and size([best[1]])[0] > 0.95 * multiple[0]:
+            break
+    if best is None:
+        raise RuntimeError(f"no {name} of size {target:.3g} found")
+    return best[1]
+
+
 def _end(guess, cand):
     return guess <= cand.low or guess >= cand.high
 
@@ -338,7 +376,7 @@ def draw(seed: int, effects=None, multiple=(4.0, 40.0), level: float | None = No
     if effects is None:
         effects = int(rng.choice([0, 1, 2, 3], p=[0.15, 0.6, 0.2, 0.05]))
     free = isinstance(effects, int)
-    names = [_pick(rng, PHYSICS) for _ in range(effects)] if free else list(effects)
+    names = [pick(rng, PHYSICS) for _ in range(effects)] if free else list(effects)
     warm = "thermal_growth" in names or bool(rng.random() < 0.15)
     fit, held = (programme(rng, n, level, warm) for n in poses)
     if "encoder_delay" in names:
@@ -360,7 +398,7 @@ def draw(seed: int, effects=None, multiple=(4.0, 40.0), level: float | None = No
             if best[0] < 0.2:
                 break
             if free:
-                name = _pick(rng, PHYSICS)
+                name = pick(rng, PHYSICS)
                 warm_needed = name == "thermal_growth" and not warm
                 name = "encoder_offset" if warm_needed else name
         _, e, s = best
@@ -411,23 +449,38 @@ def write_csv(path: Path, rec: dict[str, np.ndarray], temperature: bool, actuate
 
 def write(drawn: dict, out: Path, sealed: Path, name: str, declared: bool = True) -> None:
     """Recordings into `out`, the answer into `sealed`; `declared`: whether the recordings tell their noise."""
-    out.mkdir(parents=True, exist_ok=True)
-    sealed.mkdir(parents=True, exist_ok=True)
-    write_csv(out / f"{name}.csv", drawn["fit"], drawn["warm"])
-    write_csv(out / f"{name}.heldout.csv", drawn["heldout"], drawn["warm"])
     about = {"robot": "3prup", "frame": "base"}
     if declared:
         about |= {f"{k}_noise": v for k, v in drawn["noise"].items()}
+    seal(out, sealed, name, about, drawn["truth"])
+    write_csv(out / f"{name}.csv", drawn["fit"], drawn["warm"])
+    write_csv(out / f"{name}.heldout.csv", drawn["heldout"], drawn["warm"])
+
+
+def seal(out: Path, sealed: Path, name: str, about: Mapping[str, Any], truth: Mapping[str, Any]) -> None:
+    """Make the folders; write what the recording says of itself into `out` and the answer into `sealed`."""
+    out.mkdir(parents=True, exist_ok=True)
+    sealed.mkdir(parents=True, exist_ok=True)
     (out / f"{name}.json").write_text(json.dumps(about, indent=1) + "\n")
-    (sealed / f"{name}.truth.json").write_text(json.dumps(drawn["truth"], indent=1) + "\n")
+    (sealed / f"{name}.truth.json").write_text(json.dumps(truth, indent=1) + "\n")
 
 
-def main(argv=None) -> None:
-    ap = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+def drawing(doc: str, robots: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """The command line of those who draw devices: seeds, folders, and of some kinds the robot and what is wrong."""
+    ap = argparse.ArgumentParser(description=doc.split("\n\n")[0])
     ap.add_argument("--seed", type=int, required=True)
     ap.add_argument("--count", type=int, default=1, help="devices from consecutive seeds")
     ap.add_argument("--out", type=Path, required=True)
     ap.add_argument("--sealed", type=Path, required=True, help="directory of the answers")
+    if robots:
+        ap.add_argument("--robot", choices=list(robots), default=robots[0])
+        ap.add_argument("--kind", action="append", default=[], help="this physics (repeatable); none: scatter alone")
+        ap.add_argument("--multiple", type=float, nargs=2, default=(3.0, 40.0), help="range of sizes")
+    return ap
+
+
+def main(argv=None) -> None:
+    ap = drawing(__doc__)
     ap.add_argument("--effects", type=int, help="number of effects; default: random, mostly one")
     ap.add_argument(
         "--kind", action="append", choices=[*PHYSICS, *RARE, "shear", "torsion"], help="this physics (repeatable)"

@@ -10,10 +10,9 @@ the best fit of masses and inertias within tolerance (or half the length of that
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from .chain import Chain, example_file, read_chain
-from .draw import Candidate, scaled
+from .draw import Candidate, drawing, effect_of_size, pick, seal, unit
 from .excitation import Excitation, draw_excitation
 from .moving import Moving
 from .scatter import TOLERANCES_TO_ONE, draw_scatter
@@ -217,24 +216,15 @@ class Yardstick:
 
 
 # ---------------------------------------------------------------------------------------------- effects
-def _pick(rng, items):
-    return items[int(rng.integers(len(items)))]
-
-
-def _unit(rng) -> np.ndarray:
-    v = rng.normal(size=3)
-    return v / np.linalg.norm(v)
-
-
 def candidate(rng, physics: str, chain: Chain, kind: Kind, excitation: Excitation) -> Candidate:
     """Return an effect of open size at a random place."""
     driven = list(chain.names)
-    joint = _pick(rng, driven)
+    joint = pick(rng, driven)
     sign = float(rng.choice([-1.0, 1.0]))
     small = float(np.exp(rng.uniform(np.log(2e-5), np.log(3e-4))))  # rad of presliding
     most = 1e3 * kind.noise
     if physics in ("coulomb_friction", "viscous_friction") and chain.loop is not None and rng.random() < 0.3:
-        joint = chain.joints[_pick(rng, chain.passive)].name
+        joint = chain.joints[pick(rng, chain.passive)].name
     place = {"physics": physics, "location": joint}
     if physics == "coulomb_friction":
         share = float(rng.uniform(0.02, 0.15)) if rng.random() < 0.3 else 0.0
@@ -250,26 +240,26 @@ def candidate(rng, physics: str, chain: Chain, kind: Kind, excitation: Excitatio
     if physics == "rotor_inertia":
         return Candidate(lambda x: place | {"inertia": x}, 1e-5, 50.0)
     if physics == "payload":
-        lever = list(rng.uniform(0, 0.12) * _unit(rng))
+        lever = list(rng.uniform(0, 0.12) * unit(rng))
         place = {"physics": physics, "location": kind.tool, "lever": lever, "radius": float(rng.uniform(0.02, 0.06))}
         return Candidate(lambda x: place | {"mass": x}, 0.01, 20.0)
     if physics == "inertial_parameters":
         heavy = [link.name for link in chain.links if link.body >= 0 and link.mass > 0.1]
-        place = {"physics": physics, "location": _pick(rng, heavy), "mass": 1.0, "inertia": 1.0, "shift": [0.0] * 3}
+        place = {"physics": physics, "location": pick(rng, heavy), "mass": 1.0, "inertia": 1.0, "shift": [0.0] * 3}
         if rng.random() < 0.3:
-            way = _unit(rng)
+            way = unit(rng)
             return Candidate(lambda x: place | {"shift": list(x * way)}, 1e-3, 0.12)
         if sign < 0:
             return Candidate(lambda x: place | {"mass": 1 - x, "inertia": 1 - x}, 0.2, 0.75)
         return Candidate(lambda x: place | {"mass": 1 + x, "inertia": 1 + x}, 0.2, 3.0)
     if physics == "counterbalance":
-        kind_of = _pick(rng, ["torsion", "pulling"])
+        kind_of = pick(rng, ["torsion", "pulling"])
         key = "stiffness" if kind_of == "torsion" else "amplitude"
         rest = float(excitation.centre[driven.index(joint)] + rng.uniform(-1.0, 1.0))
         return Candidate(lambda x: place | {"kind": kind_of, "rest": rest, key: sign * x}, 1e-3 * kind.noise, most)
     if physics == "transmission_coupling":
         at = int(rng.integers(1, len(driven)))
-        pair = {"location": driven[at], "other": driven[at - 1], "ratio": _pick(rng, [1.0, 1.0, -1.0])}
+        pair = {"location": driven[at], "other": driven[at - 1], "ratio": pick(rng, [1.0, 1.0, -1.0])}
         part = rng.dirichlet([1.5, 1.5, 0.7]) * [1.0, 1.0, 0.2]
         return Candidate(
             lambda x: {"physics": physics, **pair, "damping": x * part[0], "force": x * part[1], "inertia": x * part[2],
@@ -290,7 +280,7 @@ def candidate(rng, physics: str, chain: Chain, kind: Kind, excitation: Excitatio
 
 
 def _alien(rng, place, chain: Chain, kind: Kind, excitation: Excitation, small: float) -> Candidate:
-    what = _pick(rng, ALIENS)
+    what = pick(rng, ALIENS)
     place = place | {"kind": what}
     at = chain.names.index(place["location"])
     most = 1e3 * kind.noise
@@ -345,7 +335,7 @@ def draw_logger(rng, kind: Kind) -> Logger:
     noise = kind.noise * float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
     rough = (float(rng.uniform(0.1, 0.6)), float(rng.uniform(0, 0.05)), float(rng.uniform(0, 0.03)))
     return Logger(
-        rate=float(_pick(rng, RATES)),
+        rate=float(pick(rng, RATES)),
         counts=2.0 ** int(rng.integers(17, 21)),
         velocity=float(rng.uniform(2e-4, 2e-3)) if rng.random() < 0.6 else None,
         noise=float(f"{noise:.2g}"),
@@ -407,21 +397,9 @@ def draw_efforts(seed: int, robot: str, effects: Sequence[str] = (), multiple=(3
     truths: list[dict] = []
     yardstick = Yardstick(chain, kind.tool, fit, duration, logger.noise, tolerances) if effects else None
     for name in effects:
-        target = float(np.exp(rng.uniform(*np.log(multiple))))
-        best = None
-        for tries in range(16):  # where a size is out of reach, the place is drawn again
-            found = candidate(rng, name, chain, kind, fit)
-            effect, size = scaled(found, None, target, sized=lambda e: yardstick.sizes(e)[-1:])
-            miss = abs(np.log(max(size[0], 1e-9) / target))
-            if any((effect["physics"], effect["location"]) == (e["physics"], e["location"]) for e in chosen):
-                miss += 10.0
-            if best is None or miss < best[0]:
-                best = miss, effect
-            if best[0] < 0.2:
-                break
-            if tries > 4 and best[0] < 5 and yardstick.sizes([best[1]])[-1] > 0.95 * multiple[0]:
-                break
-        effect = best[1]
+        effect = effect_of_size(
+            rng, name, multiple, chosen, partial(candidate, rng, name, chain, kind, fit), yardstick.sizes
+        )
         sizes = yardstick.sizes([effect])
         n = len(chain.names)
         chosen.append(effect)
@@ -465,33 +443,21 @@ def draw_efforts(seed: int, robot: str, effects: Sequence[str] = (), multiple=(3
 
 def write(drawn: Mapping[str, Any], out: Path, sealed: Path, name: str, robot_file: str | None = None) -> None:
     """Recordings into `out`, the answer into `sealed`; `robot_file` is how the recording calls its robot."""
-    out.mkdir(parents=True, exist_ok=True)
-    sealed.mkdir(parents=True, exist_ok=True)
     kind = KINDS[drawn["robot"]]
+    about: dict[str, Any] = {"robot": robot_file or kind.called}
+    if drawn["declared"]:
+        about["effort_noise"] = drawn["logger"].noise
+    seal(out, sealed, name, about | {"tolerances": drawn["tolerances"]}, drawn["truth"])
     for part, ending in (("fit", ".csv"), ("heldout", ".heldout.csv")):
         record = drawn[part]
         groups = [key for key in ("q", "qd", "tau") if key in record]
         names = ["time", *(f"{key}.{joint}" for key in groups for joint in drawn["truth"]["joints"])]
         table = np.column_stack([record["time"], *(record[key] for key in groups)])
         np.savetxt(out / f"{name}{ending}", table, "%.9g", ",", header=",".join(names), comments="")
-    about: dict[str, Any] = {"robot": robot_file or kind.called}
-    if drawn["declared"]:
-        about["effort_noise"] = drawn["logger"].noise
-    about["tolerances"] = drawn["tolerances"]
-    (out / f"{name}.json").write_text(json.dumps(about, indent=1) + "\n")
-    (sealed / f"{name}.truth.json").write_text(json.dumps(drawn["truth"], indent=1) + "\n")
 
 
 def main(argv=None) -> None:
-    ap = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    ap.add_argument("--seed", type=int, required=True)
-    ap.add_argument("--count", type=int, default=1, help="devices from consecutive seeds")
-    ap.add_argument("--robot", choices=list(KINDS), default="ur5")
-    ap.add_argument("--out", type=Path, required=True)
-    ap.add_argument("--sealed", type=Path, required=True, help="directory of the answers")
-    ap.add_argument("--kind", action="append", default=[], help="this physics (repeatable); none: scatter alone")
-    ap.add_argument("--multiple", type=float, nargs=2, default=(3.0, 40.0), help="range of sizes")
-    a = ap.parse_args(argv)
+    a = drawing(__doc__, list(KINDS)).parse_args(argv)
     for seed in range(a.seed, a.seed + a.count):
         write(draw_efforts(seed, a.robot, a.kind, tuple(a.multiple)), a.out, a.sealed, f"{a.robot}-{seed:04d}")
         print(f"{a.robot}-{seed:04d} written")

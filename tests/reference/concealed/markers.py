@@ -10,17 +10,16 @@ after the best fit of everything within tolerance (or half the length of that fi
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .chain import Chain
-from .draw import Candidate, scaled
+from .draw import Candidate, drawing, effect_of_size, pick, seal, unit
 from .efforts import KINDS as ARMS
 from .sagging import Sagging
 from .scatter import TOLERANCES_TO_ONE, draw_scatter
@@ -118,15 +117,6 @@ class Yardstick:
 
 
 # ---------------------------------------------------------------------------------------------- effects
-def _pick(rng, items):
-    return items[int(rng.integers(len(items)))]
-
-
-def _unit(rng) -> np.ndarray:
-    v = rng.normal(size=3)
-    return v / np.linalg.norm(v)
-
-
 def candidate(rng, physics: str, chain: Chain, robot: str, sight: Sight, springs: Mapping[str, float]) -> Candidate:
     """Return an effect of open size at a random place."""
     names = [joint.name for joint in chain.joints]
@@ -141,7 +131,7 @@ def candidate(rng, physics: str, chain: Chain, robot: str, sight: Sight, springs
         if not springs and rng.random() < 0.5:
             return Candidate(lambda x: place | {"about": x}, 1e-9, 3e-3)
         if rng.random() < 0.3:
-            only = np.cross(axis, _unit(rng))
+            only = np.cross(axis, unit(rng))
             only = list(only / np.linalg.norm(only))
             return Candidate(lambda x: place | {"across": x, "only": only}, 1e-9, 3e-3)
         return Candidate(lambda x: place | {"across": x}, 1e-9, 3e-3)
@@ -150,7 +140,7 @@ def candidate(rng, physics: str, chain: Chain, robot: str, sight: Sight, springs
     if physics == "backlash":
         return Candidate(lambda x: place | {"half_gap": x, "smooth": 0.3}, 1e-6, 3e-2)
     if physics == "payload":
-        lever = list(rng.uniform(0, 0.1) * _unit(rng))
+        lever = list(rng.uniform(0, 0.1) * unit(rng))
         place = {"physics": physics, "location": ARMS[robot].tool, "lever": lever}
         return Candidate(lambda x: place | {"mass": x}, 0.01, 15.0)
     if physics == "encoder_offset":
@@ -158,19 +148,19 @@ def candidate(rng, physics: str, chain: Chain, robot: str, sight: Sight, springs
     if physics == "lead_error":
         return Candidate(lambda x: place | {"ratio": sign * x}, 1e-5, 0.1)
     if physics == "geometric_offset":
-        way = _unit(rng)
+        way = unit(rng)
         if rng.random() < 0.5:
             way = way - axis * (axis @ way)
             return Candidate(lambda x: place | {"rotation": list(x * way)}, 1e-5, 0.1)
         return Candidate(lambda x: place | {"translation": list(x * way)}, 1e-5, 0.05)
     if physics == "target_misalignment":
-        way = _unit(rng)
-        place = {"physics": physics, "location": _pick(rng, sight.markers)}
+        way = unit(rng)
+        place = {"physics": physics, "location": pick(rng, sight.markers)}
         return Candidate(lambda x: place | {"translation": list(x * way)}, 1e-5, 0.05)
-    kind = _pick(rng, ALIENS)
+    kind = pick(rng, ALIENS)
     place = place | {"kind": kind}
     if kind == "camera_drift":
-        way = list(_unit(rng))
+        way = list(unit(rng))
         place = place | {"location": "pose_sensor", "way": way}
         return Candidate(lambda x: place | {"coefficient": x}, 1e-9, 1e-4)
     if kind == "eccentric_encoder":
@@ -238,26 +228,9 @@ def draw_markers(seed: int, robot: str, effects: Sequence[str] = (), multiple=(3
     truths: list[dict] = []
     yardstick = Yardstick(chain, tool, fit, springs, tolerances, noise) if effects else None
     for name in effects:
-        target = float(np.exp(rng.uniform(*np.log(multiple))))
-        best = None
-        for tries in range(16):  # where a size is out of reach, the place is drawn again
-            try:
-                found = candidate(rng, name, chain, robot, fit, springs)
-                effect, size = scaled(found, None, target, sized=lambda e: yardstick.sizes(e)[-1:])
-            except RuntimeError:  # so soft that nothing settles
-                continue
-            miss = abs(np.log(max(size[0], 1e-9) / target))
-            if any((effect["physics"], effect["location"]) == (e["physics"], e["location"]) for e in chosen):
-                miss += 10.0
-            if best is None or miss < best[0]:
-                best = miss, effect
-            if best[0] < 0.2:
-                break
-            if tries > 4 and best[0] < 5 and yardstick.sizes([best[1]])[-1] > 0.95 * multiple[0]:
-                break
-        if best is None:
-            raise RuntimeError(f"no {name} of size {target:.3g} found for seed {seed}")
-        effect = best[1]
+        effect = effect_of_size(
+            rng, name, multiple, chosen, partial(candidate, rng, name, chain, robot, fit, springs), yardstick.sizes
+        )
         whole, left, strained, size = yardstick.sizes([effect]).tolist()
         chosen.append(effect)
         truths.append(
@@ -313,34 +286,27 @@ def options(drawn: Mapping[str, Any]) -> list[str]:
 
 def write(drawn: Mapping[str, Any], out: Path, sealed: Path, name: str) -> None:
     """Recordings into `out`, the answer into `sealed`."""
-    out.mkdir(parents=True, exist_ok=True)
-    sealed.mkdir(parents=True, exist_ok=True)
     truth = drawn["truth"]
+    about = {"robot": ARMS[drawn["robot"]].called, "position_noise": drawn["noise"], "tolerances": drawn["tolerances"]}
+    if drawn["springs"]:
+        about["notes"] = "the gears' springs are known: " + " ".join(options(drawn))
+    seal(out, sealed, name, about, truth)
     columns = ["time", *(f"q.{joint}" for joint in truth["joints"])]
     columns += [f"p.{marker}.{axis}" for marker in truth["markers"] for axis in "xyz"]
     for part, ending in (("fit", ".csv"), ("heldout", ".heldout.csv")):
         record = drawn[part]
         table = np.column_stack([record["time"], record["q"], record["p"].reshape(len(record["time"]), -1)])
         np.savetxt(out / f"{name}{ending}", table, "%.10g", ",", header=",".join(columns), comments="")
-    about = {"robot": ARMS[drawn["robot"]].called, "position_noise": drawn["noise"], "tolerances": drawn["tolerances"]}
-    if drawn["springs"]:
-        about["notes"] = "the gears' springs are known: " + " ".join(options(drawn))
-    (out / f"{name}.json").write_text(json.dumps(about, indent=1) + "\n")
-    (sealed / f"{name}.truth.json").write_text(json.dumps(truth, indent=1) + "\n")
 
 
 def main(argv=None) -> None:
-    ap = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    ap.add_argument("--seed", type=int, required=True)
-    ap.add_argument("--count", type=int, default=1, help="devices from consecutive seeds")
-    ap.add_argument("--robot", choices=list(CAMERAS), default="ur5")
-    ap.add_argument("--out", type=Path, required=True)
-    ap.add_argument("--sealed", type=Path, required=True, help="directory of the answers")
-    ap.add_argument("--kind", action="append", default=[], help="this physics (repeatable); none: scatter alone")
+    ap = drawing(__doc__, list(CAMERAS))
     ap.add_argument("--sprung", action="store_true", help="the gears' springs are told")
     a = ap.parse_args(argv)
     for seed in range(a.seed, a.seed + a.count):
-        write(draw_markers(seed, a.robot, a.kind, sprung=a.sprung), a.out, a.sealed, f"{a.robot}-{seed:04d}")
+        write(
+            draw_markers(seed, a.robot, a.kind, tuple(a.multiple), a.sprung), a.out, a.sealed, f"{a.robot}-{seed:04d}"
+        )
         print(f"{a.robot}-{seed:04d} written")
 
 

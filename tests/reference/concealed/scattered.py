@@ -10,8 +10,6 @@ chosen beside the scatter: `scatter.Yardstick.strength`.
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,7 +61,7 @@ class Kind:
         w = []
         for _ in range(poses * self.directions):
             size = level * rng.uniform(0.35, 1.4, 2) * [1.0, self.lever]
-            w.append(np.outer(LEVELS, np.r_[size[0] * draw._unit(rng), size[1] * draw._unit(rng)]))
+            w.append(np.outer(LEVELS, np.r_[size[0] * draw.unit(rng), size[1] * draw.unit(rng)]))
         temperature = np.full(len(q), T_REF)
         if warm:
             steps = np.r_[0.0, rng.normal(0.8, 1.6, poses - 1)]
@@ -79,7 +77,7 @@ def _prup_candidate(rng, physics: str) -> Candidate:
         place = {"physics": physics, "location": f"leg{leg}/linear_rod"}
         return Candidate(lambda x: place | {"tilt": [x * np.cos(turn), x * np.sin(turn)]}, 1e-6, 5e-2)
     if physics == "backlash" and rng.random() < 0.25:
-        module, leg = draw._pick(rng, ["R_theta_P", "R_lambda"]), int(rng.integers(1, 4))
+        module, leg = draw.pick(rng, ["R_theta_P", "R_lambda"]), int(rng.integers(1, 4))
         place = {"physics": physics, "location": f"leg{leg}/{module}", "direction": "radial", "by_axis": True}
         return Candidate(lambda x: place | {"half_gap": x, "smooth": 0.5}, 1e-6, 3e-4)
     if physics == "target_misalignment":
@@ -110,7 +108,7 @@ def _hose(rng, middle) -> Candidate:
 
 
 def _frame(rng, physics, location) -> Candidate:
-    turn, shift = draw._unit(rng), draw._unit(rng) * (0.0 if rng.random() < 0.5 else 0.3)
+    turn, shift = draw.unit(rng), draw.unit(rng) * (0.0 if rng.random() < 0.5 else 0.3)
     place = {"physics": physics, "location": location}
     return Candidate(lambda x: place | {"rotation": list(x * turn), "translation": list(x * shift)}, 1e-6, 0.2)
 
@@ -141,17 +139,17 @@ def _machine_candidate(rng, physics: str, robot: str) -> Candidate:
     if physics == "thermal_growth":
         return Candidate(lambda x: place | {"coefficient": x}, 1e-7, 1e-3)
     if physics == "geometric_offset":
-        v = draw._unit(rng)
+        v = draw.unit(rng)
         if serial:
             turned = bool(rng.random() < 0.5)
             v = v * (1 - arm.AXES[i]) if turned else v
             key, at, location = ("rotation" if turned else "translation"), joint, joint
         else:
-            key, at, location = "translation", f"leg{i + 1}_{draw._pick(rng, ['u1', 'seat'])}", f"leg{i + 1}"
+            key, at, location = "translation", f"leg{i + 1}_{draw.pick(rng, ['u1', 'seat'])}", f"leg{i + 1}"
         place = {"physics": physics, "location": location, "place": at}
         return Candidate(lambda x: place | {key: list(x * v)}, 1e-6, 0.05)
     if physics == "payload":
-        lever = list(rng.uniform(0, 0.05) * draw._unit(rng)) if rng.random() < 0.5 else [0.0, 0.0, 0.0]
+        lever = list(rng.uniform(0, 0.05) * draw.unit(rng)) if rng.random() < 0.5 else [0.0, 0.0, 0.0]
         body = "tool" if serial else "platform"
         most = 40.0 if serial else 400.0
         return Candidate(lambda x: {"physics": physics, "location": body, "mass": x, "lever": lever}, 0.02, most)
@@ -160,11 +158,11 @@ def _machine_candidate(rng, physics: str, robot: str) -> Candidate:
     if physics in ("pose_sensor_misalignment", "target_misalignment"):
         return _frame(rng, physics, physics.removesuffix("_misalignment"))
     if physics == "wrench_sensor_bias":
-        v = np.r_[draw._unit(rng), np.zeros(3)] if rng.random() < 0.5 else np.r_[np.zeros(3), 0.3 * draw._unit(rng)]
+        v = np.r_[draw.unit(rng), np.zeros(3)] if rng.random() < 0.5 else np.r_[np.zeros(3), 0.3 * draw.unit(rng)]
         place = {"physics": physics, "location": "wrench_sensor"}
         return Candidate(lambda x: place | {"bias": list(x * v)}, 1e-4 * typical, 4.0 * typical)
     if physics == "alien":
-        kind = draw._pick(rng, ["cubic", "quadratic", "one_sided", "coupling"])
+        kind = draw.pick(rng, ["cubic", "quadratic", "one_sided", "coupling"])
         power = {"cubic": 3, "quadratic": 2}.get(kind, 1)
         place = {"physics": physics, "location": drive, "kind": kind}
         if kind == "coupling":
@@ -310,7 +308,7 @@ def draw_scattered(
     scatter = draw_scatter(rng, kind.parameters, actual)
     always = dict(WEIGHT)
     if robot == "3prup":
-        always["branches"] = draw._pick(rng, ["hub", "distributed"])
+        always["branches"] = draw.pick(rng, ["hub", "distributed"])
     warm = "thermal_growth" in effects or bool(rng.random() < 0.15)
     fit, held = (kind.programme(rng, n, warm) for n in poses)
     chosen, truths = [], []
@@ -369,29 +367,19 @@ def draw_scattered(
 
 def write(drawn: dict, out: Path, sealed: Path, name: str, robot_file: str | None = None) -> None:
     """Recordings into `out`, the answer into `sealed`; `robot_file` is how the recording calls its robot."""
-    out.mkdir(parents=True, exist_ok=True)
-    sealed.mkdir(parents=True, exist_ok=True)
     kind = KINDS[drawn["robot"]]
-    for part, ending in (("fit", ".csv"), ("heldout", ".heldout.csv")):
-        draw.write_csv(out / f"{name}{ending}", drawn[part], drawn["warm"], kind.actuated)
     about = {
         "robot": robot_file or kind.file,
         **{f"{key}_noise": value for key, value in drawn["noise"].items()},
         "tolerances": drawn["tolerances"],
     }
-    (out / f"{name}.json").write_text(json.dumps(about, indent=1) + "\n")
-    (sealed / f"{name}.truth.json").write_text(json.dumps(drawn["truth"], indent=1) + "\n")
+    draw.seal(out, sealed, name, about, drawn["truth"])
+    for part, ending in (("fit", ".csv"), ("heldout", ".heldout.csv")):
+        draw.write_csv(out / f"{name}{ending}", drawn[part], drawn["warm"], kind.actuated)
 
 
 def main(argv=None) -> None:
-    ap = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    ap.add_argument("--seed", type=int, required=True)
-    ap.add_argument("--count", type=int, default=1, help="devices from consecutive seeds")
-    ap.add_argument("--robot", choices=list(KINDS), default="3prup")
-    ap.add_argument("--out", type=Path, required=True)
-    ap.add_argument("--sealed", type=Path, required=True, help="directory of the answers")
-    ap.add_argument("--kind", action="append", default=[], help="this physics (repeatable); none: scatter alone")
-    ap.add_argument("--multiple", type=float, nargs=2, default=(3.0, 40.0), help="range of sizes")
+    ap = draw.drawing(__doc__, list(KINDS))
     ap.add_argument("--misjudged", action="store_true", help="declare wrong tolerances")
     a = ap.parse_args(argv)
     for seed in range(a.seed, a.seed + a.count):
