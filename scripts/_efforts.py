@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _motion import answered, kind_of, marks, read_table
+from _motion import answered, exported, group_of, kind_of, marks, named, read_table
 from scipy.signal import butter, sosfiltfilt
 
 from tests.reference.concealed.efforts import CUT, KINDS, draw_efforts, write
 
-#: What is drawn: group -> (share of the trials, effects).
-GROUPS = {"clean": (0.25, 0), "one": (0.50, 1), "pair": (0.10, 2), "outside": (0.15, 1)}
 #: A joint slower than this stands still [rad/s]: what friction holds then is nobody's to predict.
 STANDING = 1e-3
 BEFORE = "share of the efforts that the robot file leaves"
@@ -49,17 +47,9 @@ virtual work, no code of the package) draws device, motion and log; the answer i
 def how(seed: int, robot: str) -> dict[str, Any]:
     """Return how a device is drawn: the arguments of `draw_efforts`."""
     rng = np.random.default_rng([seed, 33, *robot.encode()])
-    at, total, chosen = rng.random(), 0.0, "clean"
-    for name, (share, _) in GROUPS.items():
-        chosen = name
-        total += share
-        if at < total:
-            break
-    known = KINDS[robot].physics
-    first = known[(seed + sum(robot.encode())) % len(known)]
-    others = [str(rng.choice([name for name in known if name != first])) for _ in range(GROUPS[chosen][1] - 1)]
-    names = [first, *others][: GROUPS[chosen][1]]
-    return {"seed": seed, "robot": robot, "effects": ["alien"] if chosen == "outside" else names}
+    group = group_of(rng)
+    effects = named(rng, group, KINDS[robot].physics, seed + sum(robot.encode()))
+    return {"seed": seed, "robot": robot, "effects": effects}
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
@@ -97,16 +87,12 @@ def share_left(measured: Mapping[str, np.ndarray], predicted: Mapping[str, np.nd
 
 
 def export(folder: Path, devices: Sequence[tuple[str, int]]) -> None:
-    """Write recordings and sealed answers of devices, (robot, seed); NAME.csv, NAME.json, NAME.heldout.csv, and
-    truth.json with all answers."""
+    """Write devices, (robot, seed), as `exported` does."""
     folder.mkdir(parents=True, exist_ok=True)
-    truths = {}
-    for robot, seed in devices:
-        name, kind = f"{robot}-{seed}", KINDS[robot]
-        if kind.called.endswith(".urdf"):
-            shutil.copy(kind.path, folder / kind.called)
-        write(draw_efforts(**how(seed, robot)), folder, folder / "sealed", name)
-        truths[name] = json.loads((folder / "sealed" / f"{name}.truth.json").read_text())
-        print(f"{name} written", flush=True)
-    (folder / "truth.json").write_text(json.dumps(truths, indent=1) + "\n")
-    shutil.rmtree(folder / "sealed")
+
+    def one(robot: str, seed: int, out: Path, sealed: Path, name: str) -> None:
+        if KINDS[robot].called.endswith(".urdf"):
+            shutil.copy(KINDS[robot].path, out / KINDS[robot].called)
+        write(draw_efforts(**how(seed, robot)), out, sealed, name)
+
+    exported(folder, devices, one)

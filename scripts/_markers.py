@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _motion import answered, kind_of, marks, read_table
+from _motion import answered, exported, group_of, kind_of, marks, named, read_table
 
 from tests.reference.concealed.markers import CAMERAS, PHYSICS, SPRUNG, draw_markers, options, write
 
-#: What is drawn: group -> (share of the trials, effects).
-GROUPS = {"clean": (0.25, 0), "one": (0.50, 1), "pair": (0.10, 2), "outside": (0.15, 1)}
 #: Share of the devices whose gears have springs that are told.
 TOLD = 0.35
 BEFORE = "multiples of the noise that the robot file leaves"
@@ -45,18 +42,11 @@ recording alone.
 def how(seed: int, robot: str) -> dict[str, Any]:
     """Return how a device is drawn: the arguments of `draw_markers`."""
     rng = np.random.default_rng([seed, 43, *robot.encode()])
-    at, total, chosen = rng.random(), 0.0, "clean"
-    for name, (share, _) in GROUPS.items():
-        chosen = name
-        total += share
-        if at < total:
-            break
+    group = group_of(rng)
     sprung = bool(rng.random() < TOLD)
     known = (*PHYSICS, *SPRUNG) if sprung else PHYSICS
-    first = known[(seed + sum(robot.encode())) % len(known)]
-    others = [str(rng.choice([name for name in known if name != first])) for _ in range(GROUPS[chosen][1] - 1)]
-    names = [first, *others][: GROUPS[chosen][1]]
-    return {"seed": seed, "robot": robot, "effects": ["alien"] if chosen == "outside" else names, "sprung": sprung}
+    effects = named(rng, group, known, seed + sum(robot.encode()))
+    return {"seed": seed, "robot": robot, "effects": effects, "sprung": sprung}
 
 
 def trial(seed: int, robot: str) -> dict[str, Any]:
@@ -79,16 +69,12 @@ def left(measured: Mapping[str, np.ndarray], predicted: Mapping[str, np.ndarray]
 
 
 def export(folder: Path, devices: Sequence[tuple[str, int]]) -> None:
-    """Write recordings and sealed answers of devices, (robot, seed); NAME.csv, NAME.json, NAME.heldout.csv, and
-    truth.json with all answers."""
-    truths = {}
-    for robot, seed in devices:
-        name = f"{robot}-{seed}"
-        write(draw_markers(**how(seed, robot)), folder, folder / "sealed", name)
-        truths[name] = json.loads((folder / "sealed" / f"{name}.truth.json").read_text())
-        print(f"{name} written", flush=True)
-    (folder / "truth.json").write_text(json.dumps(truths, indent=1) + "\n")
-    shutil.rmtree(folder / "sealed")
+    """Write devices, (robot, seed), as `exported` does."""
+
+    def one(robot: str, seed: int, out: Path, sealed: Path, name: str) -> None:
+        write(draw_markers(**how(seed, robot)), out, sealed, name)
+
+    exported(folder, devices, one)
 
 
 __all__ = ["AFTER", "BEFORE", "CAMERAS", "HEAD", "export", "how", "left", "trial"]

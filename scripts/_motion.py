@@ -7,6 +7,7 @@ The answer is what `prup-pin diagnose` and `prup-pin predict` write; nothing her
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -23,6 +24,8 @@ LARGE = 3.0
 Truth = Mapping[str, Any]
 Result = Mapping[str, Any]
 Share = Callable[[int, int], str]
+#: What is drawn: group -> (share of the trials, effects).
+GROUPS = {"clean": (0.25, 0), "one": (0.50, 1), "pair": (0.10, 2), "outside": (0.15, 1)}
 
 
 def answered(recording: Path, heldout: Path, out: Path, options: Sequence[str] = ()) -> tuple[dict[str, Any], float]:
@@ -41,6 +44,33 @@ def _command(*words: Any) -> None:
     done = subprocess.run([sys.executable, "-m", "prup_pin", *map(str, words)], capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"prup-pin {words[0]} ended with {done.returncode}: {done.stderr.strip()[-600:]}")
+
+
+def group_of(rng: np.random.Generator) -> str:
+    """Draw the group of a device."""
+    return str(rng.choice(list(GROUPS), p=[share for share, _ in GROUPS.values()]))
+
+
+def named(rng: np.random.Generator, group: str, known: Sequence[str], first: int) -> list[str]:
+    """Return the effects of a device of a group: the first by its number, so that all have their turn."""
+    if group == "outside":
+        return ["alien"]
+    one = known[first % len(known)]
+    others = [str(rng.choice([name for name in known if name != one])) for _ in range(GROUPS[group][1] - 1)]
+    return [one, *others][: GROUPS[group][1]]
+
+
+def exported(folder: Path, devices: Sequence[tuple[str, int]], write: Callable[..., None]) -> None:
+    """Write recordings and sealed answers of devices, (robot, seed); NAME.csv, NAME.json, NAME.heldout.csv, and
+    truth.json with all answers. `write(robot, seed, out, sealed, name)` writes one."""
+    truths = {}
+    for robot, seed in devices:
+        name = f"{robot}-{seed}"
+        write(robot, seed, folder, folder / "sealed", name)
+        truths[name] = json.loads((folder / "sealed" / f"{name}.truth.json").read_text())
+        print(f"{name} written", flush=True)
+    (folder / "truth.json").write_text(json.dumps(truths, indent=1) + "\n")
+    shutil.rmtree(folder / "sealed")
 
 
 def read_table(path: Path) -> dict[str, np.ndarray]:
