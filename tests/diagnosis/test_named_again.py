@@ -101,6 +101,7 @@ def test_what_all_legs_have_alike_is_one_finding(physics, aspect, values, places
     assert "each of leg1" in law.statement
 
 
+@pytest.mark.slow
 def test_what_legs_have_unlike_stays_one_finding_each():
     given = {"leg1/drive": 3e-4, "leg2/drive": -4e-4, "leg5/drive": 8e-4}
     faults = [("lead_error", leg, "proportional", {"relative": value}) for leg, value in given.items()]

@@ -49,7 +49,7 @@ def test_nothing_is_found_where_nothing_is_missing(robot, tmp_path):
     [
         (21, "backlash"),
         pytest.param(22, "geometric_offset", marks=pytest.mark.slow),
-        (23, "root_tilt_compliance"),
+        pytest.param(23, "root_tilt_compliance", marks=pytest.mark.slow),
         pytest.param(24, "wrench_sensor_misalignment", marks=pytest.mark.slow),
     ],
 )
