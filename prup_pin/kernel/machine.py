@@ -214,6 +214,7 @@ end:
             "  %turn = phi i64 [ 1, %begin ], [ %turn_n, %newton ]",
         ]
         steps = self._emitted(step, [*y, *x])
+        steps, last = steps[:size], steps[size:]
         squared = self._mul(steps[0], steps[0])
         for part in steps[1:]:
             squared = self._multiplied(part, part, squared)
@@ -224,6 +225,9 @@ end:
             self._lines.append(f"  {name}n = select {self._mask} {moving}, {kind} {moved}, {kind} {name}")
         longer = self._add("%way", self._sqrt(squared))
         short = self._new(f"fcmp ole {kind} {squared}, {self._splat(SHORT)}")
+        for condition in last:
+            holds = self._new(f"fcmp oeq {kind} {condition}, {self._splat(1.0)}")
+            short = self._new(f"and {self._mask} {short}, {holds}")
         ended = self._new(f"and {self._mask} {moving}, {short}")
         on = self._new(f"xor {self._mask} {short}, <{', '.join(['i1 1'] * LANES)}>")
         self._lines += [

@@ -105,6 +105,13 @@ class Tape:
             out[index] = value if isinstance(value, Expression) else self.constant(value)
         return out
 
+    def sampled(self, values: Array) -> Array:
+        """Return numbers and expressions (...) at the samples, (S, ...)."""
+        out = np.empty((*values.shape, self._samples))
+        for index, value in np.ndenumerate(values):
+            out[index] = value.values if isinstance(value, Expression) else float(value)
+        return np.moveaxis(out, -1, 0)
+
     def apply(self, name: str, a: Expression, b: Expression | None = None) -> Expression:
         """Return a function of expressions, or what is known to be the same."""
         if b is None:
@@ -360,7 +367,7 @@ def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Expression]]:
     pivots: list[Expression] = []
     inverses: dict[int, Any] = {}
     zero = _is_zero(a)
-    values = _sampled(a, zero)
+    values = _tape_of(a).sampled(a)
     while rows:
         row, column = _pivot(values, zero, rows, columns)
         order.append((row, column))
@@ -423,14 +430,8 @@ def _is_zero(matrix: Array) -> NDArray[np.bool_]:
     return np.array([[_vanishes(value) for value in row] for row in matrix], bool).reshape(matrix.shape)
 
 
-def _sampled(matrix: Array, zero: NDArray[np.bool_]) -> Array:
-    """Return a matrix at the sample poses, (S, m, n)."""
-    samples = next(value for value in matrix.flat if isinstance(value, Expression)).tape._samples
-    out = np.zeros((samples, *matrix.shape))
-    for index, value in np.ndenumerate(matrix):
-        if not zero[index]:
-            out.transpose(1, 2, 0)[index] = value.values if isinstance(value, Expression) else float(value)
-    return out
+def _tape_of(matrix: Array) -> Tape:
+    return next(value for value in matrix.flat if isinstance(value, Expression)).tape
 
 
 class Program:
@@ -511,9 +512,10 @@ class Program:
 class Pipeline(NamedTuple):
     """From coordinates x (t,) to outputs: y = start(x); Newton's steps y -= step(y, x); outputs of final(y, x).
 
-    Without `step` the start is the solution. The outputs are followed by 0 where the steps have ended, else 1, and by
-    the sum of their lengths. Each pose stops by itself: when a step is so short that the next one is rounding, or when
-    it is so long that Newton's method would be lost.
+    Without `step` the start is the solution. A step may say at its end, by 1, that a least one may be the last.
+    The outputs are followed by 0 where the steps have ended, else 1, and by the sum of their lengths. Each pose stops
+    by itself: when a step is so short that the next one is rounding, or when it is so long that Newton's method would
+    be lost.
     """
 
     start: Program
@@ -529,15 +531,17 @@ class Pipeline(NamedTuple):
             busy = np.arange(inputs.shape[1])
             for _ in range(STEPS):
                 step = self.step.run(np.concatenate((y[:, busy], inputs[:, busy])))
+                step, last = step[: len(y)], (step[len(y) :] == 1.0).all(axis=0)
                 squared = step[0] * step[0]
                 for part in step[1:]:
                     squared = squared + part * part
                 near = squared <= LONG
-                busy, step, squared = busy[near], step[:, near], squared[near]
+                busy, step, squared, last = busy[near], step[:, near], squared[near], last[near]
                 y[:, busy] -= step
                 way[busy] += np.sqrt(squared)
-                failed[busy[squared <= SHORT]] = 0.0
-                busy = busy[squared > SHORT]
+                ended = (squared <= SHORT) & last
+                failed[busy[ended]] = 0.0
+                busy = busy[~ended]
                 if not len(busy):
                     break
         return np.concatenate((self.final.run(np.concatenate((y, inputs))), failed[None], way[None]))

@@ -1,12 +1,13 @@
 """Wrench Jacobians, Castigliano's theorem, the weight of the robot, and the result."""
 
-from .castigliano import Statics, invalid, problems_of, solve_statics
+from .castigliano import Energies, Statics, invalid, problems_of, solve_statics
 from .compliance import Compliance, dimensionless, yielding_stiffness
 from .legs import Legs
 from .wrench_jacobians import StaticsLayout
 
 __all__ = [
     "Compliance",
+    "Energies",
     "Legs",
     "Statics",
     "StaticsLayout",

@@ -7,6 +7,7 @@ carry self-stress besides; by the principle of least complementary energy it tak
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +20,29 @@ from ..modules import ModuleGeometry
 from ..spatial import Array, product
 from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
-__all__ = ["Statics", "compliances", "invalid", "problems_of", "solve_statics"]
+__all__ = ["Energies", "Statics", "compliances", "invalid", "problems_of", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
+
+
+def _counting(loads: Array, self_stress: Array) -> Array:
+    """Return loads (..., n, k, h), zero where they are negligible beside the closure forces (..., c, h) behind them."""
+    least = NEGLIGIBLE * np.abs(self_stress).max(axis=(-1, -2))[..., None, None, None]
+    return np.where(np.abs(loads) > least, loads, 0.0)
+
+
+def _least_solution(matrix: Array, right: Array) -> Array:
+    return semidefinite_inverse(matrix) @ right
+
+
+class Energies(NamedTuple):
+    """Two steps that compare sizes, for those who write equations down instead of computing them.
+
+    `counting` leaves out what is small, see `_counting`; `solved` solves semidefinite systems (..., h, h) of energies.
+    """
+
+    counting: Callable[[Array, Array], Array] = _counting
+    solved: Callable[[Array, Array], Array] = _least_solution
 
 
 class Statics(NamedTuple):
@@ -82,11 +103,13 @@ class Statics(NamedTuple):
         return virtual if self.stress is None else _least_energy(virtual, self.stress, self.lambdas)
 
 
-def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = None) -> Statics:
+def solve_statics(
+    layout: StaticsLayout, pose: ClosedPose, load: Array | None = None, energies: Energies | None = None
+) -> Statics:
     """Return the statics of a pose; with `load` (6,) nonlinear modules are taken at that wrench.
 
-    Of many poses at once, of one pose with a leading axis, and of expressions, at rest: `problems_of` and `invalid`
-    tell where equations do not hold.
+    Of many poses at once, of one pose with a leading axis, and of expressions (with their `energies`), at rest:
+    `problems_of` and `invalid` tell where equations do not hold.
     Raises PrupPinError where no module is compliant, UnreachablePoseError where a module's equation does not hold at
     this pose, ParameterError where it holds at none.
     """
@@ -103,19 +126,20 @@ def solve_statics(layout: StaticsLayout, pose: ClosedPose, load: Array | None = 
         for index, group in layout.varying:
             if fault := group.fault(geometries[index]):
                 raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
+    energies = energies or Energies()
     stress: tuple[Array, Array] | None = None
     if pose.balance.self_stress.shape[-1]:
         # Forces that cancel between closures leave in the modules what the drawing of frames and rounding leave; it
         # must not pass for a load.
-        least = NEGLIGIBLE * np.abs(pose.balance.self_stress).max(axis=(-1, -2))[..., None, None, None]
         wrench, drive = layout.split(self_stress_loads(layout, pose, maps))
-        stress = np.where(np.abs(wrench) > least, wrench, 0.0), np.where(np.abs(drive) > least, drive, 0.0)
+        forces = pose.balance.self_stress
+        stress = energies.counting(wrench, forces), energies.counting(drive, forces)
     loads = None
     if load is not None and any(group.kind.nonlinear for group in layout.groups):
         loads = _loads_under(layout, geometries, [jacobian @ load for jacobian in jacobians], stress)
     lambdas = compliances(layout, geometries, loads, pose.q.shape[:-1])
     if stress is not None:
-        jacobians = _least_energy(jacobians, stress, lambdas)
+        jacobians = _least_energy(jacobians, stress, lambdas, energies.solved)
     return Statics(layout, pose, frames, maps, geometries, jacobians, lambdas, stress)
 
 
@@ -195,20 +219,18 @@ def invalid(statics: Statics) -> NDArray[np.bool_]:
     return bad
 
 
-def _least_energy(jacobians, stress, lambdas) -> tuple[Array, Array]:
+def _least_energy(jacobians, stress, lambdas, solved=_least_solution) -> tuple[Array, Array]:
     """Return the wrench Jacobians with the self-stress of least complementary energy added.
 
     Minimising 1/2 sum (J w + B x)^T Lambda (J w + B x) over x gives x = -D^+ (sum B^T Lambda J) w with
     D = sum B^T Lambda B.
     Self-stress that only rigid modules carry has no energy: it stays undetermined, and C does not depend on it.
     """
-    count = stress[0].shape[-1]
-    lead = stress[0].shape[:-3]
-    d, g = np.zeros((*lead, count, count)), np.zeros((*lead, count, jacobians[0].shape[-1]))
+    d, g = np.zeros(()), np.zeros(())
     for jacobian, unit, lam in zip(jacobians, stress, lambdas, strict=True):
         weighted = unit.mT @ lam
-        d += (weighted @ unit).sum(axis=-3)
-        g += (weighted @ jacobian).sum(axis=-3)
-    x = -semidefinite_inverse(d) @ g
+        d = d + (weighted @ unit).sum(axis=-3)
+        g = g + (weighted @ jacobian).sum(axis=-3)
+    x = -solved(d, g)
     x = x[..., None, :, :]
     return jacobians[0] + stress[0] @ x, jacobians[1] + stress[1] @ x

@@ -1,7 +1,7 @@
 """One mechanism's question as a pipeline of straight lines: start, Newton's steps, and what was asked for.
 
 The equations are those of `kinematics` and `statics`, which are handed expressions instead of numbers. What cannot be
-written so (redundant loops, modules whose equation asks which case holds) is told by None.
+written so (joints that turn idly, modules whose equation asks which case holds) is told by None.
 """
 
 from __future__ import annotations
@@ -12,11 +12,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernel import NEGLIGIBLE_ENERGY, Expression, Pipeline, Program, Tape, eliminated, least
+from ..kernel import (
+    NEGLIGIBLE,
+    NEGLIGIBLE_ENERGY,
+    Expression,
+    Pipeline,
+    Program,
+    Tape,
+    eliminated,
+    independent,
+    largest,
+    least,
+)
 from ..kinematics import SURE, ClosedPose, ManyPoses, PassiveBalance
 from ..modules import ModuleGeometry
 from ..spatial import Array
-from ..statics import Legs, StaticsLayout, problems_of
+from ..statics import Energies, Legs, Statics, StaticsLayout, problems_of, solve_statics
 from .quantities import QUANTITIES, Asked, Quantity, Solved
 
 __all__ = ["Written", "written"]
@@ -29,6 +40,8 @@ _BALL, _TURN = 0.9, 3.0
 _SMALL_PIVOT = 1e-3
 #: How exactly what is written agrees with arrays at the samples.
 _EXACT = 1e-12
+#: A pivot of normal equations below this share of their largest entry, at a sample, is none.
+_REGULAR = 1e-9
 #: What rounding leaves of motions that a leg's other joints allow already [m, 1].
 _IDLE = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
@@ -67,17 +80,52 @@ class _Solver:
         self.pivots += pivots
         return solution
 
+    def counting(self, loads: Array, self_stress: Array) -> Array:
+        """Return loads (n, k, h) without those that are negligible beside the closure forces (c, h), at the samples."""
+        least = NEGLIGIBLE * np.abs(self._tape.sampled(self_stress)).max(axis=(1, 2), initial=0.0)
+        small = np.abs(self._tape.sampled(loads)) <= least[:, None, None, None]
+        counting = loads.copy()
+        counting[small.all(axis=0)] = self._tape.constant(0.0)
+        return counting
+
+    def energies(self, matrix: Array, right: Array) -> Array:
+        """Return a solution (h, c) of a semidefinite system (h, h) of energies; what has none is left at zero."""
+        values = self._tape.sampled(matrix)
+        diagonal = np.diagonal(values, axis1=1, axis2=2)
+        size = np.sqrt(np.where(diagonal > 0, diagonal, np.inf))
+        left = values / size[:, :, None] / size[:, None, :]
+        kept: list[int] = []
+        while True:
+            energy = np.diagonal(left, axis1=1, axis2=2)
+            most = int(energy.min(axis=0).argmax())
+            if energy[:, most].min() < NEGLIGIBLE:
+                break
+            kept.append(most)
+            left = left - left[:, :, most, None] * left[:, None, most] / left[:, most, most, None, None]
+            left[:, most], left[:, :, most] = 0.0, 0.0
+        if np.abs(energy).max(initial=0.0) > 100 * NEGLIGIBLE_ENERGY:
+            raise _NotWrittenError  # more at one sample than at another
+        out = self._tape.expressed(np.zeros(right.shape))
+        if kept:
+            out[kept] = self(matrix[np.ix_(kept, kept)], right[kept])
+        return out
+
 
 class _Inverse:
-    """Stands in the place of an inverse matrix: solves instead of multiplying."""
+    """Stands in the place of the inverse (c, f) of what free joints ask of closure forces, (f, c): solves instead.
+
+    Of redundant closures the `chosen` forces are zero.
+    """
 
     ndim = 0
 
-    def __init__(self, matrix: Array, solve: _Solver):
-        self._matrix, self._solve = matrix, solve
+    def __init__(self, asked: Array, settled: Array, solve: _Solver):
+        self._asked, self._settled, self._solve = asked, settled, solve
 
     def __matmul__(self, right: Array) -> Array:
-        return self._solve(self._matrix, right)
+        forces = np.zeros((self._asked.shape[1], right.shape[1]), object)
+        forces[self._settled] = self._solve(self._asked[:, self._settled], right)
+        return forces
 
 
 class _WrittenSolved(Solved):
@@ -86,6 +134,10 @@ class _WrittenSolved(Solved):
     def __init__(self, pose: ClosedPose, layout: StaticsLayout, scaling: Array, asked: Asked, legs: Legs | None, solve):
         super().__init__(pose, layout, scaling, asked)
         self._legs, self._solve = legs, solve
+
+    @cached_property
+    def statics(self) -> Statics:
+        return solve_statics(self.layout, self.poses, None, Energies(self._solve.counting, self._solve.energies))
 
     @cached_property
     def _side_by_side(self) -> tuple[Array, list[ModuleGeometry]]:
@@ -189,7 +241,8 @@ class _Writer:
             return Written(pipeline, names, widths, pipeline, None)
         size = self.q.shape[1] + self.coordinates.shape[1]
         at = Pipeline(Program.without(size), None, self._final(anywhere=True)[0])
-        passing = Pipeline(Program.without(size), None, self._step(passing=True))
+        # Where closures are redundant, whether one is closed or only drawn so takes more than a straight line.
+        passing = None if self.redundant else Pipeline(Program.without(size), None, self._step(passing=True))
         return Written(pipeline, names, widths, at, passing)
 
     def _start(self) -> Program:
@@ -219,14 +272,57 @@ class _Writer:
         error = np.concatenate((gaps.gap, many.task.less(values, target)))
         closure = many.closure.jacobian(gaps.wrenches, jacobian)
         matrix = np.concatenate((closure, (rates @ jacobian) * many.task.moves))
-        if matrix.shape[0] != matrix.shape[1]:
-            raise _NotWrittenError
+        if self.redundant:
+            return self._least_step(tape, matrix, error)
         solution, pivots = eliminated(matrix, error[:, None])
         if not passing:
             return Program(tape, list(solution[:, 0]))
         good = least([tape.constant(1.0), *_conditions(pivots)])
         assembled = least([tape.constant(1.0), *many.closure.assembled_conditions(gaps.turn)])
         return Program(tape, [*solution[:, 0], (error * error).sum(), good, assembled])
+
+    @property
+    def redundant(self) -> bool:
+        """Whether loops and coordinates ask more than motions can do. Raises _NotWrittenError where they ask less."""
+        more = self.many.closure.size + len(self.many.names) - self.mechanism.model.nv
+        if more < 0:
+            raise _NotWrittenError
+        return more > 0
+
+    def _least_step(self, tape: Tape, matrix: Array, error: Array) -> Program:
+        """Return Newton's step where closures are redundant: least squares, what is open weighed as by arrays."""
+        rows, columns = self.kinematics.newton_scales
+        gaps = error[: len(rows)]
+        wanted = tape.expressed(matrix[len(rows) :] * columns)
+        most = np.array([largest([abs(entry) for entry in row]) for row in wanted], object)
+        weights = np.concatenate((tape.expressed(rows), 1.0 / most))
+        weighed = weights[:, None] * matrix * columns
+        normal = weighed.T @ weighed
+        solution, pivots = eliminated(tape.expressed(normal), tape.expressed(weighed.T @ (weights * error)[:, None]))
+        size = np.abs(tape.sampled(normal)).max()
+        if any(np.abs(pivot.values).min() < _REGULAR * size for pivot in pivots):
+            raise _NotWrittenError  # some motions are idle
+        still = [abs(gap) <= NEGLIGIBLE / row for gap, row in zip(gaps, rows, strict=True) if gap.known is None]
+        return Program(tape, [*(columns * solution[:, 0]), least([tape.constant(1.0), *still])])
+
+    def _balance(self, closure: Array, solve: _Solver) -> PassiveBalance:
+        """Return how free joints balance. Raises _NotWrittenError where some of them are idle."""
+        asked = closure[:, self.mechanism.free_dofs].T
+        count, forces = asked.shape
+        home = self.kinematics.pose_from_configuration(self.kinematics.home)
+        held, settled = independent(home.closure_jacobian[:, self.mechanism.free_dofs].T)
+        if len(held) != count:
+            raise _NotWrittenError
+        chosen = np.setdiff1d(np.arange(forces), settled)
+        self_stress = np.zeros((forces, len(chosen)), object)
+        self_stress[chosen, range(len(chosen))] = 1.0
+        if len(chosen) and count:
+            self_stress[settled] = -solve(asked[:, settled], asked[:, chosen])
+        return PassiveBalance(
+            _Inverse(asked, settled, solve),  # type: ignore[arg-type]
+            self_stress,
+            np.zeros((count, 0)),
+        )
 
     def _final(self, anywhere: bool) -> tuple[Program, tuple[str, ...], tuple[int, ...]]:
         many, tape = self.many, Tape(_SAMPLES)
@@ -242,12 +338,8 @@ class _Writer:
         if self.looped:
             conditions += many.closure.assembled_conditions(gaps.turn)
         closure = many.closure.jacobian(gaps.wrenches, jacobian)
-        columns = closure[:, self.mechanism.free_dofs]
-        if columns.shape[0] != columns.shape[1]:
-            raise _NotWrittenError
         solve = _Solver(tape)
-        none = np.zeros((len(columns), 0))
-        balance = PassiveBalance(_Inverse(columns.T, solve), none, none)  # type: ignore[arg-type]
+        balance = self._balance(closure, solve)
         pose = ClosedPose(self.mechanism, q, placements, jacobian, closure, gaps.wrenches, balance, gaps.gap, {})
         asked = [QUANTITIES[name] for name in self.asked.quantities]
         legs = None if any(item.by_module for item in asked) else self.legs
@@ -259,7 +351,7 @@ class _Writer:
         by_arrays = Solved(many.poses(self.q)[0], self.layout, self.scaling, self.asked)
         for item in computed:
             entries = np.asarray(item.value(solved), object).ravel()
-            self._check(item, tape.expressed(entries), by_arrays)
+            self._check(tape, item, entries, by_arrays)
             widths.append(len(entries))
             outputs += list(entries)
         elastic, stiff = any(item.elastic for item in asked), any(item.stiff for item in asked)
@@ -268,13 +360,13 @@ class _Writer:
         good = least([tape.constant(1.0), *conditions])
         return Program(tape, [*outputs, good]), tuple(item.name for item in computed), (*widths, 3)
 
-    def _check(self, item: Quantity, entries: Array, by_arrays: Solved) -> None:
+    def _check(self, tape: Tape, item: Quantity, entries: Array, by_arrays: Solved) -> None:
         """Raise _NotWrittenError where arrays say otherwise at the samples."""
-        ours = np.stack([entry.values for entry in entries], axis=-1)
+        ours = tape.sampled(entries)
         theirs = item.value(by_arrays).reshape(ours.shape)
         exact = np.full(len(ours), _EXACT)
         if item.stiff:  # an inverse is as exact as C's condition lets it be
-            exact = np.maximum(exact, 1e-14 * np.linalg.cond(by_arrays.C * self.scaling))
+            exact = np.maximum(10 * exact, 1e-14 * np.linalg.cond(by_arrays.C * self.scaling))
         good = np.abs(ours - theirs).max(axis=1) <= exact * np.abs(theirs).max(axis=1)
         if not good.all():
             raise _NotWrittenError
