@@ -156,8 +156,11 @@ class Problem:
         """
         like = self.first if like is None else like
         x = like.x if x is None else x
-        run = self.simulator.run(self._effects(x, [term.effect for term in terms]), start)
-        return self._fit(terms, Influence(self.simulator, run, self.stack), x, like.held)
+        begin = self.simulator.setup(self._effects(x, ()))
+        run = self.simulator.run_setup(self.simulator.setup([term.effect for term in terms], begin), start)
+        influence = Influence(self.simulator, run, self.stack)
+        influence.first.once(_begin_key(x), lambda: begin)
+        return self._fit(terms, influence, x, like.held)
 
     def relinearised(self, fit: Fit) -> Fit:
         """Return a fit with the change per tolerance taken at it."""
@@ -191,7 +194,10 @@ class Problem:
     def change(self, fit: Fit, effects: Sequence[Effect]) -> Array:
         """Return the whitened change of the columns (n, K) from a fit to other effects, to first order."""
         first = fit.influence.first
-        begin = first.once(("begin", fit.x.tobytes()), lambda: self.simulator.setup(self._effects(fit.x, ())))
+        begin = first.once(
+            _begin_key(fit.x),
+            lambda: self.simulator.setup(self._effects(fit.x, ())) if fit.terms else fit.run.setup,
+        )
         return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
 
     def module_of(self, candidate: Candidate) -> str | None:
@@ -221,11 +227,20 @@ class Problem:
         effects = [term.effect for term in kept]
         target = self.target(fit)
         low, high = candidate.bounds
+        known: dict[bytes, tuple[Array, Array]] = {}
+
+        def tried(coordinates: Array) -> tuple[Array, Array]:
+            # a start is asked for when starts are compared, when the fit begins, and for its slope
+            key = coordinates.tobytes()
+            if key not in known:
+                changed = self.change(fit, [*effects, candidate.effect(coordinates)])
+                with np.errstate(invalid="ignore"):
+                    rest = np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
+                known[key] = changed, without(rest, beside)
+            return known[key]
 
         def left(coordinates: Array) -> Array:
-            changed = self.change(fit, [*effects, candidate.effect(coordinates)])
-            with np.errstate(invalid="ignore"):
-                return without(np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6), beside)
+            return tried(coordinates)[1]
 
         steps = 1e-4 * candidate.scales()
 
@@ -253,7 +268,7 @@ class Problem:
             gtol=1e-10,
         )
         term = Term(candidate, found.x)
-        change = self.change(fit, [*effects, term.effect])
+        change = tried(found.x)[0]
         return 2 * float(found.cost), term, without(change.ravel(), beside).reshape(change.shape)
 
     def beside(self, fit: Fit, kept: Sequence[int]) -> Beside | None:
@@ -332,6 +347,14 @@ class Problem:
                     ends.append(self.change(fit, changed))
                 columns.append(((ends[0] - ends[1]) / (2 * step)).ravel())
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
+
+
+def _begin_key(x: Array) -> tuple[str, bytes]:
+    """Return under which name a run keeps the setup that its laws come after, with toleranced parameters at x (p,).
+
+    What the run shares with a changed setup is the same object in both, and needs no comparison.
+    """
+    return "begin", x.tobytes()
 
 
 def _basis(directions: Array) -> Array:

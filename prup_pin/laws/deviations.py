@@ -18,13 +18,11 @@ from ..mechanism.tolerances import kind_of_value, value_tolerances, values_follo
 from ..modules import DriveModule
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
-from .deeds import ChangedValue, Deed, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
+from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .joint_places import across, parts
 from .law import Law, Place
 from .loop_places import SeatPosition
-from .pose_sensor import from_frame
 from .setup import Setup
-from .target import on_body
 
 __all__ = ["Calibration", "Deviation", "Sharing", "amounts_of", "calibration_of", "deviations_of"]
 
@@ -397,7 +395,7 @@ def _targets(mechanism: Mechanism, markers: Sequence[str]) -> Iterator[Deviation
 
 
 def _target(frame: str, unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
-    yield PoseReport(partial(on_body, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])), frame)
+    yield PoseReport(Moved.on_body(value * unit[:3], rotation_exp(value * unit[3:])), frame)
 
 
 def _frame() -> Iterator[Deviation]:
@@ -410,4 +408,4 @@ def _frame() -> Iterator[Deviation]:
 
 
 def _sensor_frame(unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
-    yield PoseReport(partial(from_frame, shift=value * unit[:3], turn=rotation_exp(value * unit[3:])))
+    yield PoseReport(Moved.from_frame(rotation_exp(value * unit[3:]), value * unit[:3]))

@@ -7,12 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from ..mechanism import Joint, LoopClosure, Mechanism
-from .deeds import Deed, MovedJoint, MovedLoopEnd, PoseReport
+from .deeds import Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport
 from .follows import Followed
 from .joint_places import Displaced, listed, shift_of
 from .law import Place
 from .setup import Setup
-from .target import beside
 
 
 class LoopEndPosition(Displaced):
@@ -73,7 +72,7 @@ class SeatPosition(Displaced):
         for name in mechanism.frame_names:
             frame = mechanism.frame(name)
             if frame.joint == joint.id:
-                yield PoseReport(beside(frame.placement[:3, :3].T @ shift), name)
+                yield PoseReport(Moved.on_body(frame.placement[:3, :3].T @ shift, np.eye(3)), name)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} is not where the drawing has it on the platform that it carries: {listed(values)}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -11,8 +10,8 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..parameters import Quantity
-from ..spatial import Array, rotation_exp
-from .deeds import Deed, PoseReport
+from ..spatial import rotation_exp
+from .deeds import Deed, Moved, PoseReport
 from .law import Law, Place
 from .setup import Setup
 
@@ -37,14 +36,9 @@ class PoseSensorMisalignment(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         turn = rotation_exp(np.array([values["rx"], values["ry"], values["rz"]]))
         shift = np.array([values["tx"], values["ty"], values["tz"]])
-        yield PoseReport(partial(from_frame, turn=turn, shift=shift))
+        yield PoseReport(Moved.from_frame(turn, shift))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn = 1e3 * np.linalg.norm([values["rx"], values["ry"], values["rz"]])
         shift = 1e3 * np.linalg.norm([values["tx"], values["ty"], values["tz"]])
         return f"the pose sensor's frame is turned by {number(turn, 3)} mrad and shifted by {number(shift, 3)} mm"
-
-
-def from_frame(position: Array, rotation: Array, turn: Array, shift: Array) -> tuple[Array, Array]:
-    """Return poses as a frame reports them that is turned and shifted."""
-    return position @ turn.T + shift, turn @ rotation

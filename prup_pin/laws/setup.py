@@ -11,7 +11,7 @@ import numpy as np
 from ..loaded import Conditions
 from ..mechanism import Mechanism
 from ..spatial import Array
-from .deeds import Deed, JointResistance, Moment, PoseReport, RememberedStrain, Strain, Strains, ToolSpring
+from .deeds import Deed, JointResistance, Moment, Moved, PoseReport, RememberedStrain, Strain, Strains, ToolSpring
 from .inputs import Inputs
 
 __all__ = ["Setup"]
@@ -52,7 +52,7 @@ class Setup:
 
     def copy(self) -> Setup:
         """Return a setup that may take more deeds; this one stays as it is."""
-        other = replace(self, travel=self.travel.copy(), strains={name: [*own] for name, own in self.strains.items()})
+        other = replace(self, strains={name: [*own] for name, own in self.strains.items()})
         kept = ("deeds", "parameters", "values", "resistances", "remembered", "reports", "springs")
         for name in (*kept, "offsets", "loop_offsets", "mass_factors", "yielding"):
             setattr(other, name, getattr(self, name).copy())
@@ -131,7 +131,12 @@ class Setup:
 
         The latter are the rows of the inputs that the n poses belong to.
         """
-        for report in self.reports:
-            if report.frame in (None, frame):
-                position, rotation = report.of(position, rotation, samples)
+        for report in PoseReport.joined(report for report in self.reports if report.frame in (None, frame)):
+            position, rotation = report.of(position, rotation, samples)
         return position, rotation
+
+    def as_moved(self, frame: str) -> Moved | None:
+        """Return all reports of a frame as one where the sensor does no more than see poses elsewhere; else None."""
+        reports = PoseReport.joined(report for report in self.reports if report.frame in (None, frame))
+        whole = [report.reported for report in reports if report.rows is None]
+        return whole[0] if len(whole) == len(reports) == 1 and isinstance(whole[0], Moved) else None

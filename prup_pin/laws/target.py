@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -11,8 +10,8 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..parameters import Quantity
-from ..spatial import Array, rotation_exp
-from .deeds import Deed, PoseReport
+from ..spatial import rotation_exp
+from .deeds import Deed, Moved, PoseReport
 from .law import Law, Place
 from .setup import Setup
 
@@ -34,7 +33,7 @@ class TargetMisalignment(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         shift = np.array([values[name] for name in ("x", "y", "z")])
         turn = rotation_exp(np.array([values[name] for name in ("rx", "ry", "rz")]))
-        yield PoseReport(partial(on_body, shift=shift, turn=turn), setup.mechanism.need_tool().name)
+        yield PoseReport(Moved.on_body(shift, turn), setup.mechanism.need_tool().name)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
@@ -63,7 +62,7 @@ class MarkerMisalignment(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         shift = np.array([values[name] for name in ("x", "y", "z")])
         turn = rotation_exp(np.array([values[name] for name in ("rx", "ry", "rz")]))
-        yield PoseReport(partial(on_body, shift=shift, turn=turn), self.frame)
+        yield PoseReport(Moved.on_body(shift, turn), self.frame)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
@@ -79,13 +78,3 @@ def of_markers(mechanism: Mechanism, names: Iterable[str] | None = None) -> tupl
     tool = None if mechanism.tool is None else mechanism.tool.name
     known = mechanism.frame_names if names is None else [name for name in names if name in mechanism.frame_names]
     return tuple(MarkerMisalignment(name) for name in known if name != tool)
-
-
-def beside(shift: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """Return the report of a target that sits beside its frame by a shift (3,) in the frame's axes."""
-    return partial(on_body, shift=shift, turn=np.eye(3))
-
-
-def on_body(position: Array, rotation: Array, shift: Array, turn: Array) -> tuple[Array, Array]:
-    """Return the poses of a target that sits on a body beside its frame, by a shift and a turn in the frame's axes."""
-    return position + rotation @ shift, rotation @ turn

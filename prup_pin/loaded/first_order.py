@@ -103,12 +103,15 @@ class FirstOrder:
     def joints_by_resistance(self, places: tuple[int, ...]) -> Array:
         """Return d(displacement)/d(resisting torque) of free joints, (n, r, r)."""
 
-        def compute() -> Array:
-            rows = np.zeros((len(self), len(places), self.matrix.shape[-1]))
-            rows[:, np.arange(len(places)), list(places)] = 1.0
-            return left_solved(self.matrix, self.found.rigid.border, rows)[:, :, list(places)]
+        return self._joints_by_torque[:, list(places)][:, :, list(places)]
 
-        return self.once(("joints", places), compute)
+    @cached_property
+    def _joints_by_torque(self) -> Array:
+        """d(displacement)/d(torque) of all free joints, (n, free, free)."""
+        count = len(self.chain.free)
+        rows = np.zeros((len(self), count, self.matrix.shape[-1]))
+        rows[:, np.arange(count), np.arange(count)] = 1.0
+        return left_solved(self.matrix, self.found.rigid.border, rows)[:, :, :count]
 
     def by_joint(self, joint: int) -> Array:
         """Return what is watched per displacement of a joint's drawn place, (n, R, 6), as in `Conditions.offsets`."""
@@ -206,12 +209,10 @@ class FirstOrder:
         watched = self._moved(before.placements, at.placements) + self.by_residual(change)
         return np.where(self._askew(change[..., None]), np.nan, watched)
 
-    def by_conditions(self, before: Conditions, after: Conditions) -> Array:
-        """Return what is watched, (n, R), between two conditions at the present state."""
-        one, other = (
-            self.chain.evaluate(self.found.rigid, self.found.state, conditions) for conditions in (before, after)
-        )
-        return self.by_residual(other.residual - one.residual)
+    def by_conditions(self, after: Conditions) -> Array:
+        """Return what is watched, (n, R), from the equilibria's conditions to others at the present state."""
+        other = self.chain.evaluate(self.found.rigid, self.found.state, after)
+        return self.by_residual(other.residual - self.found.evaluation.residual)
 
     def by_travel(self, column: int) -> Array:
         """Return what is watched per travel of an actuated joint, (n, R)."""

@@ -87,7 +87,6 @@ def loaded_rod(
     batch = np.broadcast_shapes(np.shape(length), wrench.shape[:-1])
     length = np.broadcast_to(length, batch)
     wrench = np.broadcast_to(wrench, (*batch, 6))
-    force, moment = wrench[..., None, :3], wrench[..., None, 3:]
     rotation = np.broadcast_to(np.eye(3), (*batch, 3, 3))
     position = np.zeros((*batch, 3))
     tangent = np.zeros((*batch, 6, 6)) if with_tangent else None
@@ -104,38 +103,19 @@ def loaded_rod(
             step = (end - start) / pieces
             u = left[..., None] + step[..., None] * _NODES
             flexibility = _flexibilities(law, u)
-            n, m, line = force, moment, None
-            r = np.repeat(rotation[..., None, :, :], _STAGES, axis=-3)
-            p = position[..., None, :] - step[..., None, None] * _NODES[:, None] * rotation[..., None, :, 2]
-            matrix = step[..., None, None] * _MATRIX
-            last = step[..., None] * _LAST
+            line = None
             if weight is not None and gravity is not None:
                 line = weight(u)[..., None] * gravity[..., None, :]
-            for _ in range(_SWEEPS):
-                if line is not None:
-                    both = np.concatenate((line, np.cross(p, line)), axis=-1)
-                    gathered = carried[..., None, :] + matrix @ both
-                    n, m = force + gathered[..., :3], moment + gathered[..., 3:]
-                local = _in_section(r, p, n, m)
-                strain = flexibility * local
-                turning = (r @ skew(-strain[..., 3:])).reshape(*batch, _STAGES, 9)
-                moving = -(r @ (strain[..., :3] + _AXIS)[..., None])[..., 0]
-                new_r = (rotation.reshape(*batch, 1, 9) + matrix @ turning).reshape(r.shape)
-                new_p = position[..., None, :] + matrix @ moving
-                change = np.maximum(np.abs(new_r - r).max((-3, -2, -1)), np.abs(new_p - p).max((-2, -1)))
-                r, p = new_r, new_p
-                # What is lost (NaN) does not hold up, or hurry, the others.
-                if not (change > _ROUNDING).any():
-                    break
-            settled &= change <= _SETTLED
+            piece_of = _followed(rotation, position, step, flexibility, wrench, carried, line)
+            last = step[..., None] * _LAST
+            settled &= piece_of.settled
             if tangent is not None:
+                matrix = step[..., None, None] * _MATRIX
+                r, p, n, m = piece_of.sections()
                 tangent, spread, found = _advance_tangent(tangent, spread, r, p, flexibility, n, m, line, matrix, last)
                 settled &= found
-            energy = energy + 0.5 * (last * (strain * local).sum(-1)).sum(-1)
-            rotation = rotation + (last[..., None, :] @ turning)[..., 0, :].reshape(*batch, 3, 3)
-            position = position + (last[..., None, :] @ moving)[..., 0, :]
-            if line is not None:
-                carried = carried + (last[..., None, :] @ both)[..., 0, :]
+            energy = energy + piece_of.energy
+            rotation, position, carried = piece_of.rotation, piece_of.position, piece_of.carried
     rotation = np.where(settled[..., None, None], rotation, np.nan)
     n, m = wrench[..., :3] + carried[..., :3], wrench[..., 3:] + carried[..., 3:]
     root = _in_section(rotation, position, n, m)
@@ -157,6 +137,97 @@ def loaded_rod(
         rotation, tangent, energy = _tilt(tilting, root, rotation, position, tangent, spread, energy, n, m)
     motion = np.concatenate((velocity, spin), axis=-1)
     return LoadedRod(rotation, position, tangent, root_strain, tip_strain, root, slope, rate, motion, energy)
+
+
+class _Piece(NamedTuple):
+    """A piece of rods, followed: its sections (r, p) and what they carry about the tip, (n, m), components first.
+
+    Of its end, `rotation` (..., 3, 3), `position` (..., 3) and the wrench `carried` (..., 6) of the weight so far about
+    the tip; `energy` (...) in it, and where the sweeps `settled`.
+    """
+
+    r: Array  # (3, 3, stages, rods)
+    p: Array  # (3, stages, rods)
+    n: Array
+    m: Array
+    rotation: Array
+    position: Array
+    carried: Array
+    energy: Array
+    settled: np.ndarray
+
+    def sections(self) -> tuple[Array, Array, Array, Array]:
+        """Return r (..., stages, 3, 3), and p, n and m (..., stages, 3)."""
+        batch = self.settled.shape
+        r = np.moveaxis(self.r, (3, 2), (0, 1)).reshape(*batch, _STAGES, 3, 3)
+        vectors = (np.broadcast_to(x, self.p.shape) for x in (self.p, self.n, self.m))
+        p, n, m = (np.moveaxis(x, (2, 1), (0, 1)).reshape(*batch, _STAGES, 3) for x in vectors)
+        return r, p, n, m
+
+
+def _followed(
+    rotation: Array, position: Array, step: Array, flexibility: Array, wrench: Array, carried: Array, line: Array | None
+) -> _Piece:
+    """Return a piece of length `step` (...) that begins at (rotation, position), by sweeps of collocation.
+
+    flexibility (..., stages, 6) of its sections, wrench (..., 6) on the tip, line (..., stages, 3) weight per length.
+    Rods stand along the last axis while they are followed: many small products are slow.
+    """
+    batch = step.shape
+    begin_r = np.ascontiguousarray(rotation.reshape(-1, 9).T).reshape(3, 3, 1, -1)
+    begin_p = np.ascontiguousarray(position.reshape(-1, 3).T)[:, None]
+    lengths = step.reshape(-1)
+    soft = np.ascontiguousarray(np.moveaxis(flexibility.reshape(-1, _STAGES, 6), (2, 1), (0, 1)))
+    load = np.ascontiguousarray(wrench.reshape(-1, 6).T)[:, None]
+    force, moment = load[:3], load[3:]
+    weighs = None if line is None else np.moveaxis(line.reshape(-1, _STAGES, 3), (2, 1), (0, 1))
+    before = np.ascontiguousarray(carried.reshape(-1, 6).T)[:, None]
+    n, m, both = force, moment, np.zeros((6, _STAGES, len(lengths)))
+    r = np.repeat(begin_r, _STAGES, axis=2)
+    p = begin_p - (lengths * _NODES[:, None]) * begin_r[:, 2]
+    for _ in range(_SWEEPS):
+        if weighs is not None:
+            both = np.concatenate((weighs, _cross(p, weighs)))
+            gathered = before + lengths * (_MATRIX @ both)
+            n, m = force + gathered[:3], moment + gathered[3:]
+        about = m - _cross(p, n)
+        local = np.concatenate((_turned_back(r, n), _turned_back(r, about)))
+        strain = soft * local
+        # r [-kappa]x, row by row
+        turning = _cross(strain[3:], r.swapaxes(0, 1)).swapaxes(0, 1)
+        moving = -(r[:, 0] * strain[0] + r[:, 1] * strain[1] + r[:, 2] * (strain[2] + 1.0))
+        new_r = begin_r + lengths * (_MATRIX @ turning)
+        new_p = begin_p + lengths * (_MATRIX @ moving)
+        change = np.maximum(np.abs(new_r - r).max((0, 1, 2)), np.abs(new_p - p).max((0, 1)))
+        r, p = new_r, new_p
+        # What is lost (NaN) does not hold up, or hurry, the others.
+        if not (change > _ROUNDING).any():
+            break
+    end_r = begin_r[:, :, 0] + lengths * (_LAST @ turning)
+    end_p = begin_p[:, 0] + lengths * (_LAST @ moving)
+    gathered = before[:, 0] + lengths * (_LAST @ both)
+    energy = 0.5 * lengths * (_LAST @ (strain * local).sum(0))
+    return _Piece(
+        r,
+        p,
+        n,
+        m,
+        np.ascontiguousarray(end_r.reshape(9, -1).T).reshape(*batch, 3, 3),
+        np.ascontiguousarray(end_p.T).reshape(*batch, 3),
+        np.ascontiguousarray(gathered.T).reshape(*batch, 6),
+        energy.reshape(batch),
+        (change <= _SETTLED).reshape(batch),
+    )
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return a x b by components along the first axis."""
+    return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
+
+
+def _turned_back(r: Array, vector: Array) -> Array:
+    """Return r^T v by components along the first axes."""
+    return r[0] * vector[0] + r[1] * vector[1] + r[2] * vector[2]
 
 
 def piece_count(law: SectionFlexibilities, length: Array, wrench: Array) -> np.ndarray:

@@ -6,7 +6,7 @@ A deed of a new kind: a final class in a file of its own, and one line in `DEEDS
 from .deed import BLOCK, RUN, Deed, History, Moment, Solved
 from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
 from .remembered import RememberedStrain
-from .report import PoseReport
+from .report import Moved, PoseReport
 from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
 from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
@@ -44,6 +44,7 @@ __all__ = [
     "History",
     "JointResistance",
     "Moment",
+    "Moved",
     "MovedJoint",
     "MovedLoopEnd",
     "PoseReport",

@@ -86,6 +86,8 @@ class ToolSpring(Deed):
 
 
 def _by_wrench(new: Array, old: Array, at: Solved) -> Array | None:
+    if new is old:
+        return None
     more = new[at.samples] - old[at.samples]
     return (at.first.by_wrench @ more[..., None])[..., 0] if np.any(more) else None
 
@@ -112,7 +114,7 @@ class Weight(Deed):
             return (share - before) * at.first.once(("weight", kind), partial(_by_weight, at, kind))
         now = at.first.found.conditions
         gravity = share * at.setup.gravity(at.samples)
-        return at.first.by_conditions(now, replace(now, gravity=gravity, spread_weight=spread))
+        return at.first.by_conditions(replace(now, gravity=gravity, spread_weight=spread))
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,7 @@ def _by_mass(at: Solved, joint: int) -> Array:
         now = at.first.found.conditions
         factors = np.ones(len(at.first.chain.structure.masses)) if now.mass_factors is None else now.mass_factors
         more = factors + _LIGHT * (np.arange(len(factors)) == joint)
-        return at.first.by_conditions(now, replace(now, mass_factors=more)) / _LIGHT
+        return at.first.by_conditions(replace(now, mass_factors=more)) / _LIGHT
     gravity = at.setup.weight * at.setup.gravity(at.samples)
     return at.first.chain.structure.masses[joint] * at.first.by_mass(joint, gravity)
 
@@ -155,4 +157,4 @@ def _by_weight(at: Solved, spread: bool) -> Array:
     """Return what is watched per whole weight, (n, R), at the weight that acts."""
     now, light = at.first.found.conditions, _LIGHT * at.setup.gravity(at.samples)
     more = light if now.gravity is None else now.gravity + light
-    return at.first.by_conditions(now, replace(now, gravity=more, spread_weight=spread)) / _LIGHT
+    return at.first.by_conditions(replace(now, gravity=more, spread_weight=spread)) / _LIGHT

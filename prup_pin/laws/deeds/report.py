@@ -2,19 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...spatial import Array
+from ...spatial import Array, placement, rotation_exp
 from .deed import Deed, Solved
 
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["PoseReport"]
+__all__ = ["Moved", "PoseReport"]
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """A report of poses P as `outside` P `inside`: the frame of the sensor, or its target, sits elsewhere."""
+
+    outside: Array
+    inside: Array
+
+    def __call__(self, position: Array, rotation: Array) -> tuple[Array, Array]:
+        turn, shift = self.outside[:3, :3], self.outside[:3, 3]
+        point = position + rotation @ self.inside[:3, 3]
+        return point @ turn.T + shift, turn @ (rotation @ self.inside[:3, :3])
+
+    def change(self, true: Array, moved: Array) -> Array:
+        """Return the change (n, 6) of reports of poses (n, 4, 4) that move by (n, 6), as `motion_between` has it."""
+        turn, arm = self.outside[:3, :3], true[:, :3, :3] @ self.inside[:3, 3]
+        shift = moved[:, :3] + (rotation_exp(moved[:, 3:]) @ arm[..., None])[..., 0] - arm
+        return np.concatenate((shift @ turn.T, moved[:, 3:] @ turn.T), axis=1)
+
+    def then(self, other: Moved) -> Moved:
+        """Return both as one report."""
+        return Moved(other.outside @ self.outside, self.inside @ other.inside)
+
+    @classmethod
+    def from_frame(cls, turn: Array, shift: Array) -> Moved:
+        """Return the report of a frame that is turned and shifted."""
+        return cls(placement(turn, shift), np.eye(4))
+
+    @classmethod
+    def on_body(cls, shift: Array, turn: Array) -> Moved:
+        """Return the report of a target beside its frame, shifted and turned in the axes of that frame."""
+        return cls(np.eye(4), placement(turn, shift))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +78,18 @@ class PoseReport(Deed):
 
     def enter(self, setup: Setup) -> None:
         setup.reports.append(self)
+
+    @classmethod
+    def joined(cls, reports: Iterable[PoseReport]) -> list[PoseReport]:
+        """Return reports that say the same one after the other: of neighbours that move all poses alike, one."""
+        found: list[PoseReport] = []
+        for report in reports:
+            one, other = found[-1].reported if found else None, report.reported
+            if isinstance(one, Moved) and isinstance(other, Moved) and found[-1].rows is report.rows:
+                found[-1] = replace(report, reported=one.then(other))
+            else:
+                found.append(report)
+        return found
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:

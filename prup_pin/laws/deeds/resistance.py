@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["JointResistance"]
 
 _SWEEPS = 60
+#: Rounds in which joints that slide are guessed before sweeps look for them, and those in which all may change.
+_GUESSES, _TOGETHER = 30, 6
 
 
 @dataclass(frozen=True)
@@ -193,13 +195,48 @@ def resisted(
 
 
 def _balanced(free, influence, torque, slid, last, stiffness, limit, viscous) -> tuple[Array, Array]:
-    """Return torques (b, r) and displacements (b, r) of joints that agree with each other, by Gauss-Seidel sweeps.
+    """Return torques (b, r) and displacements (b, r) of joints that agree with each other.
 
     torque = viscous (x - last) + clip(stiffness (x - slid), +-limit), x = free + influence torque.
+    Which joints slide is guessed; the rest is linear, and says who does: a few rounds, or else sweeps.
     """
     count = len(stiffness)
     if count == 1:
         return _balanced_alone(free, influence[:, 0], slid, last, stiffness[0], limit[0], viscous)
+    slides, left = np.zeros(free.shape), np.arange(len(free))
+    found, moved = np.empty_like(free), np.empty_like(free)
+    for round_ in range(_GUESSES):
+        sticks = slides == 0
+        slope = viscous[left] + np.where(sticks, stiffness, 0.0)
+        begin = np.where(sticks, -stiffness * slid[left], slides * limit) - viscous[left] * last[left]
+        x = _solved(np.eye(count) - influence[left] * slope[:, None], free[left], influence[left], begin)
+        stretched = stiffness * (x - slid[left])
+        wrong = np.sign(stretched) * (np.abs(stretched) > limit) - slides
+        if round_ >= _TOGETHER:  # one by one, the first of them: that comes to an end
+            wrong = np.clip(wrong, -1.0, 1.0) * (np.cumsum(wrong != 0, axis=1) == 1)
+        right = ~wrong.any(axis=1)
+        found[left[right]], moved[left[right]] = (begin + slope * x)[right], x[right]
+        slides, left = (slides + wrong)[~right], left[~right]
+        if not len(left):
+            return found, moved
+    found[left], moved[left] = _swept(
+        free[left], influence[left], torque[left], slid[left], last[left], stiffness, limit, viscous[left]
+    )
+    return found, moved
+
+
+def _solved(matrix: Array, free: Array, influence: Array, begin: Array) -> Array:
+    """Return displacements (b, r), matrix x = free + influence begin; NaN where they are not determined."""
+    right = free[..., None] + influence @ begin[..., None]
+    try:
+        return np.asarray(np.linalg.solve(matrix, right)[..., 0])
+    except np.linalg.LinAlgError:
+        return np.full(free.shape, np.nan)
+
+
+def _swept(free, influence, torque, slid, last, stiffness, limit, viscous) -> tuple[Array, Array]:
+    """Return the same by Gauss-Seidel sweeps."""
+    count = len(stiffness)
     torque = torque.copy()
     for _ in range(_SWEEPS):
         old = torque.copy()

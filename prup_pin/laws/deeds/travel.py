@@ -30,10 +30,14 @@ class Travel(Deed):
         return Travel(self.actuator, np.where(rows, self.extent, 0.0))
 
     def enter(self, setup: Setup) -> None:
-        setup.travel[:, self.actuator] += self.extent
+        more = np.zeros_like(setup.travel)
+        more[:, self.actuator] = self.extent
+        setup.travel = setup.travel + more
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        if setup.travel is at.setup.travel:
+            return None
         travel = setup.travel[at.samples] - at.setup.travel[at.samples]
         total: Array | None = None
         for column in np.flatnonzero(travel.any(axis=0)).tolist():
@@ -123,11 +127,17 @@ class MovedLoopEnd(Deed):
         return _by_offsets(setup.loop_offsets, at.setup.loop_offsets, lambda key: at.first.by_loop_end(*key))
 
 
+_STILL = np.zeros(6)
+
+
 def _by_offsets(new: Mapping[Any, Array], old: Mapping[Any, Array], by_place: Callable[[Any], Array]) -> Array | None:
     """Return what is watched by displaced places, (n, R), with `by_place` (n, R, 6) of each."""
     total: Array | None = None
     for key in {**new, **old}:
-        step = new.get(key, np.zeros(6)) - old.get(key, np.zeros(6))
+        after, before = new.get(key, _STILL), old.get(key, _STILL)
+        if after is before:
+            continue
+        step = after - before
         axes = np.flatnonzero(step)  # the others may be such that no loop closes
         if len(axes):
             change = by_place(key)[..., axes] @ step[axes]
