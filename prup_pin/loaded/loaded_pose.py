@@ -537,13 +537,13 @@ def _follow_until(path: _LoadPath, limit: float) -> tuple[float, _Point]:
             if found.share >= limit:
                 return np.inf, found
             low, matrix, size = found, after, _GROWTH * size
-            if failed and abs(edge - before) < 10 * _SHARP * edge < np.inf:
+            if failed and edge <= limit and abs(edge - before) < 10 * _SHARP * edge:
                 return edge, low
         if failed:
             size = min(size, 0.85 * (edge - low.share))
         if size <= _SHARP * max(low.share, first):
             break
-    if failed and edge - low.share < _BLUNT * edge < np.inf:
+    if failed and edge <= limit and edge - low.share < _BLUNT * edge:
         return edge, low
     raise path.lost(low.share)
 
