@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from .description import (
     RobotDescription,
     check_references,
 )
-from .mesh_paths import mesh_problem
+from .mesh_paths import mesh_exists, mesh_problem
 from .xml_file import MAX_JOINTS, MAX_NUMBER, Document, parse
 
 #: Share of the largest moment of inertia that rounding may leave below zero.
@@ -156,6 +156,8 @@ class MjcfDocument(Document):
         self.bodies: list[Body] = []
         self.lines_of_names: dict[tuple[str, str], int | None] = {}
         self.meshed: list[str] = []
+        #: Files of meshes that are not there.
+        self.meshes_missing: list[str] = []
 
     def read(self, content: bytes) -> RobotDescription:
         self._check_document()
@@ -181,6 +183,7 @@ class MjcfDocument(Document):
             coupled=coupled,
             described=bool(loops),
             lines=self.lines,
+            meshes_missing=tuple(self.meshes_missing),
             notes=(*notes, *self._left_out()),
         )
         names = [body.name for body in self.bodies]
@@ -213,11 +216,24 @@ class MjcfDocument(Document):
             name = mesh.get("file")
             if name and "strippath" in self.settings and self.settings["strippath"] == "true":
                 name = name.replace("\\", "/").rpartition("/")[2]
-            message = name and mesh_problem(f"{folder}/{name}" if folder else name, home, self.package_folders)
+            if not name:
+                continue
+            place = f"{folder}/{name}" if folder else name
+            message = mesh_problem(place, home, self.package_folders)
             if message:
                 self.problem(mesh, message)
+            elif not mesh_exists(place, home, self.package_folders):
+                self.meshes_missing.append(name)
+        self._check_mesh_names()
         # A file with these is refused before anything else of it is read.
         self.raise_problems()
+
+    def _check_mesh_names(self) -> None:
+        """Add a problem for every geom whose mesh is none of the assets; without a name an asset has its file's."""
+        known = {mesh.get("name") or PurePosixPath(mesh.get("file", "")).stem for mesh in self.root.iter("mesh")}
+        for geom in self.root.iter("geom"):
+            if (name := geom.get("mesh")) is not None and name not in known:
+                self.problem(geom, f"<geom>: no mesh named '{name[:60]}'. {nearest_names(name, sorted(known))}")
 
     def _classes(self) -> dict[str, dict[str, dict[str, str]]]:
         """Return the default attributes by class and tag; a class starts from those of the class around it."""

@@ -661,3 +661,18 @@ def test_deeply_nested_bodies_are_refused(tmp_path):
     path.write_text("<mujoco><worldbody>" + "<body>" * 5000 + "</body>" * 5000 + "</worldbody></mujoco>")
     (found,) = problems(path)
     assert found == "deep.xml:1: nests its elements more than 256 deep; this is not a robot description"
+
+
+def test_meshes_of_an_mjcf_file_that_are_not_there_are_told_and_wrong_names_refused(tmp_path):
+    text = (
+        '<mujoco><asset><mesh file="arm.stl"/><mesh name="hand" file="gone.stl"/></asset><worldbody><body name="a">'
+        '<joint name="j"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="arm"/>'
+        '<geom mesh="hand"/></body></worldbody></mujoco>'
+    )
+    (tmp_path / "arm.stl").write_bytes(b"")
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    assert prup_pin.load(path).mechanism.description.meshes_missing == ("gone.stl",)
+    path.write_text(text.replace('mesh="hand"', 'mesh="hnad"'))
+    with pytest.raises(RobotFileError, match=r"<geom>: no mesh named 'hnad'\. Did you mean 'hand'"):
+        prup_pin.load(path)
