@@ -158,7 +158,7 @@ def test_shares_are_bars_in_order(compliance):
     np.testing.assert_allclose(bars[:5], 100 * np.array(shares[:5]))
     assert sum(bars) == pytest.approx(100)
     said = " ".join(text.get_text() for text in texts(figure))
-    for word in ("leg3/linear_rod", "others", "µm", "35.1 %"):
+    for word in ("leg3/linear_rod", "others", "mm", "35.1 %"):
         assert word in said
 
 
@@ -182,7 +182,7 @@ def test_pictures_for_a_phone_say_the_same(robot, compliance):
 def test_shares_without_wrench_and_without_legs():
     robot = prup_pin.load("ur5", joint_stiffness=1e4)
     figure = shares_figure(robot.compliance(robot.home))
-    assert "softest direction" in " ".join(text.get_text() for text in texts(figure))
+    assert "softest translation" in " ".join(text.get_text() for text in texts(figure))
 
 
 def test_files_are_readable(robot, compliance, tmp_path):

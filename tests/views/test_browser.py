@@ -147,7 +147,7 @@ def test_words_on_the_page(browser, page):
         "leg2/linear_rod",
         "38.7 %",
         "µm/N",
-        "mrad/(N m)",
+        "µrad/(N m)",
         "300 N",
         "leg1",
     ):

@@ -222,11 +222,11 @@ def test_ellipsoid_axes_are_eigenvectors(compliance, scene, name, block):
 def test_ellipsoids_are_labelled_with_their_semi_axes(compliance, scene):
     words = [label.text for label in scene.labels if label.path.startswith("ellipsoids")]
     translation = np.linalg.eigvalsh(compliance.C[:3, :3]) * 1e6
-    rotation = np.linalg.eigvalsh(compliance.C[3:, 3:]) * 1e3
+    rotation = np.linalg.eigvalsh(compliance.C[3:, 3:]) * 1e6
     for value in translation:
         assert any(w.endswith(" µm/N") and float(w.split()[0]) == pytest.approx(value, rel=5e-3) for w in words)
     for value in rotation:
-        assert any(w.endswith(" mrad/(N m)") and float(w.split()[0]) == pytest.approx(value, rel=5e-3) for w in words)
+        assert any(w.endswith(" µrad/(N m)") and float(w.split()[0]) == pytest.approx(value, rel=5e-3) for w in words)
 
 
 def test_ellipsoid_at_the_tool_and_none(robot, compliance):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...numbers import number
+from ...numbers import quantity
 from ...spatial import Array
 from ...statics import Compliance
 from ..scene.camera import Camera
@@ -79,7 +79,7 @@ def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layou
         axes.plot(*np.array([-tip, tip]).T, color="#14352B", lw=1.4, zorder=5)
         axes.plot(*np.array([tip, direction * (edge + 0.18)]).T, color="#14352B", lw=0.8, ls=":", zorder=5)
         axes.plot(*tip, "o", ms=4, color="#14352B", zorder=6)
-        labels.put(f"{number(value * 1e6, 3)} µm/N", direction * (edge + 0.16), "#14352B", direction, 10.5, "bold")
+        labels.put(quantity(value, "m/N"), direction * (edge + 0.16), "#14352B", direction, 10.5, "bold")
     if not yields.all():
         text = "rigid across" if yields.sum() == 1 else "rigid in the third direction"
         axes.text(0.5, 0.0, text, transform=axes.transAxes, ha="center", fontsize=9.5, color="#14352B")

@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...mechanism import Mechanism
-from ...numbers import number
+from ...numbers import fixed, number, readable_unit
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
@@ -25,6 +25,7 @@ from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text
+from ..text.tables import load_text
 from .drawing import AXES, FAINT, INK, NARROW, WIDE, Drawing, Labels, Layout
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words
@@ -312,9 +313,9 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
             add("elastic beam", color=BEAM, lw=7)
         else:
             add("elastic beam without load", color=_PALE, lw=7)
-            add(f"deflected, drawn {number(scale)} times larger", color=MAP[len(MAP) // 2], lw=4.5)
+            add(f"deflected, drawn × {number(scale)}", color=MAP[len(MAP) // 2], lw=4.5)
     elif scale is not None:
-        add(f"deflected, drawn {number(scale)} times larger", color=INK, lw=2.2)
+        add(f"deflected, drawn × {number(scale)}", color=INK, lw=2.2)
     if "link" in kinds:
         add("rigid link", color=INK if scale is None else _PALE, lw=4)
     if "slide" in kinds:
@@ -354,7 +355,7 @@ def _write_title(
     lines = wrap(at, layout.line)
     if load is not None and load.any() and compliance is not None:
         moved = float(np.linalg.norm(compliance.deflection(load)[:3]))
-        line = f"under {wrench_text(load)} the tool moves by {length_text(moved)}"
+        line = f"under {wrench_text(np.round(load, 3))} the tool moves by {length_text(moved)}"
         if scale:
             line += f"; deflection drawn × {number(scale)}"
         lines += wrap(line, layout.line)
@@ -379,6 +380,8 @@ def _draw_scale(figure: Figure, top: float, layout: Layout) -> None:
 
 def _percent(share: float) -> str:
     percent = 100 * share
+    if abs(percent) < 1e-10:
+        return "0"
     return "<0.01" if 0 < percent < 0.005 else f"{percent:.1f}" if percent >= 1 else f"{percent:.2f}"
 
 
@@ -396,17 +399,16 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     shown = {name: share for name, share in shares.items() if share >= 5e-4}
     shown = dict(list(shown.items())[:24])
     rest = [name for name in shares if name not in shown]
-    unit = "µrad" if answer.load.turns else "µm"
+    unit, factor = readable_unit(answer.amount, "rad" if answer.load.turns else "m")
     rows = [(name, share, answer.contributions[name]) for name, share in shown.items()]
     if rest:
         label = rest[0] if len(rest) == 1 else f"{len(rest)} others"
         rows.append((label, sum(shares[name] for name in rest), sum(answer.contributions[name] for name in rest)))
     colours, _ = share_colours(answer.shares)
     what = "tool turns" if answer.load.turns else "tool moves"
-    per = "" if answer.load.given else " (softest direction)"
     told = (
-        f"under {wrench_text(np.round(answer.load.wrench, 3))}{per} the {what} by "
-        f"{number(answer.amount * 1e6, 4)} {unit}; {unit}: the part of each module in this"
+        f"{load_text(answer)}: the {what} by {number(answer.amount * factor, 4)} {unit}; {unit}: the part of each "
+        "module in this"
     )
     width, size, letter, room = (5.2, 8.5, 0.07, 1.75) if narrow else (9.5, 9.5, 0.081, 1.32)
     lines = wrap(told, 58 if narrow else 130)
@@ -417,9 +419,10 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     left = min(0.45, (0.38 + letter * max(len(row[0]) for row in rows)) / width)
     axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - (head + 0.55) / height))
     largest = max(share for _, share, _ in rows)
-    for row, (name, share, amount) in enumerate(rows):
+    amounts = fixed([factor * amount for _, _, amount in rows])
+    for row, ((name, share, _), amount) in enumerate(zip(rows, amounts, strict=True)):
         axes.barh(row, 100 * share, height=0.68, color=colours.get(name, _PALE), zorder=2)
-        text = f"{_percent(share)} %   {number(amount * 1e6, 3)} {unit}"
+        text = f"{_percent(share)} %   {amount} {unit}"
         axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=size, color="#222222")
     axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=size)
     axes.set_ylim(len(rows) - 0.4, -0.6)

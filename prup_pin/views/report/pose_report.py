@@ -53,8 +53,6 @@ from .levers import STEP, Lever, find_levers
 __all__ = ["Picture", "page_template", "picture", "report_html", "svg"]
 
 _MINUS = "\u2212"
-#: What of a displacement shows as a translation.
-_TRANSLATION = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 #: Modules and levers that are listed.
 SOFTEST, LEVERS = 10, 8
 #: Largest size of the packed scene [bytes]; a heavier one would make a page that cannot be mailed.
@@ -216,7 +214,7 @@ def _displacements(answer: Answer) -> dict[str, Any]:
         rows.append((answer.frame, answer.frame_deflection))
     gravity = answer.mechanism.gravity
     sags = gravity.any()
-    units = displacement_units(*(values for _, values in rows), *([answer.sag * _TRANSLATION] if sags else []))
+    units = displacement_units(*(values for _, values in rows))
     return {
         "columns": displacement_columns(units),
         "rows": [(frame, displacement_cells(values, units)) for frame, values in rows],

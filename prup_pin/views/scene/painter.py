@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...mechanism import Module
-from ...numbers import number
+from ...numbers import number, quantity, readable_unit
 from ...robot import Robot
 from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp
 from ...statics import Compliance
@@ -378,8 +378,8 @@ class Painter:
         found: dict[str, ComplianceEllipsoid] = {}
         parts: list[Part] = []
         labels: list[Label] = []
-        for index, (name, block, unit, power) in enumerate(
-            (("translation", slice(0, 3), "µm/N", 1e6), ("rotation", slice(3, 6), "mrad/(N m)", 1e3))
+        for index, (name, block, unit) in enumerate(
+            (("translation", slice(0, 3), "m/N"), ("rotation", slice(3, 6), "rad/(N m)"))
         ):
             values, vectors = np.linalg.eigh(compliance.C[block, block])
             values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1].copy()
@@ -414,7 +414,7 @@ class Painter:
             for axis in range(3):
                 if drawn[axis]:
                     tip = centre + ends[axis] * vectors[:, axis] * (semi[axis] + 0.01 * size)
-                    labels.append(Label(path, f"{number(values[axis] * power, 3)} {unit}", tip, centre, colour))
+                    labels.append(Label(path, quantity(values[axis], unit), tip, centre, colour))
             words = "displacement by 1 N" if name == "translation" else "rotation by 1 N m"
             reach = float(np.linalg.norm(self.page[1] @ vectors * semi))
             top = centre + (reach + 0.075 * size) * self.page[1]
@@ -461,7 +461,7 @@ class Painter:
             moved_text = length_text(float(np.linalg.norm(moved.tool[:3])))
             angle = float(np.linalg.norm(moved.tool[3:]))
             rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
-            turned = "does not turn" if rigid else f"turns {number(angle * 1e3, 3)} mrad"
+            turned = "does not turn" if rigid else f"turns {quantity(angle, 'rad')}"
             if not headline:
                 lines.append(f"The tool moves {moved_text} and {turned}; drawn {number(scale or 0, 3)} times larger")
             names = ranked(shares)
@@ -477,14 +477,14 @@ class Painter:
             ]
         elif any(not module.kind.spans_frames for module in pose.mechanism.modules):
             signs.append(Row(SYMBOL, "drives, bearings and springs, as symbols"))
-        for name, words, factor, unit in (
-            ("translation", "displacement by 1 N in every direction", 1e6, "µm/N"),
-            ("rotation", "rotation by 1 N m about every axis", 1e3, "mrad/(N m)"),
+        for name, words, si in (
+            ("translation", "displacement by 1 N in every direction", "m/N"),
+            ("rotation", "rotation by 1 N m about every axis", "rad/(N m)"),
         ):
             if name in balls:
-                ends = [
-                    number(value * factor, 3) for value in balls[name].values if value > 1e-9 * balls[name].values[0]
-                ]
+                values = balls[name].values
+                unit, factor = readable_unit(values[0], si)
+                ends = [number(value * factor, 3) for value in values if value > 1e-9 * values[0]]
                 signs.append(Row(ELLIPSOIDS[name], f"{words}: {', '.join(ends)} {unit}"))
         return Legend(
             title=self.robot.name,

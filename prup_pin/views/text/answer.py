@@ -20,6 +20,8 @@ __all__ = ["Answer", "Load", "ranked", "softest_load", "wrench_text", "yielding_
 
 #: Decimals of a share that are more than rounding.
 _SHARE_DIGITS = 9
+#: What of a displacement is rounding, as a share of it.
+_ROUNDING = 1e-10
 #: What counts as beside a pose: so far on [rad, robot's sizes], each joint by another step.
 _BESIDE = 0.05
 
@@ -98,6 +100,11 @@ def _unequal(count: int) -> Array:
     return np.asarray(1.0 + (np.arange(1, count + 1) * 0.618034) % 1.0, float)
 
 
+def _rounded(vector: Array) -> Array:
+    """Return a vector (3,) without components that are only rounding of the others."""
+    return np.where(np.abs(vector) < _ROUNDING * np.abs(vector).max(), 0.0, vector)
+
+
 class Answer:
     """All numbers of one question, computed once. SI throughout."""
 
@@ -129,17 +136,21 @@ class Answer:
         c, w = self.compliance.C, self.load.wrench
         bound = np.sqrt(np.abs(np.diagonal(c)) * abs(float(w @ c @ w)))  # Cauchy-Schwarz
         found = self.compliance.deflection(w)
-        return np.where(np.abs(found) < 1e-10 * bound, 0.0, found)
+        return np.where(np.abs(found) < _ROUNDING * bound, 0.0, found)
 
     @cached_property
     def frame_deflection(self) -> Array | None:
-        """Deflection (6,) of the other frame asked for, or None."""
-        return None if self.frame is None else self.compliance.deflection(self.load.wrench, frame=self.frame)
+        """Deflection (6,) of the other frame asked for, rounding away, or None."""
+        if self.frame is None:
+            return None
+        found = self.compliance.deflection(self.load.wrench, frame=self.frame)
+        return np.concatenate([_rounded(found[:3]), _rounded(found[3:])])
 
     @cached_property
     def sag(self) -> Array:
-        """Deflection (6,) of the tool under the robot's weight [m, rad]."""
-        return self.compliance.sag()
+        """Deflection (6,) of the tool under the robot's weight [m, rad], rounding away."""
+        found = self.compliance.sag()
+        return np.concatenate([_rounded(found[:3]), _rounded(found[3:])])
 
     @cached_property
     def shares(self) -> dict[str, float] | None:
@@ -171,7 +182,8 @@ class Answer:
         block, _ = self.motion
         along = self.deflection[block] / self.amount if self.amount else np.zeros(3)
         w = self.load.wrench
-        return {name: float(along @ (self.compliance.parts[name] @ w)[block]) for name in self.compliance.names}
+        parts = {name: float(along @ (self.compliance.parts[name] @ w)[block]) for name in self.compliance.names}
+        return {name: part if abs(part) > _ROUNDING * self.amount else 0.0 for name, part in parts.items()}
 
     @cached_property
     def nonlinear(self) -> tuple[str, ...]:
