@@ -18,7 +18,8 @@ from .detectable import not_detectable
 from .diagnose import asked
 from .diagnosis import Detectable
 from .efforts.gather import Efforts
-from .efforts.merged import has_efforts, has_poses
+from .efforts.merged import has_efforts, has_poses, unused_by_efforts
+from .efforts.plausible import check_efforts
 from .efforts.search import pulls
 from .plausible import unused_columns
 
@@ -70,9 +71,10 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
             problem = given.within_tolerances(given.problem)
             hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))
         if efforts:
-            unused = tuple(name for name in unused if not name.startswith(("tau.", "q.", "qd.", "qdd.")))
-            told = [f"not used: {', '.join(unused)}"] if unused else []
             joints, alike, more = _of_efforts(robot, recording)
+            beside = unused_by_efforts(recording, robot.mechanism, all(joint.rest == 1 for joint in joints))
+            unused = tuple(name for name in beside if not (poses and name == "temperature"))
+            told = [f"not used: {', '.join(unused)}"] if unused else []
             remarks += more
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
@@ -83,9 +85,10 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
 def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, ...], list[tuple[str, str]], list[str]]:
     mechanism = robot.mechanism
     at = InMotion.of(mechanism, motion_of(recording, mechanism))
+    doubts = check_efforts(at)
     motion = at.motion
     efforts = Efforts(at, {}, recording.noise.effort)
-    remarks = list(motion.remarks)
+    remarks = [*doubts, *motion.remarks]
     joints = []
     for column, name in enumerate(motion.names):
         own = recording.efforts.get(name) if name in at.driven else None

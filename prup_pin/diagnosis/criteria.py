@@ -339,6 +339,16 @@ FEWEST_EFFORT_BLOCKS = 4
 #: Another place or law is as good where it loses less than so many standard errors over blocks, or than this share
 #: of the gain.
 EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02
+#: Share of the efforts beyond which columns may be meant otherwise: one of seven joints whose sign is turned round
+#: leaves more. What another reading must leave of that, and of all; and samples below which nothing is said.
+EFFORT_STRANGE, EFFORT_MEANT, EFFORT_FEWEST = 0.35, 0.5, 50
+#: What each column that is read otherwise must leave of what was left before: one of several that are wrong saves less.
+EFFORT_STEP = 0.85
+#: Efforts that are so many times those of the rigid robot are in another unit, where their shapes are so much alike;
+#: by so much less they are suspected where no joint's is right, for masses and torque constants may be off as well.
+EFFORT_UNIT, EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 5.0, 0.8, 1.4, 1.15
+#: Multiples of a joint's limits beyond which its position is not the joint's.
+FAR_BEYOND: Final = 3.0
 
 # -- everything off at once --------------------------------------------------------------------------------------------
 

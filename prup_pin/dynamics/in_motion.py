@@ -137,6 +137,10 @@ class InMotion:
             return np.zeros_like(values)
         return differences(values, self.motion.piece, 1 / self.motion.rate)
 
+    def rigid_of(self, motion: Motion) -> Array:
+        """Return the rigid robot's efforts (n, k) in another motion of the same joints."""
+        return self.dynamics.efforts(self.dynamics.trajectory(motion), motion.wrench, motion.gravity)
+
     def rigid_under(self, gravity: Array) -> Array:
         """Return the efforts (N, k) that a field of gravity (3,) [m/s^2] alone asks for."""
         still = replace(self.trajectory, v=0 * self.trajectory.v, a=0 * self.trajectory.a)

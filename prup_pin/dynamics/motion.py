@@ -13,6 +13,7 @@ from ..recordings import Recording
 from ..recordings.thinning import PIECES, Thinning
 from ..spatial import Array
 from .clock import EvenClock, even_clock
+from .rates import one_rate
 from .smoothing import LowPass, bandwidth, differences, floor_of, pieces, spectrum
 
 __all__ = ["Motion", "is_standing", "motion_of"]
@@ -27,10 +28,17 @@ _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
 _STILL, _STILL_SHARE = 4.0, 2e-3
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
-_MOST_ROWS, _MOST_SAMPLES = 400_000, 60_000
+_MOST_ROWS, _MOST_SAMPLES = 400_000, 48_000
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
 _SLOW_CLOCK, _MOVING = 0.3, 0.3
-_OTHER_UNITS = ((57.29578, "degrees"), (9.549297, "revolutions per minute"), (1e3, "mm/s"), (-1.0, ""))
+_OTHER_UNITS = (
+    (57.29578, "they seem to be in degrees per second"),
+    (1 / 57.29578, "the positions seem to be in degrees"),
+    (9.549297, "they seem to be in revolutions per minute"),
+    (1e3, "they seem to be in mm/s"),
+    (1e-3, "the positions seem to be in mm"),
+    (-1.0, "the sign of one of them is turned round"),
+)
 #: Recorded speeds that differ from the positions' by more than this share are not those of the positions.
 _STRANGE = 0.3
 
@@ -86,6 +94,10 @@ def is_standing(recording: Recording, names: Sequence[str]) -> bool:
     """Return whether a recording is of postures in which the joints `names` stand, not of motions between them."""
     if len(recording) < 2 or not names:
         return True
+    return _stands(one_rate(recording).recording, names)
+
+
+def _stands(recording: Recording, names: Sequence[str]) -> bool:
     steps = np.diff(recording.time)[np.diff(recording.run) == 0]
     if not len(steps) or float(np.median(steps)) > _SLOW_CLOCK:
         return True
@@ -114,10 +126,11 @@ def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] 
         nothing = np.zeros(len(recording))
         recording = recording.with_measurements(efforts=dict.fromkeys(driven, nothing))
         drives = tuple(driven)
-    if is_standing(recording, names):
+    rates = one_rate(recording)
+    if len(recording) < 2 or _stands(rates.recording, names):
         return _standing_motion(recording, names, drives)
-    remarks: list[str] = []
-    recording = _bounded(recording, remarks)
+    remarks = list(rates.remarks)
+    recording = _bounded(rates.recording, remarks)
     speeds = _logged(recording.velocities, names)
     accelerations = _logged(recording.accelerations, names)
     columns = [recording.positions[name] for name in names] + [recording.efforts[name] for name in drives]
@@ -143,12 +156,15 @@ def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] 
     logged_acceleration = dict(zip(accelerations, clock.sampled(table[:, at:]).T, strict=True))
     _strange_speeds(names, position, logged_speed, clock)
 
-    bands = [
-        bandwidth(logged_speed.get(name, position[:, column]), clock.piece, rate) for column, name in enumerate(names)
-    ]
+    bands = []
+    for column, name in enumerate(names):
+        seen, key = (logged_speed[name], "qd") if name in logged_speed else (position[:, column], "q")
+        thin = rates.every.get(f"{key}.{name}", 1)
+        bands.append(bandwidth(seen[::thin], clock.piece[::thin], rate / thin))
     moving = [band for band in bands if band > 0]
-    cutoff = float(np.clip(max(moving, default=_SLOWEST), _SLOWEST, 0.4 * rate))
-    cutoff = min(cutoff, 0.4 * rate)
+    compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]
+    slowest = rate / max(rates.every.get(name, 1) for name in compared)
+    cutoff = min(float(np.clip(max(moving, default=_SLOWEST), _SLOWEST, 0.4 * rate)), 0.4 * slowest)
     wide = LowPass(min(_WIDER * cutoff, 0.45 * rate), rate)
     smooth = wide(position, clock.piece)
     speed, acceleration = np.empty_like(smooth), np.empty_like(smooth)
@@ -297,23 +313,17 @@ def _strange_speeds(names: tuple[str, ...], position: Array, logged: dict[str, A
         moved = own(differences(position[:, column], clock.piece, clock.step), clock.piece)
         told = own(logged[name], clock.piece)
         size = float(moved @ moved)
-        if not size > 0 or not float(told @ told) > 0:
+        if not float(told @ told) > 0:
             continue
+        if not size > 0:
+            raise InputError(f"column q.{name} never changes, but qd.{name} tells of a motion: is it a dead channel?")
         ratio = float(moved @ told) / size
-        alike = float(moved @ told) / np.sqrt(size * float(told @ told))
+        alike = abs(float(moved @ told)) / np.sqrt(size * float(told @ told))
         if alike > 0.9 and abs(ratio - 1) > _STRANGE:
-            seems = ""
-            for factor, unit in (
-                (57.29578, "degrees"),
-                (9.549297, "revolutions per minute"),
-                (1e3, "mm/s"),
-                (-1.0, ""),
-            ):
-                if abs(ratio / factor - 1) < 0.1:
-                    seems = f": they seem to be in {unit}" if unit else ": their sign is turned round"
-            unit = "m/s" if clock is None else "rad/s or m/s"
+            seems = next((text for factor, text in _OTHER_UNITS if abs(ratio / factor - 1) < 0.1), "")
             raise InputError(
-                f"column qd.{name}: the recorded speeds are {ratio:.4g} times those of q.{name}{seems}; expected {unit}"
+                f"column qd.{name}: the recorded speeds are {ratio:.4g} times those of q.{name}"
+                f"{seems and ': '}{seems}; expected rad and rad/s, or m and m/s"
             )
 
 

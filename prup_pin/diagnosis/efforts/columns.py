@@ -23,6 +23,9 @@ from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, FEWEST_IN_BLOCK
 
+#: Columns that are multiplied at a time.
+_TOGETHER = 64
+
 __all__ = ["ByJoint", "Columns", "EffortCandidate", "Gathered", "Whitening", "column_blocks"]
 
 
@@ -147,6 +150,21 @@ def usable(good: np.ndarray, piece: np.ndarray, order: int = AR_ORDER) -> np.nda
     return out
 
 
+def _placed(parts: Sequence[ByJoint], end: int) -> _Table:
+    """Return columns side by side that end at a place among all."""
+    whole = ByJoint.together(parts)
+    start = end - whole.size
+    return _Table(slice(start, end), tuple((which + start, values) for which, values in whole.joints))
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Some of all columns: of each joint which ones (m,) and (n, m)."""
+
+    where: slice
+    joints: tuple[tuple[np.ndarray, Array], ...]
+
+
 class Columns:
     """Whitened columns side by side and their products per block: `gram` (B, P, P), `moment` (B, P), `power` (B,)."""
 
@@ -154,7 +172,7 @@ class Columns:
         self.blocks = blocks
         self.count = int(blocks.max()) + 1 if len(blocks) else 0
         self._target = target
-        self._tables: list[ByJoint] = []  # with places among all columns
+        self._tables: list[_Table] = []
         self.gram = np.zeros((self.count, 0, 0))
         self.moment = np.zeros((self.count, 0))
         starts = np.searchsorted(blocks, np.arange(self.count + 1))
@@ -166,30 +184,39 @@ class Columns:
         """Number of columns."""
         return self.moment.shape[1]
 
-    def add(self, columns: ByJoint) -> slice:
-        """Append columns; return where they stand."""
-        first, size = self.size, self.size + columns.size
-        own = ByJoint(size, tuple((which + first, values) for which, values in columns.joints))
+    def add(self, parts: Iterable[ByJoint]) -> list[slice]:
+        """Append columns; return where each part's stand."""
+        where: list[slice] = []
+        held: list[ByJoint] = []
+        first = size = self.size
+        known = len(self._tables)
+        for part in parts:
+            where.append(slice(size, size + part.size))
+            size += part.size
+            held.append(part)
+            if sum(each.size for each in held) >= _TOGETHER:
+                self._tables.append(_placed(held, size))
+                held = []
+        if held:
+            self._tables.append(_placed(held, size))
         gram = np.zeros((self.count, size, size))
         gram[:, :first, :first] = self.gram
         moment = np.zeros((self.count, size))
         moment[:, :first] = self.moment
-        self._tables.append(own)
-        for joint, (which, values) in enumerate(own.joints):
-            if not len(which):
-                continue
-            for block, part in enumerate(self._parts):
-                moment[block, which] += values[part].T @ self._target[part, joint]
-            for table in self._tables:
-                others, theirs = table.joints[joint]
-                if not len(others):
-                    continue
-                there = np.ix_(others, which)
-                for block, part in enumerate(self._parts):
-                    gram[block][there] += theirs[part].T @ values[part]
-        gram[:, first:, :first] = gram[:, :first, first:].transpose(0, 2, 1)
+        for place in range(known, len(self._tables)):
+            for joint, (which, values) in enumerate(self._tables[place].joints):
+                for block, rows in enumerate(self._parts):
+                    moment[block, which] += values[rows].T @ self._target[rows, joint]
+                for table in self._tables[: place + 1]:
+                    others, theirs = table.joints[joint]
+                    there = np.ix_(others, which)
+                    for block, rows in enumerate(self._parts):
+                        gram[block][there] += theirs[rows].T @ values[rows]
+        for place in range(known, len(self._tables)):
+            own = self._tables[place].where
+            gram[:, own, : own.start] = gram[:, : own.start, own].transpose(0, 2, 1)
         self.gram, self.moment = gram, moment
-        return slice(first, size)
+        return where
 
     def cut(self, size: int) -> None:
         """Forget all columns beyond the first `size`."""
@@ -197,9 +224,11 @@ class Columns:
             return
         tables = []
         for table in self._tables:
-            joints = [(which[which < size], values[:, which < size]) for which, values in table.joints]
-            if any(len(which) for which, _ in joints):
-                tables.append(ByJoint(size, tuple(joints)))
+            if table.where.stop > size:
+                joints = [(which[which < size], values[:, which < size]) for which, values in table.joints]
+                table = _Table(slice(table.where.start, size), tuple(joints))
+            if table.where.start < size:
+                tables.append(table)
         self._tables = tables
         self.gram = self.gram[:, :size, :size].copy()
         self.moment = self.moment[:, :size].copy()

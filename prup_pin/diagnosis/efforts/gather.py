@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,11 @@ from .columns import (
 from .search import Chosen, fit, held_out, pulls
 
 __all__ = ["Base", "Efforts"]
+
+#: A law at a place, what is scanned, and its columns.
+_Seen = tuple[EffortLaw, Place, Mapping[str, float], ByJoint]
+#: Samples whose regressors are multiplied at a time.
+_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +67,7 @@ class Efforts:
         self.rigid = self.filter(at.rigid)
         self.good = self._good()
         self.bases = _bases(at, tolerances)
-        self._fixed: list[tuple[EffortLaw, Place, Mapping[str, float], ByJoint]] = []
+        self._fixed: list[_Seen] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
         for law in EFFORT_LAWS:
             for place in law.places(at.mechanism):
@@ -117,11 +122,12 @@ class Efforts:
         there = [candidate for candidate in given.candidates if isinstance(candidate.law, FreeCurve)]
         if there:
             return given, there
-        curves: list[tuple[EffortLaw, Place, Mapping[str, float], ByJoint]] = []
-        for law in map(FreeCurve, VARIABLES):
-            for place in law.places(self.at.mechanism):
-                if law.acts(place, self.at) and not (law.variable in ("speed", "time") and self.at.motion.standing):
-                    curves.append((law, place, {}, self.seen(law.efforts_per(place, {}, self.at))))
+        curves: Iterable[_Seen] = (
+            (law, place, {}, self.seen(law.efforts_per(place, {}, self.at)))
+            for law in map(FreeCurve, VARIABLES)
+            for place in law.places(self.at.mechanism)
+            if law.acts(place, self.at) and not (law.variable in ("speed", "time") and self.at.motion.standing)
+        )
         new, _ = self._beside(given.columns, self.whitening, curves)
         prior = np.concatenate((given.prior, np.zeros(given.columns.size - len(given.prior))))
         return Gathered(self.at.mechanism, given.columns, (*given.candidates, *new), prior), new
@@ -130,19 +136,20 @@ class Efforts:
         self,
         columns: Columns,
         whitening: Whitening,
-        given: Sequence[tuple[EffortLaw, Place, Mapping[str, float], ByJoint]],
+        given: Iterable[_Seen],
     ) -> tuple[list[EffortCandidate], list[float]]:
         """Append columns of laws; return them as candidates, and their inverse variances."""
-        if not given:
-            return [], []
-        start = columns.add(whitening(ByJoint.together(seen for *_, seen in given))).start
-        candidates, prior = [], []
-        for law, place, values, seen in given:
-            candidates.append(EffortCandidate(law, place, values, slice(start, start + seen.size)))
-            start += seen.size
-            if not isinstance(law, FreeCurve):  # which has as many knots as there are places
-                prior += list(law.prior(place, self.at.mechanism))
-        return candidates, prior
+        laws: list[tuple[EffortLaw, Place, Mapping[str, float]]] = []
+
+        def whitened() -> Iterator[ByJoint]:
+            for law, place, values, seen in given:
+                laws.append((law, place, values))
+                yield whitening(seen)
+
+        places = columns.add(whitened())
+        candidates = [EffortCandidate(*law, where) for law, where in zip(laws, places, strict=True)]
+        priors = [law.prior(place, self.at.mechanism) for law, place, _ in laws if not isinstance(law, FreeCurve)]
+        return candidates, [value for prior in priors for value in prior]
 
     def added(self, chosen: Chosen, x: Array) -> Array:
         """Return the efforts (N, k) beyond the rigid robot's, not filtered."""
@@ -168,16 +175,20 @@ class Efforts:
 
     def inertial_rank(self) -> tuple[int, int]:
         """Return how many combinations of inertial parameters the motion tells, and how many there are."""
-        regressor = self.at.regressor[self.every]
-        table = regressor.reshape(-1, regressor.shape[2] * 10)
+        regressor = self.at.regressor
+        size = regressor.shape[2] * 10
         if self.at.trajectory.spread is None:
             moved = {self.at.mechanism.joint(name).id for name in self.at.motion.names}
             count = 10 * len(moved)
         else:
-            count = table.shape[1]
-        sizes = np.linalg.norm(table, axis=0)
+            count = size
+        gram = np.zeros((size, size))
+        for part in np.array_split(self.every, len(self.every) // _AT_ONCE + 1):
+            table = regressor[part].reshape(-1, size)
+            gram += table.T @ table
+        sizes = np.sqrt(np.diag(gram))
         there = sizes > 1e-9 * sizes.max(initial=0.0)
-        values = np.linalg.eigvalsh((table[:, there] / sizes[there]).T @ (table[:, there] / sizes[there]))
+        values = np.linalg.eigvalsh(gram[np.ix_(there, there)] / np.outer(sizes[there], sizes[there]))
         return int((values > 1e-8 * values.max(initial=0.0)).sum()), count
 
     def within_tolerance(self, amounts: Array) -> list[Effect]:
@@ -201,7 +212,7 @@ class Efforts:
         columns = Columns(target, self.blocks)
         prior = [1.0] * len(self.bases)
         if self.bases:
-            columns.add(whitening(ByJoint.together(self.seen(base.efforts[..., None]) for base in self.bases)))
+            columns.add(whitening(self.seen(base.efforts[..., None])) for base in self.bases)
         candidates, more = self._beside(columns, whitening, self._fixed)
         prior += more
         self._own_size = columns.size
@@ -220,11 +231,11 @@ class Efforts:
         x, _ = fit(Gathered(self.at.mechanism, columns, (), np.array(prior)), chosen)
         known = self.added(chosen, x)
         at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
-        moving = [
+        moving = (
             (law, place, values, self.seen(law.efforts_per(place, values, at)))
             for law, place in self._moving
             for values in law.scanned(place, at)
-        ]
+        )
         new, more = self._beside(columns, self.whitening, moving)
         prior += more
         return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior))
@@ -247,11 +258,10 @@ class Efforts:
             known = self.added(before, fit(given, before)[0])
             at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
             size, prior = columns.size, list(given.prior)
-            batch = [self.seen(term.law.efforts_per(term.place, other, at)) for other in others]
-            where = columns.add(self.whitening(ByJoint.together(batch)))
-            width = batch[0].size
-            for index, other in enumerate(others):
-                own = slice(where.start + index * width, where.start + (index + 1) * width)
+            places = columns.add(
+                self.whitening(self.seen(term.law.efforts_per(term.place, other, at))) for other in others
+            )
+            for own, other in zip(places, others, strict=True):
                 prior += list(term.law.prior(term.place, self.at.mechanism))
                 candidate = EffortCandidate(term.law, term.place, other, own)
                 tried = best.replaced(place, candidate)

@@ -14,7 +14,7 @@ from ..diagnosis import VERDICTS, Diagnosis, Finding
 from ..plausible import unused_columns
 from .verdict import EffortDiagnosis
 
-__all__ = ["has_efforts", "has_poses", "joined", "of_efforts", "together_in_time"]
+__all__ = ["has_efforts", "has_poses", "joined", "of_efforts", "together_in_time", "unused_by_efforts"]
 
 #: Columns that belong to the efforts' own model.
 _OWN = ("tau.", "q.", "qd.", "qdd.")
@@ -73,9 +73,7 @@ def of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechan
     unused: list[str] = []
     remarks: list[str] = []
     for recording in recordings:
-        names, _ = unused_columns(recording, mechanism)
-        own = ("tau.", "q.") if efforts.standing else _OWN
-        unused += [name for name in names if not name.startswith(own) or _strange(name, mechanism)]
+        unused += unused_by_efforts(recording, mechanism, efforts.standing)
         remarks += [*recording.remarks, *suspicions(recording)]
     if unused:
         remarks.append(f"not used: {', '.join(dict.fromkeys(unused))}")
@@ -100,6 +98,16 @@ def of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechan
         residual_after=np.zeros((len(efforts.rows), 0)),
         efforts=efforts,
     )
+
+
+def unused_by_efforts(recording: Recording, mechanism: Mechanism, standing: bool) -> list[str]:
+    """Return the columns that hold numbers and have no part where efforts alone are compared."""
+    names, _ = unused_columns(recording, mechanism)
+    own = ("tau.", "q.") if standing else _OWN
+    unused = [name for name in names if not name.startswith(own) or _strange(name, mechanism)]
+    if recording.temperature is not None and np.isfinite(recording.temperature).any():
+        unused.append("temperature")
+    return unused
 
 
 def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -33,6 +33,7 @@ from ..criteria import (
 from ..diagnosis import Detectable, Finding, FittedParameter
 from .columns import EffortCandidate, Gathered
 from .gather import Efforts
+from .plausible import check_efforts
 from .search import Chosen, fit, held_out, scores, searched, threshold, worth
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
@@ -110,6 +111,7 @@ def diagnose_efforts(
     if not motion.driven:
         raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
     at = InMotion.of(mechanism, motion)
+    doubts = check_efforts(at)
     tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
     efforts = Efforts(at, tolerances, recording.noise.effort)
     tell("laws compete for the efforts", 0.1)
@@ -124,7 +126,8 @@ def diagnose_efforts(
     tell("what no law explains", 0.75)
     given, chosen, free = _with_curves(efforts, given, chosen)
     tell("the verdict", 0.9)
-    return _Verdict(robot, recording, efforts, given, chosen, free).whole()
+    found = _Verdict(robot, recording, efforts, given, chosen, free).whole()
+    return replace(found, remarks=(*doubts, *found.remarks))
 
 
 def _with_curves(efforts: Efforts, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen, list[EffortCandidate]]:

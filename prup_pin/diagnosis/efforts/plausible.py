@@ -1,0 +1,252 @@
+"""Whether efforts and positions can be those of this robot: signs, units, orders of columns that give themselves away.
+
+What a rigid robot with some friction leaves of the efforts is compared with what it would leave if a column were
+something else: turned round, in degrees, another joint's. Where that leaves far less, the recording is not what it
+says, and no law is to be made of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from ...dynamics import InMotion, Motion
+from ...errors import InputError
+from ...recordings.columns import LARGEST_NUMBER
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_APART,
+    EFFORT_FEWEST,
+    EFFORT_FOLLOWS,
+    EFFORT_MEANT,
+    EFFORT_RIGHT,
+    EFFORT_STEP,
+    EFFORT_STRANGE,
+    EFFORT_UNIT,
+    FAR_BEYOND,
+)
+
+__all__ = ["check_efforts"]
+
+#: Samples that are looked at.
+_SAMPLES = 600
+#: Numbers that a sentence shows, and joints of which some would show what one thing does to all.
+_SHOWN, _FEWEST = 8, 3
+#: Columns that may be meant otherwise, one after the other.
+_MOST = 6
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """What some columns may be instead: `changed` makes (motion, efforts) of them."""
+
+    words: str
+    changed: Callable[[Motion, Array], tuple[Motion, Array]]
+
+
+def check_efforts(at: InMotion) -> list[str]:
+    """Return suspicions. Raises InputError where columns are not what they say, with what gave them away."""
+    rows = np.unique(np.linspace(0, len(at) - 1, _SAMPLES).astype(int))
+    motion = at.motion.select(rows)
+    efforts = at.motion.low_pass(at.motion.efforts, at.motion.piece)[rows]
+    if len(rows) < EFFORT_FEWEST or not np.isfinite(efforts).all() or not efforts.any():
+        return []
+    rigid = at.rigid[rows]
+    gains = _gains(motion, efforts, rigid)
+    _check_units(motion, gains)
+    first = _left(motion, efforts, rigid)
+    if first > EFFORT_STRANGE:
+        _read_otherwise(at, motion, efforts, first)
+        _check_limits(at, motion, first)
+    apart = np.abs(np.log(list(gains.values())))
+    if len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT):
+        return []
+    told = ", ".join(f"tau.{name} {gain:.3g}" for name, gain in list(gains.items())[:_SHOWN])
+    return [
+        f"the efforts follow the rigid robot's, but are other multiples of them at each joint ({told}): are they in "
+        "per cent or A? Expected N m or N"
+    ]
+
+
+def _read_otherwise(at: InMotion, motion: Motion, efforts: Array, first: float) -> None:
+    """Raise InputError where the efforts make sense once some columns are read otherwise."""
+    least = first
+    words: list[str] = []
+    while len(words) < _MOST:
+        found = [(*_tried(at, motion, efforts, reading), reading) for reading in _readings(at, motion, efforts)]
+        found = [item for item in found if item[0] < np.inf]
+        if not found:
+            break
+        left, changed, given, reading = min(found, key=lambda item: item[0])
+        if left > EFFORT_STEP * least:
+            break
+        least, motion, efforts = left, changed, given
+        words.append(reading.words)
+    if words and least < EFFORT_MEANT * min(first, 1.0):
+        raise InputError(
+            f"as they stand, positions and efforts leave {_share(first)} of the efforts unexplained by the rigid robot "
+            f"and friction, but {_share(least)} if {', and '.join(words)}: is it so? Expected columns of the robot "
+            "file's joints, in their directions, in rad or m, and N m or N; `prup-pin import` mends signs and units by "
+            "its map"
+        )
+
+
+def _tried(at: InMotion, motion: Motion, efforts: Array, reading: _Reading) -> tuple[float, Motion, Array]:
+    changed, given = reading.changed(motion, efforts)
+    try:
+        rigid = at.rigid_of(changed)
+    except InputError:  # loops that do not close
+        return np.inf, motion, efforts
+    return _left(changed, given, rigid), changed, given
+
+
+def _left(motion: Motion, efforts: Array, rigid: Array) -> float:
+    """Return what rigid efforts and friction leave of efforts (n, k): a share, RMS of the joints."""
+    shares = _shares(motion, efforts, rigid)
+    return float(np.sqrt(np.nanmean(shares))) if np.isfinite(shares).any() else 0.0
+
+
+def _shares(motion: Motion, efforts: Array, rigid: Array) -> Array:
+    """Return the same of the squares of each joint (k,); NaN of one without efforts."""
+    shares = np.full(len(motion.driven), np.nan)
+    for column, name in enumerate(motion.driven):
+        size = float(efforts[:, column] @ efforts[:, column])
+        if size > 0:
+            rest = _freed(motion, name, efforts[:, column] - rigid[:, column])
+            shares[column] = min(float(rest @ rest) / size, 100.0)
+    return shares
+
+
+def _freed(motion: Motion, joint: str, values: Array) -> Array:
+    """Return values (n, ...) freed of friction at a joint."""
+    if joint not in motion.names:
+        return values
+    column = motion.names.index(joint)
+    speed = motion.speed[:, column]
+    table = np.column_stack((speed / np.hypot(speed, motion.slow[column]), speed))
+    return values - table @ np.linalg.lstsq(table, values, rcond=1e-10)[0]
+
+
+def _readings(at: InMotion, motion: Motion, efforts: Array) -> Iterator[_Reading]:
+    """Yield what columns may be instead."""
+    rigid = at.rigid_of(motion)
+    turned = np.flatnonzero(_shares(motion, -efforts, rigid) < EFFORT_MEANT * _shares(motion, efforts, rigid))
+    names, driven = motion.names, motion.driven
+    every = tuple(range(len(driven)))
+    if len(turned):
+        # each joint's for itself: signs of efforts say nothing of one another
+        which = ", ".join(f"tau.{driven[column]}" for column in turned)
+        words = f"the sign of {which} is" if len(turned) == 1 else f"the signs of {which} are"
+        yield _of_efforts(f"{words} turned round", dict.fromkeys(turned.tolist(), -1.0))
+    if len(driven) > 1:
+        for a, b in combinations(every, 2):
+            yield _in_order(f"tau.{driven[a]} and tau.{driven[b]} are exchanged", _exchanged(len(driven), a, b), "tau")
+        yield _in_order("the columns of efforts are in the opposite order", every[::-1], "tau")
+    if at.mechanism.loops:
+        return  # whose positions would not close
+    turning = [column for column, name in enumerate(names) if at.mechanism.joint(name).turns]
+    for column, name in enumerate(names):
+        yield _of_positions(f"the sign of q.{name} is turned round", {column: -1.0})
+        if column in turning:
+            yield _of_positions(f"q.{name} is in degrees", {column: np.pi / 180})
+    if len(names) > 1:
+        yield _of_positions("all positions are in degrees", dict.fromkeys(turning, np.pi / 180))
+        yield _of_positions("the signs of all positions are turned round", dict.fromkeys(range(len(names)), -1.0))
+        for a, b in combinations(range(len(names)), 2):
+            yield _in_order(f"q.{names[a]} and q.{names[b]} are exchanged", _exchanged(len(names), a, b), "q")
+        yield _in_order("the columns of positions are in the opposite order", tuple(range(len(names)))[::-1], "q")
+    for column, name in enumerate(names):
+        if name in driven:
+            yield _turned_joint(name, column, driven.index(name))
+
+
+def _exchanged(count: int, a: int, b: int) -> tuple[int, ...]:
+    return tuple(b if place == a else a if place == b else place for place in range(count))
+
+
+def _scaled(values: Array, factors: dict[int, float]) -> Array:
+    out = values.copy()
+    for column, factor in factors.items():
+        out[:, column] *= factor
+    return out
+
+
+def _moved(motion: Motion, factors: dict[int, float]) -> Motion:
+    return motion.with_motion(*(_scaled(x, factors) for x in (motion.position, motion.speed, motion.acceleration)))
+
+
+def _of_efforts(words: str, factors: dict[int, float]) -> _Reading:
+    return _Reading(words, lambda motion, efforts: (motion, _scaled(efforts, factors)))
+
+
+def _of_positions(words: str, factors: dict[int, float]) -> _Reading:
+    return _Reading(words, lambda motion, efforts: (_moved(motion, factors), efforts))
+
+
+def _turned_joint(name: str, column: int, drive: int) -> _Reading:
+    def changed(motion: Motion, efforts: Array) -> tuple[Motion, Array]:
+        return _moved(motion, {column: -1.0}), _scaled(efforts, {drive: -1.0})
+
+    return _Reading(f"q.{name} and tau.{name} count the other way round", changed)
+
+
+def _in_order(words: str, order: tuple[int, ...], of: str) -> _Reading:
+    places = list(order)
+
+    def changed(motion: Motion, efforts: Array) -> tuple[Motion, Array]:
+        if of == "tau":
+            return motion, efforts[:, places]
+        moved = (x[:, places] for x in (motion.position, motion.speed, motion.acceleration))
+        return replace(motion.with_motion(*moved), slow=motion.slow[places]), efforts
+
+    return _Reading(words, changed)
+
+
+def _gains(motion: Motion, efforts: Array, rigid: Array) -> dict[str, float]:
+    """Return by how much efforts are larger than the rigid robot's, of joints where they follow them."""
+    gains: dict[str, float] = {}
+    for column, name in enumerate(motion.driven):
+        own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
+        product, sizes = float(own[:, 0] @ own[:, 1]), np.linalg.norm(own, axis=0)
+        if sizes.all() and product > EFFORT_FOLLOWS * float(sizes[0] * sizes[1]):
+            gains[name] = product / float(sizes[1] ** 2)
+    return gains
+
+
+def _check_units(motion: Motion, gains: dict[str, float]) -> None:
+    """Raise InputError where most efforts are far from the rigid robot's in size but not in shape."""
+    far = {name: gain for name, gain in gains.items() if not 1 / EFFORT_UNIT < gain < EFFORT_UNIT}
+    if not far or 2 * len(far) < len(motion.driven):
+        return
+    told = ", ".join(f"tau.{name} {gain:.3g} times" for name, gain in list(far.items())[:_SHOWN])
+    seems = "per cent or A, or of the motors before their gears"
+    if all(1 / 2 < gain / 1e3 < 2 for gain in far.values()):
+        seems = "mN m or N mm"
+    raise InputError(
+        f"the efforts follow those of the rigid robot, but are {told} as large: they seem to be in {seems}; expected "
+        "N m or N at the joints. `prup-pin import` scales them by its map"
+    )
+
+
+def _check_limits(at: InMotion, motion: Motion, first: float) -> None:
+    """Raise InputError where joints go far beyond their limits in the robot file."""
+    model = at.mechanism.model
+    for column, name in enumerate(motion.names):
+        joint = at.mechanism.joint(name)
+        low, high = (float(limit[joint.first_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit))
+        reached = float(np.abs(motion.position[:, column]).max())
+        most = max(abs(low), abs(high))
+        if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > FAR_BEYOND * most:
+            unit = "rad" if joint.turns else "m"
+            raise InputError(
+                f"column q.{name} reaches {reached:.4g}, but the robot file allows {low:.4g} to {high:.4g} {unit}, and "
+                f"{_share(first)} of the efforts are unexplained: are these positions of the motor before its gear, or "
+                f"in another unit? Expected the joint's, in {unit}"
+            )
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.3g} %" if value < 10 else "more than 1000 %"
