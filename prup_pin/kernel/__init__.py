@@ -1,6 +1,7 @@
 """The one place that moves frames, closes loops and decides ranks; everything takes leading axes."""
 
 from .closure import Closure, LoopForces, LoopGaps
+from .columns import Columns
 from .compiled import Configuration, LoopedTree, Passing
 from .machine import Machine
 from .program import Expression, Pipeline, Program, Tape, eliminated, largest, least
@@ -21,6 +22,7 @@ __all__ = [
     "NEGLIGIBLE",
     "NEGLIGIBLE_ENERGY",
     "Closure",
+    "Columns",
     "Configuration",
     "Expression",
     "LoopForces",

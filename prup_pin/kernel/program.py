@@ -52,6 +52,8 @@ _BINARY: dict[str, Callable[..., Any]] = {
     "le": lambda a, b, out=None: np.less_equal(a, b, out=out, casting="unsafe"),
 }
 _FUNCTIONS: dict[str, Callable[..., Any]] = {**_UNARY, **_BINARY}
+#: Operations that compute nothing.
+_GIVEN = ("input", "constant")
 #: Functions that decide case by case.
 _PIECEWISE = ("rint", "abs", "max", "min", "le")
 
@@ -465,36 +467,43 @@ class Program:
         return program
 
     def __len__(self) -> int:
-        return sum(operation.name not in ("input", "constant") for operation in self.operations)
+        return sum(operation.name not in _GIVEN for operation in self.operations)
 
     def run(self, inputs: Array) -> Array:
         """Return the outputs (m, n) of inputs (k, n), a column a pose, by numpy."""
-        count = inputs.shape[1]
+        outputs = self.on(inputs)()
+        result = np.empty((len(outputs), inputs.shape[1]))
+        for row, output in zip(result, outputs, strict=True):
+            row[:] = output
+        return result
+
+    def on(self, inputs: Array) -> Callable[[], list[Array]]:
+        """Return what computes the outputs, (n,) each or (), of rows of inputs (k, n), which may change in between."""
         last = self._last_uses()
+        keep = set(self.outputs)
         held: list[Any] = [None] * len(self.operations)
         free: list[Array] = []
-        keep = set(self.outputs)
-        for index, operation in enumerate(self.operations):
-            if operation.name == "input":
-                held[index] = inputs[int(operation.value)]
+        calls: list[tuple[Callable[..., Any], tuple[Array, ...], Array]] = []
+        for index, (name, a, b, value) in enumerate(self.operations):
+            if name == "input":
+                held[index] = inputs[int(value)]
                 continue
-            if operation.name == "constant":
-                held[index] = operation.value
+            if name == "constant":
+                held[index] = np.array(value)
                 continue
-            out = free.pop() if free else np.empty(count)
-            if operation.b < 0:
-                _FUNCTIONS[operation.name](held[operation.a], out=out)
-            else:
-                _FUNCTIONS[operation.name](held[operation.a], held[operation.b], out=out)
-            held[index] = out
-            for at in last[index]:
-                if at not in keep and self.operations[at].name not in ("input", "constant"):
-                    free.append(held[at])
-                    held[at] = None
-        result = np.empty((len(self.outputs), count))
-        for row, at in enumerate(self.outputs):
-            result[row] = held[at]
-        return result
+            operands = (held[a],) if b < 0 else (held[a], held[b])
+            # A result may take the place of what is not needed after it.
+            free += [held[at] for at in last[index] if at not in keep and self.operations[at].name not in _GIVEN]
+            held[index] = free.pop() if free else np.empty(inputs.shape[1])
+            calls.append((_FUNCTIONS[name], operands, held[index]))
+        outputs = [held[at] for at in self.outputs]
+
+        def run() -> list[Array]:
+            for function, operands, out in calls:
+                function(*operands, out=out)
+            return outputs
+
+        return run
 
     def _last_uses(self) -> list[list[int]]:
         """Return by operation which earlier ones are not needed after it."""
@@ -521,30 +530,6 @@ class Pipeline(NamedTuple):
     start: Program
     step: Program | None
     final: Program
-
-    def run(self, inputs: Array) -> Array:
-        """Return outputs, failure and way (m + 2, n) of coordinates (t, n) by numpy."""
-        y = self.start.run(inputs)
-        way, failed = np.zeros(inputs.shape[1]), np.zeros(inputs.shape[1])
-        if self.step is not None:
-            failed[:] = 1.0
-            busy = np.arange(inputs.shape[1])
-            for _ in range(STEPS):
-                step = self.step.run(np.concatenate((y[:, busy], inputs[:, busy])))
-                step, last = step[: len(y)], (step[len(y) :] == 1.0).all(axis=0)
-                squared = step[0] * step[0]
-                for part in step[1:]:
-                    squared = squared + part * part
-                near = squared <= LONG
-                busy, step, squared, last = busy[near], step[:, near], squared[near], last[near]
-                y[:, busy] -= step
-                way[busy] += np.sqrt(squared)
-                ended = (squared <= SHORT) & last
-                failed[busy[ended]] = 0.0
-                busy = busy[~ended]
-                if not len(busy):
-                    break
-        return np.concatenate((self.final.run(np.concatenate((y, inputs))), failed[None], way[None]))
 
 
 #: Newton's method: most steps; squares of the length [m, rad] below which a step is the last, above which it is lost.

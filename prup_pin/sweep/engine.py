@@ -6,6 +6,7 @@ where a pose is of another rank than home, one after the other. What comes out o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from ..errors import PrupPinError, SingularPoseError, UnreachablePoseError, imported
-from ..kernel import Machine, Tree
+from ..kernel import Columns, Machine, Pipeline, Tree
 from ..kinematics import AWAY, CLOSED, DOUBTFUL, LIMITS, LONGEST, ClosedPose, LoopKinematics, ManyPoses
 from ..mechanism import Mechanism
 from ..spatial import Array
@@ -69,42 +70,50 @@ class Engine:
         asked: Asked,
         kinematics: LoopKinematics | None = None,
         compiled: bool = False,
+        straight: bool = False,
         known: Written | None = None,
     ):
-        """`compiled`: what can be written as straight lines runs as machine code; `known`, where they are written."""
+        """`straight`: what can be written as straight lines is; `compiled`: it runs as machine code, else by numpy.
+
+        `known`: what is written already.
+        """
         self.mechanism, self.asked, self.compiled, self._known = mechanism, asked, compiled, known
+        self.straight = straight or compiled
         self.kinematics = kinematics or LoopKinematics(mechanism)
         self.together = Tree.follows(mechanism)
         self.quantities = [QUANTITIES[name] for name in asked.quantities]
 
     def __reduce__(self):
-        return Engine, (self.mechanism, self.asked, None, self.compiled, self.written)
+        return Engine, (self.mechanism, self.asked, None, self.compiled, self.straight, self.written)
 
     @cached_property
     def written(self) -> Written | None:
-        """The question as straight lines; None where it is not to be compiled, or cannot be written so."""
-        if self._known is not None or not (self.compiled and self.together):
+        """The question as straight lines; None where it is not to be, or cannot be written so."""
+        if self._known is not None or not (self.straight and self.together):
             return self._known
         with np.errstate(all="ignore"), _libraries().limit(limits=1, user_api="blas"):
             return written(self.many, self.layout, self.scaling, self.asked)
 
-    @cached_property
-    def _machine(self) -> Machine | None:
-        return None if self.written is None else Machine(self.written.pipeline, self.written.widths)
+    def _run(self, pipeline: Pipeline, widths: Sequence[int] = ()) -> Machine | Columns:
+        return Machine(pipeline, widths) if self.compiled else Columns(pipeline, widths)
 
     @cached_property
-    def _machine_at(self) -> Machine | None:
+    def _machine(self) -> Machine | Columns | None:
+        return None if self.written is None else self._run(self.written.pipeline, self.written.widths)
+
+    @cached_property
+    def _machine_at(self) -> Machine | Columns | None:
         """The same from closed configurations and coordinates."""
         if self.written is None or self.written.passing is None:
             return None
-        return Machine(self.written.at, self.written.widths)
+        return self._run(self.written.at, self.written.widths)
 
     @cached_property
     def _reaching(self) -> ManyPoses:
-        """What finds poses that are not reached straight away; Newton's step is machine code where there is one."""
+        """What finds poses that are not reached straight away, by Newton's step as it is written."""
         if self.written is None or self.written.passing is None:
             return self.many
-        reaching, machine = ManyPoses(self.kinematics), Machine(self.written.passing)
+        reaching, machine = ManyPoses(self.kinematics), self._run(self.written.passing)
 
         def step(q: Array, target: Array) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
             out = machine.run(np.concatenate((q, target), axis=1))
@@ -189,7 +198,7 @@ class Engine:
                 answer.take(some, part)
         return answer
 
-    def _filled(self, machine: Machine, given: Array, answer: Answer) -> NDArray[np.int_]:
+    def _filled(self, machine: Machine | Columns, given: Array, answer: Answer) -> NDArray[np.int_]:
         """Fill in what the machine makes of its inputs, and return where it is not sure of that."""
         assert self.written is not None
         # Nothing is copied where all that is computed was asked for.

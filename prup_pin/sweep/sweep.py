@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from functools import cached_property
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -31,20 +32,28 @@ class Engines:
 
     def __init__(self, mechanism: Mechanism, kinematics: LoopKinematics):
         self._mechanism, self._kinematics = mechanism, kinematics
-        self._made: dict[tuple[Asked, bool], Engine] = {}
+        self._made: dict[tuple[Asked, bool, bool], Engine] = {}
 
-    def of(self, asked: Asked, compiled: bool) -> Engine:
-        """Return the engine of a question."""
-        key = asked, compiled
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """What poses are told by."""
+        return Coordinates.of(self._mechanism, self._kinematics.length)
+
+    def of(self, asked: Asked, compiled: bool, poses: int) -> Engine:
+        """Return the engine of a question at so many poses."""
+        straight = compiled or poses >= _MANY
+        key = asked, compiled, straight
         if key not in self._made:
             if len(self._made) >= _ENGINES:
                 self._made.clear()
-            self._made[key] = Engine(self._mechanism, asked, self._kinematics, compiled)
+            self._made[key] = Engine(self._mechanism, asked, self._kinematics, compiled, straight)
         return self._made[key]
 
 
 #: So many are kept.
 _ENGINES = 8
+#: From so many poses on it pays to write equations down as straight lines, which takes about a second.
+_MANY = 5000
 #: Share of the memory that is free which a result may take.
 _SHARE = 0.8
 
@@ -70,9 +79,9 @@ def sweep(
 ) -> SweepResult | SweepFile:
     """Return what is asked for at every pose; see `Robot.sweep`."""
     asked = _asked(quantities, force, moment, wrench, direction, length)
-    engine = engines.of(asked, compiled)
+    places = _places(engines.coordinates, poses, axes, draws, seed)
+    engine = engines.of(asked, compiled, len(places))
     engine.check_compiled()
-    places = _places(engine.coordinates, poses, axes, draws, seed)
     if any(item.elastic for item in engine.quantities) and not mechanism.modules:
         raise PrupPinError(
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "

@@ -202,6 +202,8 @@ class _Writer:
         self.mechanism = many.mechanism
         self.kinematics = many.kinematics
         self.looped = bool(self.mechanism.loops) or bool(self.mechanism.tasks)
+        if any(QUANTITIES[name].by_one for name in asked.quantities):
+            raise _NotWrittenError
         if self.looped and self.mechanism.model.nq != self.mechanism.model.nv:
             raise _NotWrittenError
         generator = np.random.default_rng(0)
@@ -344,8 +346,6 @@ class _Writer:
         asked = [QUANTITIES[name] for name in self.asked.quantities]
         legs = None if any(item.by_module for item in asked) else self.legs
         solved = _WrittenSolved(pose, self.layout, self.scaling, self.asked, legs, solve)
-        if any(item.by_one for item in asked):
-            raise _NotWrittenError
         outputs: list[Any] = []
         computed, widths = self._computed(asked), []
         by_arrays = Solved(many.poses(self.q)[0], self.layout, self.scaling, self.asked)

@@ -7,7 +7,8 @@ import pytest
 
 import prup_pin
 from prup_pin import build
-from prup_pin.kernel import Machine, Pipeline, Program, Tape, eliminated, largest
+from prup_pin.kernel import Columns, Machine, Pipeline, Program, Tape, eliminated, largest
+from prup_pin.sweep.engine import Engine
 
 from .test_sweep import CASES, FORCE, MOMENT, ROBOTS, asked_singly, drawn, loaded
 
@@ -28,14 +29,11 @@ def compared(request):
     return robot, robot.sweep(**how), robot.sweep(**how, compiled=True), how
 
 
-def test_machine_code_agrees_with_arrays(compared):
-    _, arrays, compiled, how = compared
-    assert not compiled.remarks
-    assert (compiled.status == arrays.status).all()
+def assert_same(values, arrays, names):
+    """Values by name agree with arrays where those are there."""
     ok = arrays.ok
-    assert ok.sum() > 900
-    for name in how["quantities"]:
-        ours, theirs = (s[name][ok].reshape(ok.sum(), -1) for s in (compiled, arrays))
+    for name in names:
+        ours, theirs = (of[name][ok].reshape(ok.sum(), -1) for of in (values, arrays))
         scale = np.abs(theirs).max(axis=1)
         exact = np.full(len(scale), 1e-12)
         if name in ("K", "eigenvalues"):  # an inverse is as exact as C's condition lets it be
@@ -45,6 +43,14 @@ def test_machine_code_agrees_with_arrays(compared):
         assert (np.abs(ours - theirs).max(axis=1) <= exact * scale).all(), name
 
 
+def test_machine_code_agrees_with_arrays(compared):
+    _, arrays, compiled, how = compared
+    assert not compiled.remarks
+    assert (compiled.status == arrays.status).all()
+    assert arrays.ok.sum() > 900
+    assert_same(compiled, arrays, how["quantities"])
+
+
 def test_bits_do_not_depend_on_the_company(compared):
     _, _, compiled, how = compared
     for size in (1, 5, 8, 13):
@@ -52,6 +58,29 @@ def test_bits_do_not_depend_on_the_company(compared):
             part = compiled._engine.solve(how["poses"][start : start + size])
             for name in how["quantities"]:
                 np.testing.assert_array_equal(part.values[name], compiled[name][start : start + size])
+
+
+def test_numpy_alone_follows_the_same_lines(compared):
+    """As it does for many poses; what a pose is told does not depend on its company either."""
+    robot, arrays, compiled, how = compared
+    written = compiled._engine.written
+    engine = Engine(robot.mechanism, compiled._engine.asked, robot._kinematics, straight=True, known=written)
+    whole = engine.solve(how["poses"])
+    np.testing.assert_array_equal(whole.status == 0, arrays.ok)
+    assert_same(whole.values, arrays, how["quantities"])
+    part = engine.solve(how["poses"][700:713])
+    for name in how["quantities"]:
+        np.testing.assert_array_equal(part.values[name], whole.values[name][700:713])
+
+
+def test_many_poses_are_written_down_without_being_asked():
+    robot, ends = loaded("ur5")
+    rows = drawn(ends, 5000)
+    many, few = robot.sweep(poses=rows, quantities=["C"]), robot.sweep(poses=rows[:100], quantities=["C"])
+    assert many._engine.written is not None
+    assert few._engine.written is None
+    scale = np.abs(few["C"]).max(axis=(1, 2), keepdims=True)
+    assert np.abs((many["C"][:100] - few["C"]) / scale).max() < 1e-12
 
 
 def test_most_poses_are_the_machines_own(compared):
@@ -215,7 +244,7 @@ def test_newtons_steps_stop_pose_by_pose():
     final = Program(tape, [y])
     pipeline = Pipeline(start, step, final)
     values = np.array([1.0, 1.15, 0.9, 4.0, 1.01, 0.99, 1.1, 1.2, 1.18])
-    for out in (pipeline.run(values[None]).T, Machine(pipeline).run(values[:, None])):
+    for out in (Columns(pipeline).run(values[:, None]), Machine(pipeline).run(values[:, None])):
         good = values < 2
         np.testing.assert_allclose(out[good, 0], np.sqrt(values[good]), rtol=1e-15)
         np.testing.assert_array_equal(out[:, 1], np.where(good, 0.0, 1.0))
