@@ -147,7 +147,7 @@ def _told_apart(
         measured = Stack(tuple(PoseChannel.of_run(rival, frame) for frame in frames))
         difference = measured.residual(run(one, one)) / noise
         size = float((difference**2).sum())
-        text = f"{one.candidate.name} against {other.candidate.name}"
+        text = f"{_words(one)} against {_words(other)}"
         if size < INDISTINCT:
             alike.append(text)
         else:
@@ -157,6 +157,12 @@ def _told_apart(
     if not apart:
         return same, False
     return f"separates {'; '.join(apart[:MOST_LISTED])}" + (f". But {same}" if alike else ""), True
+
+
+def _words(term: Term) -> str:
+    """Return 'stiffness changed at leg3/drive'; the place keeps its own name."""
+    physics, at, place = term.candidate.name.partition(" at ")
+    return f"{physics.replace('_', ' ')}{at}{place}"
 
 
 def _pairs(selection: Selection) -> list[tuple[Term, Term]]:

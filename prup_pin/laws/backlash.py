@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Along, Deed, ExtraStrain, Strain
@@ -63,8 +63,8 @@ class Backlash(Law):
         yield ExtraStrain(place.name, Strain(Along(direction, play)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "µrad" if turns(mechanism, place) else "µm"
-        return f"{place} has a play of ±{number(1e6 * values['half_gap'], 3)} {unit}, which its load takes up"
+        gap = quantity(values["half_gap"], "rad" if turns(mechanism, place) else "m")
+        return f"{place} has a play of ±{gap}, which its load takes up"
 
 
 class BacklashByAxis(Law):

@@ -404,10 +404,19 @@ class Mechanism:
         passive = {int(self.dof_joint[dof]) for dof in self.free_dofs} - {module.joint}
         for joint in paths.between(module.joint, root.joint, tip.joint):
             if joint in passive and self._bends(joint, root, tip):
-                return f"spans the passive joint '{names[joint]}', which bends it: a beam ends where a joint turns"
+                return f"spans the passive joint '{names[joint]}', which bends it: {self._before(joint, root, tip)}"
             if joint not in passive and self._bends(joint, root, tip, across=True):
-                return f"spans joint '{names[joint]}', which turns one end away: a beam ends where a joint turns"
+                return f"spans joint '{names[joint]}', which turns one end away: {self._before(joint, root, tip)}"
         return ""
+
+    def _before(self, joint: int, *ends: Frame) -> str:
+        """Return what to do about a beam that reaches over a joint."""
+        text = "a beam ends where a joint turns"
+        for end in ends:
+            if end.joint == joint and np.linalg.norm(end.placement[:3, 3]) < 1e-9:
+                body = self.bodies[int(self.model.parents[joint])]
+                return f"{text}, and '{end.name}' turns with it: fix a link to '{body}' at that place, and name that"
+        return text
 
     def _bends(self, joint: int, root: Frame, tip: Frame, across: bool = False) -> bool:
         """Return True where a joint's motion takes a beam's root off its axis, or, if not asked `across` alone,

@@ -107,7 +107,8 @@ def _channels(recording: Recording) -> Iterator[str]:
     if empty:
         yield f"Nothing was measured in {', '.join(empty)}: every cell is empty."
     if constant:
-        yield f"{', '.join(constant)} never changes, in no digit: a dead or unused channel?"
+        change = "changes" if len(constant) == 1 else "change"
+        yield f"{', '.join(constant)} never {change}, in no digit: a dead or unused channel?"
 
 
 def _duplicates(recording: Recording) -> Iterator[str]:

@@ -34,7 +34,7 @@ def test_the_second_recording_leaves_fewer_places_and_names_the_true_one(tmp_pat
     assert len(one.candidates) > 3
 
     proposed = alone.next_experiment
-    assert proposed["why"].startswith("separates stiffness_changed at ")
+    assert proposed["why"].startswith("separates stiffness changed at ")
     (tmp_path / "next.json").write_text(json.dumps(proposed["plan"]))
     second = recorded(robot, read_plan(tmp_path / "next.json"), fault, 2)
     (both,) = diagnose(robot, [first, second]).findings

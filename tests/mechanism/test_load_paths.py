@@ -70,6 +70,12 @@ def test_a_beam_whose_end_another_joint_turns_away_is_refused(tmp_path, swapped)
     assert f"spans joint '{turning}', which turns one end away" in refusal(path)
 
 
+def test_a_joints_own_name_as_an_end_is_told_what_to_name_instead(tmp_path):
+    (_, _, root, tip), *_ = beams()
+    text = refusal(changed(tmp_path, f'root="{root}" tip="{tip}"', f'root="{root}" tip="left_hinge_at_elbow"'))
+    assert "'left_hinge_at_elbow' turns with it: fix a link to 'left_arm' at that place, and name that" in text
+
+
 def test_loops_and_modules_are_told_in_one_report(tmp_path):
     (name, *_), *_ = beams()
     loop = re.search(r'<loop name="[^"]+" frame1="([^"]+)"', FIVE_BAR)

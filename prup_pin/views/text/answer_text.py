@@ -183,6 +183,9 @@ def _print_sag(out: Console, answer: Answer) -> None:
         heading(out, "Sag by own weight:", "the robot file sets no gravity")
         return
     (*moved, total), unit, down = found
+    if total == "0":
+        heading(out, "Sag by own weight:", f"none at the tool; down is {down}")
+        return
     heading(out, f"Sag by own weight [{unit}]")
     parts = [f"{name} {value}" for name, value in zip(TWIST_NAMES, moved, strict=False)]
     listed(out, "", [*parts, f"total {total}", f"down is {down}"])

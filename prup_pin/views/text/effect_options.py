@@ -7,6 +7,7 @@ import re
 from ...errors import InputError, UnknownNameError
 from ...laws import Effect
 from ...mechanism import Mechanism
+from ...numbers import number
 from ...simulation.model_file import law_named, place_named
 from .quantities import UNITS, parse_quantity
 
@@ -38,7 +39,10 @@ def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> E
             values[key] = parse_quantity(value, _dimension(quantities[key].unit), option, text, text.index(assignment))
         missing = [item for item in quantities.values() if item.name not in values]
         if missing:
-            listed = ", ".join(f"{item.name} ({item.expected()})" for item in missing)
+            usual = law.starts(place, mechanism)[0]
+            listed = ", ".join(
+                f"{item.name} ({item.expected()}; a fit starts at {number(usual[item.name])})" for item in missing
+            )
             raise InputError(f"missing {listed}")
         return Effect(law, place, values).checked(mechanism)
     except InputError as error:

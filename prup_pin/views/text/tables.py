@@ -95,7 +95,7 @@ def compliance_table(answer: Answer) -> MatrixTable:
     """Return C in µm/N and µrad/(N m), or in the unit in which its largest entry needs no leading zeros."""
     compliance = answer.compliance.C
     (far, moves), (arc, turns) = (
-        readable_unit(np.diagonal(compliance)[block].max(), unit)
+        _of_compliances(np.diagonal(compliance)[block], unit)
         for block, unit in ((slice(0, 3), "m"), (slice(3, 6), "rad"))
     )
     return MatrixTable(
@@ -105,6 +105,15 @@ def compliance_table(answer: Answer) -> MatrixTable:
         tuple(f"{name}/{'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)),
         _cells(compliance * np.repeat([moves, turns], 3)[:, None]),
     )
+
+
+def _of_compliances(sizes: Array, unit: str) -> tuple[str, float]:
+    """Return the unit in which the least compliance needs no leading zeros, if the largest stays short there."""
+    largest = float(sizes.max())
+    if not largest > 0:
+        return readable_unit(1e-6, unit)
+    name, factor = readable_unit(float(sizes[sizes > 1e-9 * largest].min()), unit)
+    return (name, factor) if largest * factor < 1e4 else readable_unit(largest, unit)
 
 
 def _cells(matrix: Array) -> tuple[tuple[str, ...], ...]:
@@ -236,10 +245,11 @@ def assumptions(robot: Robot, answer: Answer) -> list[str]:
 
 def mobility_text(mechanism: Mechanism, found: Mobility) -> str:
     """Return '3 degrees of freedom = …'; a tree's are its joints'."""
+    freedoms = f"{found.mobility} degree{'s' if found.mobility != 1 else ''} of freedom"
     if not found.closures:
-        return f"{found.mobility} degrees of freedom, {len(mechanism.actuated_dofs)} actuated"
+        return f"{freedoms}, {len(mechanism.actuated_dofs)} actuated"
     return (
-        f"{found.mobility} degrees of freedom = {found.velocities} joint velocities - rank {found.rank} of "
+        f"{freedoms} = {found.velocities} joint velocities - rank {found.rank} of "
         f"{found.closures} closures; {len(mechanism.actuated_dofs)} actuated"
     )
 
