@@ -1,4 +1,4 @@
-"""How long a pose takes: single calls, sweeps by arrays and as machine code, frame programs; one core, one run.
+"""How long a pose takes: single calls, sweeps by arrays, lines and machine code, frame programs; one core, one run.
 
     python scripts/bench_sweep.py [--long]
 
@@ -24,6 +24,7 @@ import numpy as np
 from _project import ROOT
 
 import prup_pin
+from prup_pin import build
 from tests.reference import frame_fe
 
 ROBOTS = ROOT / "tests" / "robots"
@@ -34,13 +35,26 @@ CASES = {
         [(-0.1, 0.1), (-0.1, 0.1), (0.65, 0.8), (-0.2, 0.2), (-0.2, 0.2), (-0.2, 0.2)],
     ),
     "ur5": (prup_pin.load("ur5", joint_stiffness=1e4), [(-3.0, 3.0)] * 6),
-    "five_bar (C, redundant loop)": (
+    "five_bar (C)": (
         prup_pin.load(str(ROBOTS / "five_bar" / "five_bar.urdf"), joint_stiffness=1e4),
         [(-0.1, 0.14), (0.3, 0.45)],
+    ),
+    "three_rrr": (
+        build.three_rrr(
+            base_radius=0.3,
+            platform_radius=0.08,
+            arm=0.2,
+            rod=0.2,
+            motor_stiffness=2e4,
+            arm_diameter=0.03,
+            rod_diameter=0.02,
+        ),
+        [(-0.05, 0.05), (-0.05, 0.05), (-0.2, 0.2)],
     ),
 }
 BOX = {"force": 300.0, "moment": 100.0}
 ROUNDS = 15
+MANY = 131_072
 
 
 def in_turns(*jobs: tuple[Callable[[], object], int]) -> list[float]:
@@ -67,35 +81,36 @@ def singly(robot, rows):
 
 def print_speeds() -> None:
     print("C, K and all extremes over the box of wrenches, from coordinates, closing loops included [us a pose]")
-    print(f"{'':32s}{'single':>10s}{'arrays':>10s}{'compiled':>10s}{'engine':>10s}{'to write and compile [s]':>28s}")
+    heads = ("single", "arrays", "lines", "compiled", "engine")
+    print(f"{'':16s}" + "".join(f"{head:>10s}" for head in heads) + f"{'to write and compile [s]':>28s}")
     for name, (robot, ends) in CASES.items():
-        rows = np.random.default_rng(0).uniform(*np.array(ends).T, (32768, len(ends)))
+        rows = np.random.default_rng(0).uniform(*np.array(ends).T, (MANY, len(ends)))
         names = ["C", "extremes"] if name.startswith("five") else ["C", "K", "extremes"]
         began = perf_counter()
         first = robot.sweep(poses=rows[:8], quantities=names, **BOX, compiled=True)
         ready = perf_counter() - began
-        engine = first._engine
-        machine = engine._machine
+        machine = first._engine._machine
 
         def sweep(count, robot=robot, rows=rows, names=names, **how):
             return robot.sweep(poses=rows[:count], quantities=names, **BOX, **how)
 
-        jobs = [
+        assert machine is not None
+        into = [np.empty((4096, width)) for width in machine.widths]
+        times = in_turns(
             (lambda robot=robot, rows=rows: singly(robot, rows[:100]), 100),
             (lambda sweep=sweep: sweep(1024), 1024),
-        ]
-        if machine is not None:
-            jobs.append((lambda sweep=sweep: sweep(None, compiled=True), len(rows)))
-            jobs.append((lambda machine=machine, rows=rows[:2048]: machine.run(rows), 2048))
-        times = [1e6 * value for value in in_turns(*jobs)]
-        cells = "".join(f"{value:10.2f}" for value in times) + "         -" * (4 - len(times))
-        print(f"{name:32s}{cells}{ready:28.1f}")
-    print("engine: the machine code alone; compiled: all of robot.sweep, its arrays and checks\n")
+            (lambda sweep=sweep: sweep(MANY // 4), MANY // 4),
+            (lambda sweep=sweep: sweep(None, compiled=True), MANY),
+            (lambda machine=machine, rows=rows[:4096], into=into: machine.fill(rows, into), 4096),
+        )
+        print(f"{name:16s}" + "".join(f"{1e6 * value:10.2f}" for value in times) + f"{ready:28.1f}")
+    print("arrays: few poses; lines: many, the straight lines run by numpy; compiled: all of robot.sweep at 131,072")
+    print("poses, its arrays and checks; engine: the machine code alone\n")
 
 
 def print_peers() -> None:
     robot, ends = CASES["3prup"]
-    rows = np.random.default_rng(0).uniform(*np.array(ends).T, (32768, len(ends)))
+    rows = np.random.default_rng(0).uniform(*np.array(ends).T, (MANY, len(ends)))
     few = [dict(zip(("z", "theta", "phi"), row.tolist(), strict=True)) for row in rows[:20]]
     how = {"quantities": ["C"], "compiled": True}
     print("the 3-PRUP's C beside frame programs on the same job, in turns")

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import ctypes
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from math import prod
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -27,16 +27,21 @@ __all__ = ["LANES", "Machine"]
 LANES = 8
 #: Parts of pi/2 that add up to it, the first two short, so that their multiples are exact.
 _QUARTER_PARTS = (1.5707963109016418, 1.5893254712295857e-08, 6.123233995736766e-17)
-#: sin r = r (1 - r^2/3! + ...), cos r = 1 - r^2/2! + ...: exact to rounding within an eighth of a turn either way.
-_SINE = tuple((-1.0) ** k / prod(range(1, 2 * k + 2)) for k in range(1, 9))
-_COSINE = tuple((-1.0) ** k / prod(range(1, 2 * k + 1)) for k in range(1, 9))
-#: arctan u = u (1 + u^2 P(u^2)) within a sixteenth of a turn, the series economised.
+
+
+def _economised(terms: Callable[[int], float], size: float, count: int) -> tuple[float, ...]:
+    """Return the coefficients of a polynomial that is a power series to rounding from 0 to `size`."""
+    series = Polynomial([terms(k) for k in range(40)])
+    return tuple(Chebyshev.interpolate(series, count - 1, domain=[0.0, size]).convert(kind=Polynomial).coef.tolist())
+
+
+#: sin r = r + r^3 P(r^2) and cos r = 1 + r^2 P(r^2) within an eighth of a turn either way.
+_EIGHTH = (np.pi / 4) ** 2
+_SINE = _economised(lambda k: (-1.0) ** (k + 1) / factorial(2 * k + 3), _EIGHTH, 7)
+_COSINE = _economised(lambda k: (-1.0) ** (k + 1) / factorial(2 * k + 2), _EIGHTH, 7)
+#: arctan u = u + u^3 P(u^2) within a sixteenth of a turn.
 _TANGENT = float(np.tan(np.pi / 8))
-_ARCTANGENT = tuple(
-    Chebyshev.interpolate(
-        Polynomial([(-1.0) ** (k + 1) / (2 * k + 3) for k in range(40)]), 12, domain=[0.0, _TANGENT**2]
-    ).convert(kind=Polynomial).coef.tolist()
-)  # fmt: skip
+_ARCTANGENT = _economised(lambda k: (-1.0) ** (k + 1) / (2 * k + 3), _TANGENT**2, 13)
 #: Added to a double, this leaves its nearest integer in the last bits.
 _INTEGER = 1.5 * 2.0**52
 
@@ -110,6 +115,7 @@ class _Writer:
         self._mask = f"<{LANES} x i1>"
         self._fused = fused
         self._turned: dict[str, tuple[str, str]] = {}
+        self._conditions: dict[str, str] = {}
         #: What the machine reads from a table, one number for all lanes: written out it would fill the cache.
         self.constants: dict[float, int] = {}
 
@@ -328,11 +334,19 @@ end:
         return self._chosen("ugt", a, b)
 
     def _min(self, a: str, b: str) -> str:
+        if a in self._conditions and b in self._conditions:
+            return self._condition(f"and {self._mask} {self._conditions[a]}, {self._conditions[b]}")
         return self._chosen("ult", a, b)
 
     def _le(self, a: str, b: str) -> str:
-        than = self._new(f"fcmp ole {self._type} {a}, {b}")
-        return self._new(f"uitofp {self._mask} {than} to {self._type}")
+        return self._condition(f"fcmp ole {self._type} {a}, {b}")
+
+    def _condition(self, what: str) -> str:
+        """Return 1 or 0 for a bit each; where bits alone are asked for, LLVM leaves the numbers out."""
+        bits = self._new(what)
+        number = self._new(f"uitofp {self._mask} {bits} to {self._type}")
+        self._conditions[number] = bits
+        return number
 
     def _hypot(self, a: str, b: str) -> str:
         return self._sqrt(self._add(self._mul(a, a), self._mul(b, b)))

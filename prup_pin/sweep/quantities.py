@@ -125,7 +125,7 @@ class Solved:
             # |a + b|^2 and |a - b|^2 at once
             squares = ((part * part).sum(axis=-2) for part in (by_force, by_moment))
             forces, moments = squares
-            both = forces[..., :, None] + moments[..., None, :] + abs(2.0 * (by_force.mT @ by_moment))
+            both = forces[..., :, None] + moments[..., None, :] + abs(by_force.mT @ (2.0 * by_moment))
             most.append(largest(list(np.moveaxis(both.reshape(*both.shape[:-2], 16), -1, 0))))
         return np.sqrt(np.stack(most, axis=-1))
 

@@ -146,20 +146,16 @@ class _WrittenSolved(Solved):
 
     @cached_property
     def _both(self) -> tuple[Array, Array, Expression]:
-        """C, K, and a bound of the square of their condition."""
+        """C, K, and the product of their dimensionless traces: a bound of their condition, as both are definite."""
         if self._legs is None:
             c = self.statics.compliance(self.deformations)
-            scaled = c * self.scaling
-            inverse, _ = eliminated(scaled, np.eye(6).astype(object))
-            k = inverse * self.scaling
+            k = eliminated(c * self.scaling, np.eye(6).astype(object))[0] * self.scaling
             k = (k + k.T) * 0.5
         else:
             k = self._side_by_side[0]
-            scaled = k * (1 / self.scaling)
-            inverse = self._solve(scaled, np.eye(6).astype(object))
-            c = inverse * (1 / self.scaling)
+            c = self._solve(k / self.scaling, np.eye(6).astype(object)) / self.scaling
             c = (c + c.T) * 0.5
-        return c, k, (inverse * inverse).sum() * (scaled * scaled).sum()
+        return c, k, (np.diagonal(c * self.scaling)).sum() * (np.diagonal(k / self.scaling)).sum()
 
     @property
     def C(self) -> Array:  # noqa: N802
@@ -177,7 +173,7 @@ class _WrittenSolved(Solved):
             for problems in problems_of(self.layout, geometries):
                 found += [1.0 - flag for flag in problems.ravel() if isinstance(flag, Expression)]
         if stiff or (elastic and self._legs is not None):
-            found.append(self._both[2] <= (0.1 / NEGLIGIBLE_ENERGY) ** 2)
+            found.append(self._both[2] <= 0.1 / NEGLIGIBLE_ENERGY)
         if elastic and self._legs is not None:
             idle = self._legs.idle(self.poses, self._solve)
             found += [abs(left) <= _IDLE for left in idle if isinstance(left, Expression) and left.known is None]
@@ -279,8 +275,8 @@ class _Writer:
         solution, pivots = eliminated(matrix, error[:, None])
         if not passing:
             return Program(tape, list(solution[:, 0]))
-        good = least([tape.constant(1.0), *_conditions(pivots)])
-        assembled = least([tape.constant(1.0), *many.closure.assembled_conditions(gaps.turn)])
+        good = least(_conditions(pivots) or [tape.constant(1.0)])
+        assembled = least(many.closure.assembled_conditions(gaps.turn) or [tape.constant(1.0)])
         return Program(tape, [*solution[:, 0], (error * error).sum(), good, assembled])
 
     @property
@@ -357,7 +353,7 @@ class _Writer:
         elastic, stiff = any(item.elastic for item in asked), any(item.stiff for item in asked)
         conditions += solved.conditions(elastic, stiff)
         conditions += _conditions(solve.pivots)
-        good = least([tape.constant(1.0), *conditions])
+        good = least(conditions or [tape.constant(1.0)])
         return Program(tape, [*outputs, good]), tuple(item.name for item in computed), (*widths, 3)
 
     def _check(self, tape: Tape, item: Quantity, entries: Array, by_arrays: Solved) -> None:
