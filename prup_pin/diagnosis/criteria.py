@@ -347,6 +347,8 @@ EFFORT_STEP = 0.85
 #: Efforts that are so many times those of the rigid robot are in another unit, where their shapes are so much alike;
 #: by so much less they are suspected where no joint's is right, for masses and torque constants may be off as well.
 EFFORT_UNIT, EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 5.0, 0.8, 1.4, 1.15
+#: Efforts at rest of which so little is left without the robot's weight, as a share of what is left with it, are tared.
+EFFORT_TARED = 0.25
 #: Multiples of a joint's limits beyond which its position is not the joint's.
 FAR_BEYOND: Final = 3.0
 

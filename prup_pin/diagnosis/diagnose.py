@@ -60,6 +60,7 @@ from .criteria import (
 from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding, FittedParameter
 from .efforts import diagnose_efforts
+from .efforts.at_rest import with_efforts_at_rest
 from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
 from .fit import Fit, Problem, Term
 from .limits import limits_heard
@@ -119,7 +120,7 @@ def _of_channels(robot: Robot, recording: Recording | Sequence[Recording], tell:
     poses = has_poses(given, mechanism)
     positions = [name for name in mechanism.actuated if name in given[0].positions]
     if poses and is_standing(given[0], positions):
-        return _diagnosed(robot, recording, tell)  # what drives hold at rest says little beside a pose
+        return with_efforts_at_rest(_diagnosed(robot, recording, tell), robot, given)
     adapted = as_recorded(robot, given)
     efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell)
     if not poses:
@@ -388,6 +389,7 @@ def _verdict(
         )
         beyond = []
     findings += [_beyond_tolerance(item, final, held) for item in beyond]
+    findings = [_told_alone(finding, robot) for finding in findings]
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
     # a sensor reports what all the others have left
     effects = (*(effect for effect in effects if effect not in given.placed.found), *given.placed.every)
@@ -704,6 +706,24 @@ def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )
+
+
+def _told_alone(finding: Finding, robot: Robot) -> Finding:
+    """Return a finding in which parameters that these data do not tell change nothing, such as unmeasured rotations."""
+    effect = finding.effect
+    if effect is None:
+        return finding
+    bounds = {q.name: (q.lower, q.upper) for q in effect.law.quantities_at(effect.place, robot.mechanism)}
+    neutral = {
+        name: value
+        for name, value in effect.law.neutral.items()
+        if name in finding.parameters and finding.parameters[name].interval == bounds[name]
+    }
+    if not neutral or len(neutral) == len(effect.law.neutral):
+        return finding
+    told = replace(effect, values={**effect.values, **neutral})
+    parameters = {name: replace(item, value=neutral.get(name, item.value)) for name, item in finding.parameters.items()}
+    return replace(finding, effect=told, parameters=parameters, statement=told.statement(robot.mechanism))
 
 
 def _beside_others(term: Term, fit: Fit, index: int) -> bool:

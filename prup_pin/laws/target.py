@@ -36,12 +36,7 @@ class TargetMisalignment(Law):
         yield PoseReport(Moved.on_body(shift, turn), setup.mechanism.need_tool().name)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
-        turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
-        return (
-            f"the measured target sits {number(shift, 3)} mm beside the tool frame and is turned by "
-            f"{number(turn, 3)} mrad"
-        )
+        return f"the measured target {_beside(values, 'the tool frame')}"
 
 
 class MarkerMisalignment(Law):
@@ -65,12 +60,17 @@ class MarkerMisalignment(Law):
         yield PoseReport(Moved.on_body(shift, turn), self.frame)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
-        turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
-        return (
-            f"the marker sits {number(shift, 3)} mm beside the frame {self.frame} and is turned by "
-            f"{number(turn, 3)} mrad"
-        )
+        return f"the marker {_beside(values, f'the frame {self.frame}')}"
+
+
+def _beside(values: Mapping[str, float], frame: str) -> str:
+    """Return in words how a target sits on a frame: turned only where a turn was found, which positions do not show."""
+    shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
+    turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
+    sits, turned = f"sits {number(shift, 3)} mm beside {frame}", f"is turned by {number(turn, 3)} mrad"
+    if not turn:
+        return sits
+    return f"{sits} and {turned}" if shift else f"{turned} on {frame}"
 
 
 def of_markers(mechanism: Mechanism, names: Iterable[str] | None = None) -> tuple[MarkerMisalignment, ...]:

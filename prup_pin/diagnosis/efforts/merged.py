@@ -14,7 +14,14 @@ from ..diagnosis import VERDICTS, Diagnosis, Finding
 from ..plausible import unused_columns
 from .verdict import EffortDiagnosis
 
-__all__ = ["has_efforts", "has_poses", "joined", "of_efforts", "together_in_time", "unused_by_efforts"]
+__all__ = [
+    "has_efforts",
+    "has_poses",
+    "joined",
+    "of_efforts",
+    "together_in_time",
+    "unused_by_efforts",
+]
 
 #: Columns that belong to the efforts' own model.
 _OWN = ("tau.", "q.", "qd.", "qdd.")

@@ -99,9 +99,14 @@ class EffortDiagnosis:
 
 
 def diagnose_efforts(
-    robot: Robot, recording: Recording, tell: Callable[[str, float], None] = lambda stage, share: None
+    robot: Robot,
+    recording: Recording,
+    tell: Callable[[str, float], None] = lambda stage, share: None,
+    held: Mapping[str, Array] | None = None,
 ) -> EffortDiagnosis:
     """Return what the columns tau of a recording say that a rigid robot's inverse dynamics leave out.
+
+    held: by joint (N,), what drives hold at rest where more is known than of a rigid robot; NaN where it is not.
 
     Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
     """
@@ -112,6 +117,9 @@ def diagnose_efforts(
         raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
     at = InMotion.of(mechanism, motion)
     doubts = check_efforts(at)
+    if held is not None:
+        known = np.column_stack([held[name][motion.rows] for name in at.driven])
+        at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
     tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
     efforts = Efforts(at, tolerances, recording.noise.effort)
     tell("laws compete for the efforts", 0.1)

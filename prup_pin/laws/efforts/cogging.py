@@ -25,6 +25,7 @@ class Cogging(DrivenEffortLaw):
     """tau = c cos(2 pi q / p) + s sin(2 pi q / p); the period p is looked for."""
 
     physics = "cogging"
+    of_motion = True  # postures would be taken for any period
     of_what_is_known = True
     summary = "an effort that is periodic in the position"
     linear = ("cosine", "sine")
