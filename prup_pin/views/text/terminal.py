@@ -65,12 +65,12 @@ _HELD = "\N{NO-BREAK SPACE}"
 
 
 def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str]:
-    """Return a text broken into lines: a number keeps its unit, a path too long for a line is broken at its folders.
+    """Return a text broken into lines, in which a number keeps its unit.
 
-    No other word is cut.
+    A path too long for a line is broken at its folders, a list of names at its bars; no other word is cut.
     """
     room = width - max(len(first), len(then))
-    words = (_folders(word, room) if len(word) > room and "/" in word else word for word in text.split(" "))
+    words = (_pieces(word, room) if len(word) > room else word for word in text.split(" "))
     broken = textwrap.wrap(
         _KEPT.sub(_HELD, " ".join(words)),
         width,
@@ -82,10 +82,10 @@ def lines_of(text: str, width: int, first: str = "", then: str = "") -> list[str
     return [line.replace(_HELD, " ") for line in broken]
 
 
-def _folders(path: str, room: int) -> str:
-    """Return a path cut after slashes into pieces that fill lines."""
+def _pieces(word: str, room: int) -> str:
+    """Return a path, or a list without spaces, cut after slashes or bars into pieces that fill lines."""
     pieces = [""]
-    for part in re.findall(r"[^/]*/|[^/]+$", path):
+    for part in re.findall(r"[^/|]*[/|]|[^/|]+$", word):
         if len(pieces[-1]) + len(part) > room:
             pieces.append("")
         pieces[-1] += part
@@ -120,7 +120,7 @@ def listed(out: Console, label: str, items: Iterable[str], separator: str = "   
     room, blank = out.width - len(start), " " * len(start)
     lines = [""]
     for item in items:
-        for part in lines_of(item, room) or [""]:
+        for part in lines_of(item, room - len(separator.rstrip())) or [""]:
             joined = f"{lines[-1]}{separator}{part}" if lines[-1] else part
             if len(joined) <= room - 1:
                 lines[-1] = joined
