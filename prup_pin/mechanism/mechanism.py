@@ -405,7 +405,8 @@ class Mechanism:
         for joint in paths.between(module.joint, root.joint, tip.joint):
             if joint in passive and self._bends(joint, root, tip):
                 return f"spans the passive joint '{names[joint]}', which bends it: {self._before(joint, root, tip)}"
-            if joint not in passive and self._bends(joint, root, tip, across=True):
+            turns = not self.joint(joint).slides and joint not in passive
+            if turns and self._bends(joint, root, tip, across=True):
                 return f"spans joint '{names[joint]}', which turns one end away: {self._before(joint, root, tip)}"
         return ""
 
