@@ -72,7 +72,7 @@ from .fit import Beside, Fit, Problem, Term, with_priors, without
 from .locate import least_left, yieldings
 from .whiteness import compared
 
-__all__ = ["Budget", "Rival", "Selection", "cross_validated", "scale_of", "select"]
+__all__ = ["Budget", "Rival", "Selection", "cross_validated", "needed", "scale_of", "select"]
 
 
 @dataclass(frozen=True)
@@ -172,17 +172,46 @@ def unlikely(candidate: Candidate) -> float:
     return 0.0 if not likely or names.intersection(candidate.parts) else UNLIKELY_PLACE
 
 
-def cross_validated(problem: Problem, fit: Fit, blocks: np.ndarray, folds: int = FOLDS) -> float:
-    """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly)."""
+def cross_validated(
+    problem: Problem,
+    fit: Fit,
+    blocks: np.ndarray,
+    folds: int = FOLDS,
+    *,
+    less: int | None = None,
+    parameters: np.ndarray | None = None,
+    strained: bool = False,
+) -> float:
+    """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly).
+
+    less: a term, or `parameters` (p,): a mask of toleranced ones, that are taken away, the others refitted. strained:
+    what toleranced parameters cost that go far to take their place counts as well.
+    """
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
-    held = fit.held.reshape(*fit.residual.shape, -1)
+    held, x, residual = fit.held.reshape(*fit.residual.shape, -1), fit.x, fit.residual
     logarithmic = [term.candidate.logarithmic for term in fit.terms]
     narrow = np.concatenate([np.zeros(0), *(logs / FOLD_STEP for logs in logarithmic)])
-    return _held_out(fit.residual, jacobian, blocks, folds, held, fit.x, narrow)
+    if less is not None:
+        sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
+        stays = np.ones(len(narrow), bool)
+        stays[sizes[less] : sizes[less + 1]] = False
+        others = [term.effect for place, term in enumerate(fit.terms) if place != less]
+        residual, jacobian, narrow = residual - problem.change(fit, others), jacobian[..., stays], narrow[stays]
+    if parameters is not None:
+        residual = residual + held[..., parameters] @ x[parameters]
+        held, x = held[..., ~parameters], x[~parameters]
+    return _held_out(residual, jacobian, blocks, folds, held, x, narrow, strained)
 
 
 def _held_out(
-    residual: Array, jacobian: Array, blocks: np.ndarray, folds: int, held: Array, x: Array, narrow: Array
+    residual: Array,
+    jacobian: Array,
+    blocks: np.ndarray,
+    folds: int,
+    held: Array,
+    x: Array,
+    narrow: Array,
+    strained: bool,
 ) -> float:
     """`narrow` (p,): one over what a coordinate may move by when blocks are left out."""
     total = 0.0
@@ -205,6 +234,8 @@ def _held_out(
             step[: len(scale)] /= scale
             every = np.concatenate((jacobian[out], held[out]), axis=-1)
             target = target - every.reshape(-1, every.shape[-1]) @ step
+            if strained:
+                total += float(((x + step[len(scale) :]) ** 2).sum()) / len(np.unique(fold))
         total += float(target @ target)
     return total
 
@@ -282,6 +313,22 @@ def select(
     if len(rivals) != len(fit.terms) or tried:
         rivals = tuple(tuple(challengers(search, fit, index, library)) for index in range(len(fit.terms)))
     return replace(best, rivals=rivals, work=search.spent)
+
+
+def needed(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
+    """Return the selection without laws that samples left out do not ask for, beside all that was calibrated."""
+    search = _Search(problem, Budget())
+    fit, rivals = selection.last, list(selection.rivals)
+    while fit.terms:
+        labels = blocks[fit.samples]
+        held = cross_validated(problem, fit, labels)
+        gains = [cross_validated(problem, fit, labels, less=index) - held for index in range(len(fit.terms))]
+        least = int(np.argmin(gains))
+        if gains[least] > LEAST_GAIN * held:
+            break
+        fit = search.refine([term for index, term in enumerate(fit.terms) if index != least], fit)
+        rivals = rivals[:least] + rivals[least + 1 :]
+    return replace(selection, last=fit, rivals=tuple(rivals))
 
 
 def is_clean(problem: Problem, fit: Fit) -> bool:

@@ -363,6 +363,9 @@ SPREAD_FREEDOM: Final = 3.0
 OUTLIER: Final = 6.0
 #: ... unless they are more than this share: then they are the machine, not its sensor.
 MOST_OUTLIERS: Final = 0.1
+#: Kinds are taken to be wider than declared where all but this share of what is left is explained by it: what else may
+#: be missing is then looked for beside them, and not in their place.
+EXPLAINED: Final = 0.1
 #: How much a joint of an arm usually yields: a unit of no other meaning [rad/(N m), m/N].
 USUAL_COMPLIANCE: Final = 1e-4
 USUAL_COMPLIANCE_SLIDE: Final = 1e-6

@@ -14,11 +14,14 @@ from ..dynamics import is_standing
 from ..errors import InputError
 from ..laws import Effect, Inputs
 from ..laws.deviations import without_effect
+from ..laws.in_recording import InRecording
+from ..laws.deeds import Moved
 from ..numbers import number
-from ..recordings import Recording, Together, suspicions
+from ..recordings import SENSORS, Recording, Together, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, as_recorded, inputs_of
-from ..spatial import Array
+from ..spatial import Array, rotation_exp, rotation_log
+from .all_over import all_over
 from .by_recording import by_recording
 from .calibrate import (
     CalibratedParameter,
@@ -28,7 +31,7 @@ from .calibrate import (
     within_tolerances,
 )
 from .candidates import Candidate, candidates
-from .compete import Budget, Selection, cross_validated, penalty, scale_of, select
+from .compete import Budget, Selection, cross_validated, needed, penalty, scale_of, select
 from .criteria import (
     BESIDE_WORK,
     CURVE_DEVIATIONS,
@@ -151,6 +154,11 @@ class Asked:
     placed: Registered
     spread: Spread | None = None
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of parameters that are off all over by more than anything declares."""
+        return () if self.spread is None else tuple(self.spread.kinds)
+
     def within_tolerances(self, problem: Problem, reach: float = np.inf) -> Problem:
         """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare.
 
@@ -209,8 +217,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     if spread is not None:
         remarks += spread.told(together, noise)
         stack, noise = spread.stack(stack), spread.noise(noise)
-        if not recording.tolerances.declared:
-            together = spread.widened(together)
+        together = spread.widened(together)
         recording = together.recording
     if noise.source == "assumed":
         noise = replace(noise, source="estimated")
@@ -252,6 +259,8 @@ def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: T
             problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
             doubt = _too_few(problem, selection, inputs.blocks)
+    if given.kinds and compared(problem, problem.first):
+        selection = needed(problem, selection, labels)
     tell("the verdict", 0.9)
     found = _verdict(problem, selection, given, labels, robot, tell, doubt)
     seen = found.residuals
@@ -345,7 +354,10 @@ def _verdict(
     labels = blocks[samples]
     count = compared(problem, last)
     held = cross_validated(problem, last, labels) if count else float("nan")
-    findings = [_finding(problem, last, index, selection, robot, held) for index in range(len(last.terms))]
+    findings = [
+        _finding(problem, last, index, selection, robot, held, labels if given.kinds else None)
+        for index in range(len(last.terms))
+    ]
     curves = strongest_curve(problem, last) if count else []
     unknown: list[Finding] = []
     final = last
@@ -367,18 +379,17 @@ def _verdict(
     if deflection is not None:
         findings.append(deflection)
     findings.sort(key=lambda finding: -finding.heldout_gain)
-    moved = zip(given.placed.found, given.placed.deviations, strict=True)
-    findings = [*(_elsewhere(*each, first, before, robot) for each in moved), *findings]
-    findings += unknown
     acting: tuple[Effect, ...] = ()
     if problem.tolerances is not None and count and _shows(problem, final):
         acting = problem.tolerances.effects
     # what acts was left out of the simulation that one starts from, be it without a parameter
-    named = "explained" if findings or acting else "nothing_missing"
+    named = "explained" if findings or acting or given.kinds or given.placed.found else "nothing_missing"
     verdict = "unexplained" if unknown else named
     if unknown and count and not len(given.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
     calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
+    moved_sensor = zip(given.placed.found, given.placed.deviations, strict=True)
+    findings = [*(_elsewhere(*each, first, before, robot, calibrated) for each in moved_sensor), *findings]
     beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
     if beyond and unknown:
         # what no law explains drives them: they are no findings of their own
@@ -390,6 +401,9 @@ def _verdict(
         beyond = []
     findings += [_beyond_tolerance(item, final, held) for item in beyond]
     findings = [_told_alone(finding, robot) for finding in findings]
+    told = [kind for kind in given.kinds if not (given.placed.found and kind in SENSORS["pose_sensor"])]
+    findings += all_over(problem, final, calibrated, told, blocks)
+    findings += unknown
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
     # a sensor reports what all the others have left
     effects = (*(effect for effect in effects if effect not in given.placed.found), *given.placed.every)
@@ -427,15 +441,42 @@ def _verdict(
     return diagnosis
 
 
-def _elsewhere(effect: Effect, deviation: Array, first: Fit, before: Array, robot: Robot) -> Finding:
+def _elsewhere(
+    effect: Effect,
+    deviation: Array,
+    first: Fit,
+    before: Array,
+    robot: Robot,
+    calibrated: Sequence[CalibratedParameter],
+) -> Finding:
     """Return the finding that a pose sensor stands elsewhere than believed, seen before anything was simulated.
 
-    deviation (6,) of its parameters.
+    deviation (6,) of its parameters; what was calibrated of them since is part of it.
     """
-    units = {quantity.name: quantity.unit for quantity in effect.law.quantities}
+    law = effect.law.law if isinstance(effect.law, InRecording) else effect.law
+    group = effect.law.group.label if isinstance(effect.law, InRecording) else ""
+    own = {
+        item.name.partition(" in ")[0]: item
+        for item in calibrated
+        if item.deviation.kind in SENSORS["pose_sensor"]
+        and (item.deviation.group.label if item.deviation.group else "") == group
+    }
+    values, names = dict(effect.values), [quantity.name for quantity in law.quantities]
+    if len(own) == len(names):
+        report = Moved(np.eye(4), np.eye(4))
+        for axis, unit in zip(("x", "y", "z", "rx", "ry", "rz"), np.eye(6), strict=True):  # in the order of their acts
+            step = own[f"pose_sensor.{axis}"].value * unit
+            report = report.then(Moved.from_frame(rotation_exp(step[3:]), step[:3]))
+        whole = rotation_exp(np.array([values[name] for name in names[:3]]))
+        report = report.then(Moved.from_frame(whole, np.array([values[name] for name in names[3:]])))
+        at, turn = report(np.zeros((1, 3)), np.eye(3)[None])
+        values = dict(zip(names, map(float, (*rotation_log(turn)[0], *at[0])), strict=True))
+        sizes = np.array([own[f"pose_sensor.{axis}"].sd for axis in ("rx", "ry", "rz", "x", "y", "z")]).reshape(2, 3)
+        deviation = np.sqrt(sizes**2 @ (whole**2).T).ravel()
+    units = {quantity.name: quantity.unit for quantity in law.quantities}
     parameters = {
         name: FittedParameter(value, units[name], (value - 1.96 * size, value + 1.96 * size))
-        for (name, value), size in zip(effect.values.items(), deviation.tolist(), strict=True)
+        for (name, value), size in zip(values.items(), deviation.tolist(), strict=True)
     }
     return Finding(
         physics=effect.law.physics,
@@ -443,8 +484,8 @@ def _elsewhere(effect: Effect, deviation: Array, first: Fit, before: Array, robo
         candidates=(effect.place.name,),
         parameters=parameters,
         heldout_gain=float(1 - (first.residual**2).sum() / max(float((before**2).sum()), 1e-300)),
-        statement=f"{effect.statement(robot.mechanism)}; where it just stands there, declare it "
-        "(tolerances frame_position and frame_rotation)",
+        statement=f"{effect.law.statement(effect.place, values, robot.mechanism)}; where it just stands there, declare "
+        "it (tolerances frame_position and frame_rotation)",
         effect=effect,
     )
 
@@ -678,9 +719,21 @@ def _alone(problem: Problem, fit: Fit, index: int) -> float:
     return float((left**2).sum()) - fit.chi2
 
 
-def _finding(problem: Problem, fit: Fit, index: int, selection: Selection, robot: Robot, held: float) -> Finding:
+def _finding(
+    problem: Problem,
+    fit: Fit,
+    index: int,
+    selection: Selection,
+    robot: Robot,
+    held: float,
+    labels: np.ndarray | None = None,
+) -> Finding:
+    """Return the finding of a term. labels (n,): of what is held out where much was calibrated beside it."""
     term = fit.terms[index]
-    without = _alone(problem, fit, index) + fit.chi2
+    if labels is None:
+        without = _alone(problem, fit, index) + fit.chi2
+    else:
+        without = cross_validated(problem, fit, labels, less=index)
     scale = scale_of(problem, fit)  # where more than noise is left, less can be told apart
     own = fit.chi2 + scale * penalty(term)
     places, laws = [term.candidate.place.name], []

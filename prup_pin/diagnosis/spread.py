@@ -31,6 +31,7 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Toleranced, changes_per_tolerance
 from .criteria import (
+    EXPLAINED,
     FALSE_ALARM,
     MOST_OUTLIERS,
     MOST_TERMS,
@@ -272,6 +273,13 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
     return found
 
 
+def _left(data: _Linear, fit: _Fit) -> float:
+    """Return the squares that are left of what was measured and of the parameters, these in multiples of the noise."""
+    mean = fit.mean
+    left = data.square - 2 * float(data.right @ mean) + float(mean @ data.normal @ mean)
+    return left + fit.noise * float((mean**2 / fit.variances).sum())
+
+
 def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
     root = np.sqrt(variances)
     scaled = np.eye(len(root)) + root[:, None] * data.normal * root / noise
@@ -324,7 +332,9 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     x, fit, data, _ = seen.settled(x, exists, False)
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     kinds, costs = {}, {}
-    if not _are_few(data, fit, seen):
+    drawn = _fitted(data, seen.floors, fit.noise, np.full(len(labels), "", object), seen.floors, seen.least)
+    explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
+    if explains and not _are_few(data, fit, seen):
         for name in map(str, np.unique(labels[labels != ""])):
             if name in ARM.declared:
                 here = labels == name

@@ -1,0 +1,89 @@
+"""Findings of what is off at many places at once: which kind of parameter, where, by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+from .calibrate import CalibratedParameter
+from .compete import cross_validated
+from .criteria import FALSE_ALARM
+from .diagnosis import Finding, FittedParameter
+from .fit import Fit, Problem
+
+__all__ = ["all_over"]
+
+#: Kinds that one finding tells, with the words for it.
+_TOLD = {
+    ("encoder_offset",): "the zeros of joints are off: {sizes}{sure}",
+    ("encoder_slope",): "joints turn by another ratio than their encoders say: {sizes}{sure}",
+    ("position", "direction"): "joints sit and point beside the robot file: {sizes}{sure}",
+    ("target_position", "target_rotation"): "markers sit beside their frames: {sizes}{sure}",
+    ("frame_position", "frame_rotation"): "the pose sensor stands elsewhere: {sizes}{sure}",
+    ("stiffness",): "springs are softer or stiffer than the robot file has them: {sizes}{sure}",
+}
+#: Places that a statement lists.
+_MOST_LISTED = 4
+_SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "1": (100.0, "%")}
+
+
+def all_over(
+    problem: Problem, fit: Fit, calibrated: Sequence[CalibratedParameter], kinds: Sequence[str], labels: np.ndarray
+) -> Iterator[Finding]:
+    """Yield a finding for each kind of parameter that is off all over, its places with the surest first.
+
+    labels (N,): samples that are held out together.
+    """
+    held = cross_validated(problem, fit, labels[fit.samples], strained=True) if kinds else 0.0
+    for group, words in _TOLD.items():
+        items = [item for item in calibrated if item.deviation.kind in kinds and item.deviation.kind in group]
+        if items:
+            yield _finding(problem, fit, items, words, labels[fit.samples], held)
+
+
+def _finding(
+    problem: Problem, fit: Fit, items: Sequence[CalibratedParameter], words: str, labels: np.ndarray, held: float
+) -> Finding:
+    assert problem.tolerances is not None
+    own = {item.name for item in items}
+    mask = np.array([item.name in own for item in problem.tolerances.toleranced.law.deviations])
+    without = cross_validated(problem, fit, labels, parameters=mask, strained=True)
+    least = float(norm.isf(FALSE_ALARM / (2 * len(items))))
+    sure = sorted((item for item in items if _surety(item) > least), key=_surety, reverse=True)
+    every = list(dict.fromkeys(item.deviation.place for item in sorted(items, key=_surety, reverse=True)))
+    told = sure or sorted(items, key=_surety, reverse=True)[:1]
+    places = list(dict.fromkeys(item.deviation.place for item in sure)) or every
+    more = f" and {len(places) - _MOST_LISTED} more" if len(places) > _MOST_LISTED else ""
+    listed = ", ".join(places[:_MOST_LISTED]) + more
+    text = f"; sure of {listed}" if sure else "; these data tell them together, and none alone"
+    return Finding(
+        physics=told[0].deviation.physics,
+        location=places[0] if len(places) == 1 else "robot",
+        candidates=tuple(places if len(places) == 1 else ("robot", *places)),
+        parameters={
+            item.name: FittedParameter(
+                item.value, item.deviation.unit, (item.value - 1.96 * item.sd, item.value + 1.96 * item.sd)
+            )
+            for item in told
+        },
+        heldout_gain=float(np.clip(1 - held / max(without, 1e-300), 0.0, 1.0)),
+        statement=words.format(sizes=_sizes(items), sure=text),
+    )
+
+
+def _surety(item: CalibratedParameter) -> float:
+    """Return by how many standard deviations a parameter is off."""
+    return abs(item.x) / item.share
+
+
+def _sizes(items: Sequence[CalibratedParameter]) -> str:
+    """Return root mean squares over all of a kind, for people."""
+    found = []
+    for unit in dict.fromkeys(item.deviation.unit for item in items):
+        factor, name = _SMALL.get(unit, (1.0, unit))
+        here = [item for item in items if item.deviation.unit == unit]
+        values = [item.deviation.amount(item.value) for item in here]
+        found.append(f"{factor * float(np.sqrt(np.mean(np.square(values)))):.3g} {name}")
+    return f"{' and '.join(found)} in the root mean square of {len(items)}"
