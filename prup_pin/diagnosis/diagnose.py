@@ -217,7 +217,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     if spread is not None:
         remarks += spread.told(together, noise)
         stack, noise = spread.stack(stack), spread.noise(noise)
-        together = spread.widened(together)
+        together, library = spread.widened(together), spread.among(library)
         recording = together.recording
     if noise.source == "assumed":
         noise = replace(noise, source="estimated")

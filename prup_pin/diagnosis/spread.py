@@ -30,6 +30,7 @@ from ..recordings import ARM, SENSORS, Group, Recording, Together
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Toleranced, changes_per_tolerance
+from .candidates import Candidate
 from .criteria import (
     EXPLAINED,
     FALSE_ALARM,
@@ -77,12 +78,12 @@ class Spread:
     """What parts of a kind scatter by where that is more than was declared, and how much the sensor does.
 
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
-    costs: what each of them takes away of -2 log L. scale: noise in multiples of the one assumed; exists (N, K): what
-    was measured but for outliers.
+    yielding: ways in which joints yield, beside these. scale: noise in multiples of the one assumed; exists (N, K):
+    what was measured but for outliers.
     """
 
     kinds: Mapping[str, float]
-    costs: Mapping[str, float]
+    yielding: tuple[str, ...]
     scale: float
     outliers: tuple[Outlier, ...]
     exists: np.ndarray
@@ -110,6 +111,14 @@ class Spread:
         if not self.kinds:
             return together
         return together.within(self.kinds)
+
+    def among(self, library: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates without joints that yield in a way for which nothing speaks beside what is off."""
+
+        def speaks(item: Candidate) -> bool:
+            return item.law.physics != JointCompliance.physics or way_of(item.place) in self.yielding
+
+        return [item for item in library if not self.kinds or speaks(item)]
 
     def told(self, together: Together, noise: Noise) -> Iterator[str]:
         """Yield sentences for people; noise: as it was assumed."""
@@ -141,6 +150,8 @@ class Spread:
             )
 
 
+#: Before the way of `mechanism.WAYS` in which a joint yields, in the name of that kind.
+_YIELDS = "yields "
 #: Outliers that a sentence lists.
 _MOST_LISTED = 5
 
@@ -218,7 +229,7 @@ def _parameters(
     joints = tuple((law, place) for place in law.places(mechanism)) if weight else ()
     units = [USUAL_COMPLIANCE_SLIDE if place.aspect == "along" else USUAL_COMPLIANCE for _, place in joints]
     own = toleranced.law.deviations
-    labels = [*(item.kind for item in own), *(f"yields {way_of(place)}" for _, place in joints)]
+    labels = [*(item.kind for item in own), *(f"{_YIELDS}{way_of(place)}" for _, place in joints)]
     names = [*(f"{item.physics} {item.kind} {item.place}" for item in own)]
     names += [f"{law.physics} {place}" for _, place in joints]
     floors = [declared.get(item.name, 0.0) / size for item, size in zip(own, toleranced.tolerances, strict=True)]
@@ -295,12 +306,18 @@ def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
 def _without_kinds(
     data: _Linear, fit: _Fit, labels: np.ndarray, floors: Array, least: float
 ) -> tuple[_Fit, np.ndarray]:
-    """Return the fit without kinds that chance explains as well, and the labels of those left."""
+    """Return the fit without kinds that chance explains as well, and the labels of those left.
+
+    Gears are softer than the bearings beside them: that joints tilt must show beside what they yield along themselves.
+    """
     labels = labels.copy()
     most = float(chi_squared.isf(2 * FALSE_ALARM / max(len(np.unique(labels)), 1), 1))  # at the end of its range
     while True:
         trials = []
-        for name in np.unique(labels[labels != ""]):
+        names = np.unique(labels[labels != ""])
+        for name in names:
+            if name == f"{_YIELDS}own" and f"{_YIELDS}across" in names:
+                continue
             fewer = np.where(labels == name, "", labels)
             trials.append((_fitted(data, fit.variances, fit.noise, fewer, floors, least), fewer))
         trials = [each for each in trials if each[0].cost - fit.cost < most]
@@ -331,17 +348,16 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     exists = _less(exists, outliers, problem.stack)
     x, fit, data, _ = seen.settled(x, exists, False)
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
-    kinds, costs = {}, {}
+    names = list(map(str, np.unique(labels[labels != ""])))
+    kinds = {}
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(labels), "", object), seen.floors, seen.least)
     explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
     if explains and not _are_few(data, fit, seen):
-        for name in map(str, np.unique(labels[labels != ""])):
+        for name in names:
             if name in ARM.declared:
-                here = labels == name
-                kinds[name] = float(np.sqrt(fit.variances[here][0])) * ARM.declared[name]
-                fewer = np.where(here, "", labels)
-                costs[name] = _fitted(data, fit.variances, fit.noise, fewer, seen.floors, seen.least).cost - fit.cost
-    return Spread(kinds, costs, float(np.sqrt(fit.noise)), tuple(outliers), exists)
+                kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * ARM.declared[name]
+    yielding = tuple(name.removeprefix(_YIELDS) for name in names if name.startswith(_YIELDS))
+    return Spread(kinds, yielding, float(np.sqrt(fit.noise)), tuple(outliers), exists)
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,7 +98,7 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
     others = [place for place in finding.candidates if place != finding.location]
-    if others:
+    if others and not (finding.location == "robot" and finding.effect is None):  # else they are its parts
         texts.append(f"these data cannot tell {finding.location} from {places_text(others)}")
     if finding.alternatives:
         laws = (name.partition(" at ") for name in finding.alternatives)
