@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +13,10 @@ from ..channels import Linear, Noise, Stack, channels_of
 from ..dynamics import is_standing
 from ..errors import InputError
 from ..laws import Effect, Inputs
+from ..laws.deeds import Moved
 from ..laws.deviations import without_effect
 from ..laws.in_recording import InRecording
-from ..laws.deeds import Moved
+from ..laws.joint_compliance import EACH_JOINT
 from ..numbers import number
 from ..recordings import SENSORS, Recording, Together, suspicions
 from ..robot import Robot
@@ -749,13 +750,14 @@ def _finding(
         elif rival.term is not term:
             laws.append(rival.term.candidate.name)
             places.append(rival.term.candidate.place.name)
+    parameters = _parameters(problem, fit, index)
     return Finding(
         physics=term.candidate.law.physics,
         location=term.candidate.place.name,
         candidates=tuple(dict.fromkeys(places)),
-        parameters=_parameters(problem, fit, index),
+        parameters=parameters,
         heldout_gain=float(np.clip(1 - held / max(without, 1e-300), 0.0, 1.0)),
-        statement=term.effect.statement(robot.mechanism),
+        statement=_statement(term.effect, parameters, robot),
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )
@@ -777,6 +779,14 @@ def _told_alone(finding: Finding, robot: Robot) -> Finding:
     told = replace(effect, values={**effect.values, **neutral})
     parameters = {name: replace(item, value=neutral.get(name, item.value)) for name, item in finding.parameters.items()}
     return replace(finding, effect=told, parameters=parameters, statement=told.statement(robot.mechanism))
+
+
+def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot: Robot) -> str:
+    """Return what an effect says of itself; of one value for each joint those are left out that may be nothing."""
+    if effect.place.aspect == EACH_JOINT:
+        sure = {name: item.value if item.interval[0] > 0 else 0.0 for name, item in parameters.items()}
+        effect = replace(effect, values=sure) if any(sure.values()) else effect
+    return effect.statement(robot.mechanism)
 
 
 def _beside_others(term: Term, fit: Fit, index: int) -> bool:

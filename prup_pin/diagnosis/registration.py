@@ -105,15 +105,19 @@ def registered(
         if not is_open and not any(_worlds_apart(channel, linear, here, allowed) for channel in out.stack.poses):
             continue
         declared = together.recording.tolerances.target_position
-        for beside in [(declared or 0.0) > OPEN_TARGET] if is_open or declared else [False, True]:
-            motion = _motion(out.stack.poses, linear, here, beside)
-            if motion is None or (not is_open and not motion.after < REGISTERED * motion.before):
+        motion = None
+        for beside in dict.fromkeys(((declared or 0.0) > OPEN_TARGET, True)):
+            other = _motion(out.stack.poses, linear, here, beside)
+            if other is None or (not is_open and not other.after < REGISTERED * other.before):
                 continue
-            stack = _seen_from_base(out.stack, motion, here)
-            reach = allowed[0] + motion.beside, allowed[1]
-            if is_open or not any(_worlds_apart(channel, linear, here, reach) for channel in stack.poses):
+            moved = _seen_from_base(out.stack, other, here)
+            reach = allowed[0] + other.beside, allowed[1]
+            near = not any(_worlds_apart(channel, linear, here, reach) for channel in moved.poses)
+            if near or (is_open and motion is None):
+                motion, stack = other, moved
+            if near:
                 break
-        else:
+        if motion is None:
             continue
         effect = _effect(motion, group, mechanism)
         label = f"{group.label}: " if group is not None and group.label else ""

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.stats import chi2 as chi_squared
 
 from ..channels import Noise, PoseChannel, Stack
@@ -50,7 +51,7 @@ __all__ = ["Outlier", "Spread", "spread_of"]
 
 #: Tolerances that say the noise is all, (p,), in place of none.
 _NONE = 1e-6
-_ITERATIONS, _AGREED = 60, 1e-3
+_ITERATIONS, _AGREED = 60, 1e-2
 
 
 @dataclass(frozen=True)
@@ -78,12 +79,13 @@ class Spread:
     """What parts of a kind scatter by where that is more than was declared, and how much the sensor does.
 
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
-    yielding: ways in which joints yield, beside these. scale: noise in multiples of the one assumed; exists (N, K):
-    what was measured but for outliers.
+    yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise in
+    multiples of the one assumed; exists (N, K): what was measured but for outliers.
     """
 
     kinds: Mapping[str, float]
     yielding: tuple[str, ...]
+    silent: frozenset[str]
     scale: float
     outliers: tuple[Outlier, ...]
     exists: np.ndarray
@@ -113,10 +115,12 @@ class Spread:
         return together.within(self.kinds)
 
     def among(self, library: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates without joints that yield in a way for which nothing speaks beside what is off."""
+        """Return the candidates without laws at single places of a kind for which nothing speaks beside what is off."""
 
         def speaks(item: Candidate) -> bool:
-            return item.law.physics != JointCompliance.physics or way_of(item.place) in self.yielding
+            if item.law.physics == JointCompliance.physics:
+                return way_of(item.place) in self.yielding
+            return item.law.physics not in self.silent
 
         return [item for item in library if not self.kinds or speaks(item)]
 
@@ -292,12 +296,15 @@ def _left(data: _Linear, fit: _Fit) -> float:
 
 
 def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
-    root = np.sqrt(variances)
-    scaled = np.eye(len(root)) + root[:, None] * data.normal * root / noise
+    open_ = variances > _NONE**2  # the others cannot move
+    root = np.sqrt(variances[open_])
+    inner = np.ix_(open_, open_)
+    scaled = np.eye(len(root)) + root[:, None] * data.normal[inner] * root / noise
     factor = np.linalg.cholesky(scaled)
-    inverse = np.linalg.inv(factor)
-    covariance = root[:, None] * (inverse.T @ inverse) * root
-    mean = covariance @ data.right / noise
+    inverse = solve_triangular(factor, np.diag(root), lower=True, check_finite=False)
+    covariance, mean = np.diag(variances), np.zeros(len(variances))
+    covariance[inner] = inverse.T @ inverse
+    mean[open_] = covariance[inner] @ data.right[open_] / noise
     cost = data.count * np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
     cost += (data.square - float(data.right @ mean)) / noise
     return _Fit(variances, noise, mean, covariance, float(cost))
@@ -324,6 +331,8 @@ def _without_kinds(
         if not trials:
             return fit, labels
         fit, labels = min(trials, key=lambda each: each[0].cost)
+        again = _fitted(data, np.ones(len(labels)), fit.noise, labels, floors, least)
+        fit = min(fit, again, key=lambda each: each.cost)
 
 
 # -- the whole ---------------------------------------------------------------------------------------------------------
@@ -357,7 +366,9 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
             if name in ARM.declared:
                 kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * ARM.declared[name]
     yielding = tuple(name.removeprefix(_YIELDS) for name in names if name.startswith(_YIELDS))
-    return Spread(kinds, yielding, float(np.sqrt(fit.noise)), tuple(outliers), exists)
+    own = seen.parameters.toleranced.law.deviations
+    silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}
+    return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists)
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,7 +396,7 @@ class _Seen:
     def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array]:
         """Return x (p,), the fit about it, its data, and distances (n, channels) of what was measured."""
         problem, parameters = self.problem, self.parameters
-        noise, variances = 1e12, np.ones(len(x))
+        noise, variances = 1e6, np.ones(len(x))
         weights = None
         run: Run | None = None
         for _ in range(SPREAD_ROUNDS):
@@ -398,9 +409,9 @@ class _Seen:
             target = residual + columns @ x
             good = np.isfinite(target).all(axis=1) & np.isfinite(columns).all(axis=(1, 2))
             white, target, columns, samples = white[good], target[good], columns[good], run.samples[good]
-            for _ in range(4 if robust else 1):
+            for _ in range(2 if robust else 1):
                 data = _linear(target, columns, white, weights, problem.stack)
-                fit = _fitted(data, variances, noise, parameters.kinds, self.floors, self.least)
+                fit = self.fitted(data, variances, noise)
                 variances, noise = fit.variances, fit.noise
                 distances = _distances(target, columns, white, weights, fit, problem.stack)
                 if robust:
@@ -413,6 +424,16 @@ class _Seen:
         full = np.full((len(exists), distances.shape[1]), np.nan)
         full[samples] = distances
         return x, fit, data, full
+
+    def fitted(self, data: _Linear, variances: Array, noise: float) -> _Fit:
+        """Return the likelier of two fits: from what was found so far, and from what is usual.
+
+        A variance that has come near zero stays there, be it that better columns ask for it by now.
+        """
+        begins = ((variances, noise), (np.ones(len(variances)), data.square / max(data.count, 1)))
+        kinds = self.parameters.kinds
+        fits = [_fitted(data, *begin, kinds, self.floors, self.least) for begin in begins]
+        return min(fits, key=lambda fit: fit.cost)
 
     def outliers(self, distances: Array, fit: _Fit) -> list[Outlier]:
         """Return what lies too far off: distances (N, groups), squared, in multiples of the noise."""
@@ -484,9 +505,11 @@ def _less(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.n
 def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     """Return True where a few laws at single places explain as much as whole kinds do: then these are named."""
     parameters = seen.parameters
-    floors, labels = seen.floors, np.full(len(parameters.kinds), "", object)
+    floors = seen.floors
+    stands = np.isin(parameters.kinds, SENSORS["pose_sensor"])  # which is told apart, wherever it stands
+    labels = np.where(stands, parameters.kinds, "").astype(object)
     chosen: list[str] = []
-    now = _fitted(data, floors, fit.noise, labels, floors, seen.least)
+    now = _fitted(data, np.where(stands, 1.0, floors), fit.noise, labels, floors, seen.least)
     most = float(chi_squared.isf(FALSE_ALARM, 1))
     while now.cost - fit.cost > most:
         if len(chosen) == MOST_TERMS:
@@ -497,7 +520,7 @@ def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
         gains = {}
         for name in np.unique(parameters.places):
             here = parameters.places == name
-            if name not in chosen:
+            if name not in chosen and not stands[here].any():
                 part = left[here] / now.noise
                 gains[name] = float(part @ np.linalg.lstsq(spread[np.ix_(here, here)], part, rcond=1e-9)[0])
         best = max(gains, key=lambda name: gains[name])

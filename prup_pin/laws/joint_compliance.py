@@ -19,6 +19,9 @@ from .follows import Followed
 from .law import Law, Place
 from .setup import Setup
 
+#: The aspect of the place where every joint has a value of its own.
+EACH_JOINT = "each joint"
+
 
 class JointCompliance(Law):
     """A joint turns by its compliance times the torque that it carries: gear and drive about its axis, bearings across.
@@ -88,7 +91,7 @@ class EveryJointCompliance(Law):
     cost = 3.0
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("robot", "each joint")] if len(_own(mechanism)) > 1 else []
+        return [Place("robot", EACH_JOINT)] if len(_own(mechanism)) > 1 else []
 
     def is_named(self, place: Place) -> bool:
         return place.name == "robot"

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
+from ...laws.joint_compliance import EACH_JOINT
 from ...numbers import number, quantity, readable_unit
 
 __all__ = [
@@ -85,7 +86,8 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         unit, factor = readable_unit(fitted.value, fitted.unit)
         low, high = sorted(fitted.interval)
         value = f"{number(factor * fitted.value, 4)} {unit}".strip()
-        rows.append((name.replace("_", " "), value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
+        words = name if "." in name else name.replace("_", " ")  # else it names a part of the robot
+        rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
     return rows
 
 
@@ -98,7 +100,9 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
     others = [place for place in finding.candidates if place != finding.location]
-    if others and not (finding.location == "robot" and finding.effect is None):  # else they are its parts
+    effect = finding.effect
+    parts = finding.location == "robot" and (effect is None or effect.place.aspect == EACH_JOINT)
+    if others and not parts:
         texts.append(f"these data cannot tell {finding.location} from {places_text(others)}")
     if finding.alternatives:
         laws = (name.partition(" at ") for name in finding.alternatives)
