@@ -322,8 +322,18 @@ EFFORT_SURE = 2.5
 #: What is left of a unit column beside those that are there, squared, below which it adds nothing of its own.
 EFFORT_INDISTINCT = 1e-4
 MOST_EFFORT_TERMS = 60
+#: Columns that follow from what is known are made anew where what is left has fallen below this share of what it was.
+EFFORT_STALE = 0.5
+#: What is left of a unit column of inertial parameters beside the others, squared, below which the motion does not tell
+#: it from them.
+EFFORT_TOLD = 1e-8
+#: Combinations of inertial parameters that a finding lists: the surest, no more than a person reads.
+MOST_COMBINATIONS = 16
 #: Order of the whitening filters, and the white noise that is there in any case, as a share of a residual's power.
 AR_ORDER, AR_FLOOR = 6, 0.01
+#: Share of the held-out squares by which plain weights must be better than whitened ones: less than this, a law that is
+#: a trace of the filters may save, and whitening knows more of noise.
+EFFORT_PLAINLY = 0.1
 #: Share of what is left that a curve of no law must take away, held out, to be told as unknown.
 EFFORT_CURVE_GAIN = 0.05
 #: ... and the share of what the laws take away: less is what every real joint has beyond any law.

@@ -21,14 +21,16 @@ _SLOW_SHARE = 1e-2
 _SAMPLES = 4.0
 #: Of the shift along the motion for a numerical derivative [s].
 _STEP = 1e-4
+#: Bins of a joint's travel in which periods are looked for: twenty in the shortest one.
+_BINS = 8192
 
 
 @dataclass(frozen=True, eq=False)
 class InMotion:
     """N samples of a motion, and the rigid robot's efforts (N, k) [N or N m] of the joints `driven` in it.
 
-    `known` (N, k): the efforts as far as they are known beside the rigid robot's; `left` (N, k): what is measured
-    beyond all of that. None: nothing yet.
+    `known` (N, k): the efforts as far as they are known beside the rigid robot's, of which `bodies` (N, k) weigh or
+    are accelerated; `left` (N, k): what is measured beyond all of that. None: nothing yet.
     """
 
     mechanism: Mechanism
@@ -38,6 +40,7 @@ class InMotion:
     rigid: Array
     known: Array | None = None
     left: Array | None = None
+    bodies: Array | None = None
 
     @classmethod
     def of(cls, mechanism: Mechanism, motion: Motion) -> InMotion:
@@ -54,9 +57,9 @@ class InMotion:
         """The joints whose efforts are compared."""
         return self.motion.driven
 
-    def knowing(self, known: Array, left: Array) -> InMotion:
+    def knowing(self, known: Array, left: Array, bodies: Array | None = None) -> InMotion:
         """Return the same motion with more known of its efforts."""
-        other = replace(self, known=known, left=left)
+        other = replace(self, known=known, left=left, bodies=bodies)
         if "regressor" in self.__dict__:
             other.__dict__["regressor"] = self.regressor
         return other
@@ -65,6 +68,11 @@ class InMotion:
     def predicted(self) -> Array:
         """The efforts (N, k) as far as they are known."""
         return self.rigid if self.known is None else self.rigid + self.known
+
+    @property
+    def borne(self) -> Array:
+        """The efforts (N, k) of all bodies, as far as they are known: those of the robot file, and other ones."""
+        return self.rigid if self.bodies is None else self.rigid + self.bodies
 
     @cached_property
     def regressor(self) -> Array:
@@ -108,12 +116,7 @@ class InMotion:
         out = np.empty(len(self))
         for where in pieces(self.motion.piece):
             steps = np.diff(position[where], prepend=position[where.start])
-            towards = np.sign(steps)
-            keep = np.exp(-np.abs(steps) / way) if way > 0 else (steps == 0).astype(float)
-            state = float(towards[np.argmax(towards != 0)])
-            for row in range(len(steps)):
-                state = towards[row] + (state - towards[row]) * keep[row]
-                out[where.start + row] = state
+            out[where] = _dragged(steps, way)
         return out
 
     def moves(self, joint: str) -> bool:
@@ -151,15 +154,13 @@ class InMotion:
         if self.left is None or joint not in self.driven:
             return []
         position = self.position(joint)
-        travel = float(np.ptp(position))
-        numbers = np.arange(fewest, most, step)
+        numbers = step * np.arange(round(fewest / step), round(most / step))
         rest = self.effort_of(joint, self.left)
-        phase = 2j * np.pi * position / travel
-        turned, turn = np.exp(phase * fewest), np.exp(phase * step)
-        power = np.empty(len(numbers))
-        for index in range(len(numbers)):
-            power[index] = abs(rest @ turned)
-            turned *= turn
+        # sums over narrow bins of the travel, followed by zeros so that a transform's lines are `step` apart
+        place = (position - position.min()) / np.ptp(position) * (_BINS - 1)
+        sums = np.bincount(np.rint(place).astype(int), rest, _BINS)
+        lines = np.abs(np.fft.rfft(sums, round(_BINS / step)))
+        power = lines[round(fewest / step) : round(most / step)]
         found: list[float] = []
         for index in np.argsort(-power):
             if all(abs(numbers[index] - other) > 2.0 for other in found):
@@ -170,15 +171,23 @@ class InMotion:
 
     def later(self, values: Array, delay: float) -> Array:
         """Return by how much values (N, ...) of `delay` [s] ago differ from those of now."""
-        from scipy.interpolate import CubicSpline  # heavy; not needed to load a robot
+        return self._ago(_splines(self.motion, values), values, delay)
 
+    def predicted_later(self, delay: float) -> Array:
+        """Return by how much the predicted efforts (N, k) of `delay` [s] ago differ from those of now."""
+        return self._ago(self._predicted_splines, self.predicted, delay)
+
+    @cached_property
+    def _predicted_splines(self) -> list:
+        return _splines(self.motion, self.predicted)
+
+    def _ago(self, splines: list, values: Array, delay: float) -> Array:
         out = np.zeros_like(values)
         if self.motion.standing:
             return out
-        for where in pieces(self.motion.piece):
+        for where, spline in zip(pieces(self.motion.piece), splines, strict=True):
             time = self.motion.time[where]
-            moved = np.clip(time - delay, time[0], time[-1])
-            out[where] = CubicSpline(time, values[where], axis=0)(moved) - values[where]
+            out[where] = spline(np.clip(time - delay, time[0], time[-1])) - values[where]
         return out
 
     def shifted(self, joint: str) -> Array:
@@ -222,3 +231,34 @@ class InMotion:
             here = (rows >= where.start) & (rows < where.stop)
             out[where] = CubicSpline(motion.time[rows[here]], change[here], axis=0)(motion.time[where])
         return out
+
+
+def _splines(motion: Motion, values: Array) -> list:
+    from scipy.interpolate import CubicSpline  # heavy; not needed to load a robot
+
+    if motion.standing:
+        return []
+    return [CubicSpline(motion.time[where], values[where], axis=0) for where in pieces(motion.piece)]
+
+
+def _dragged(steps: Array, way: float) -> Array:
+    """Return the direction of dry friction (n,) after steps (n,): stretches of one direction, one after the other."""
+    towards = np.sign(steps)
+    moving = np.flatnonzero(towards)
+    if not len(moving):
+        return np.zeros(len(steps))
+    # at rest the direction is that of the step before; before the first step that of the first
+    last = np.maximum.accumulate(np.where(towards != 0, np.arange(len(steps)), moving[0]))
+    towards = towards[last]
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(towards)) + 1))
+    gone = np.cumsum(np.abs(steps))
+    before = np.concatenate(([0.0], gone))[starts]
+    length = np.diff(np.append(starts, len(steps)))
+    along = gone - np.repeat(before, length)
+    kept = np.exp(-along / way) if way > 0 else (along == 0).astype(float)
+    state, entering = float(towards[0]), np.empty(len(starts))
+    ends = np.append(starts[1:], len(steps)) - 1
+    for index, (sign, keep) in enumerate(zip(towards[starts].tolist(), kept[ends].tolist(), strict=True)):
+        entering[index] = state
+        state = sign + (state - sign) * keep
+    return towards + (np.repeat(entering, length) - towards) * kept

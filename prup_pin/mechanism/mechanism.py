@@ -211,13 +211,22 @@ class Mechanism:
         """Return the tool frame, or raise PrupPinError with the frames that could be meant."""
         if self.tool is not None:
             return self.tool
-        parents = {int(parent) for parent in list(self.model.parents)[1:]}
-        ends = set(range(1, self.model.njoints)) - parents
-        tips = [f.name for f in self.model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
         raise PrupPinError(
             f"'{self.name}' has no tool frame: load(..., tool=\"frame\"). Frames at the ends of its chains: "
-            f"{', '.join(tips[:12])}"
+            f"{', '.join(self._tips[:12])}"
         )
+
+    @cached_property
+    def _tips(self) -> list[str]:
+        """Names of the links at the ends of chains."""
+        parents = {int(parent) for parent in list(self.model.parents)[1:]}
+        ends = set(range(1, self.model.njoints)) - parents
+        return [f.name for f in self.model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
+
+    @property
+    def tip(self) -> Frame:
+        """The tool, or the last link of a robot without one: where a picture of it ends."""
+        return self.tool if self.tool is not None else self.frame(self._tips[-1])
 
     @cached_property
     def bodies(self) -> Mapping[int, str]:

@@ -40,10 +40,14 @@ def efforts_in_motion(robot: Robot, recording: Recording, effects: Sequence[Effe
         raise InputError("no column tau.<joint> of an actuated joint says which efforts are asked for")
     motion = motion_of(recording, mechanism, driven)
     at = InMotion.of(mechanism, motion)
-    added = np.zeros_like(at.rigid)
+    added, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
     for effect in effects:
         if isinstance(effect.law, EffortLaw):
-            added += effect.law.efforts(effect.place, effect.values, at.knowing(added.copy(), np.zeros_like(added)))
+            knowing = at.knowing(added.copy(), np.zeros_like(added), bodies.copy())
+            more = effect.law.efforts(effect.place, effect.values, knowing)
+            added += more
+            if effect.law.of_bodies:
+                bodies += more
     total = at.rigid + added
     out = np.full((len(recording), len(driven)), np.nan)
     for label in np.unique(motion.piece):

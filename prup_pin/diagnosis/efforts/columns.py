@@ -21,7 +21,7 @@ from ...laws import Place
 from ...laws.efforts import EffortLaw
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, FEWEST_IN_BLOCK
+from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK
 
 #: Columns that are multiplied at a time.
 _TOGETHER = 64
@@ -166,23 +166,45 @@ class _Table:
 
 
 class Columns:
-    """Whitened columns side by side and their products per block: `gram` (B, P, P), `moment` (B, P), `power` (B,)."""
+    """Whitened columns side by side and their products per block: `gram` (B, P, P), `moment` (B, P), `power` (B,).
+
+    `touched` (P, k): the joints in which a column is not nothing; `folds`: blocks that are held out together, in turn.
+    """
 
     def __init__(self, target: Array, blocks: np.ndarray):
         self.blocks = blocks
         self.count = int(blocks.max()) + 1 if len(blocks) else 0
-        self._target = target
-        self._tables: list[_Table] = []
-        self.gram = np.zeros((self.count, 0, 0))
-        self.moment = np.zeros((self.count, 0))
+        self.size = 0
+        self.target = target
         starts = np.searchsorted(blocks, np.arange(self.count + 1))
-        self._parts = [slice(int(a), int(b)) for a, b in pairwise(starts)]
-        self.power = np.array([float((target[part] ** 2).sum()) for part in self._parts])
+        self.parts = [slice(int(a), int(b)) for a, b in pairwise(starts)]
+        self.power = np.array([float((target[part] ** 2).sum()) for part in self.parts])
+        self.folds = np.array_split(np.arange(self.count), min(EFFORT_FOLDS, max(self.count, 1)))
+        self._tables: list[_Table] = []
+        self._gram = np.zeros((self.count, 0, 0))
+        self._folded = np.zeros((len(self.folds), 0, 0))
+        self._moment = np.zeros((self.count, 0))
+        self._touched = np.zeros((0, target.shape[1]), bool)
 
     @property
-    def size(self) -> int:
-        """Number of columns."""
-        return self.moment.shape[1]
+    def gram(self) -> Array:
+        """Products of the columns, block by block (B, P, P)."""
+        return self._gram[:, : self.size, : self.size]
+
+    @property
+    def folded(self) -> Array:
+        """The same summed over every fold (F, P, P)."""
+        return self._folded[:, : self.size, : self.size]
+
+    @property
+    def moment(self) -> Array:
+        """Products with the target, block by block (B, P)."""
+        return self._moment[:, : self.size]
+
+    @property
+    def touched(self) -> np.ndarray:
+        """The joints in which each column acts, (P, k)."""
+        return self._touched[: self.size]
 
     def add(self, parts: Iterable[ByJoint]) -> list[slice]:
         """Append columns; return where each part's stand."""
@@ -199,48 +221,81 @@ class Columns:
                 held = []
         if held:
             self._tables.append(_placed(held, size))
-        gram = np.zeros((self.count, size, size))
-        gram[:, :first, :first] = self.gram
-        moment = np.zeros((self.count, size))
-        moment[:, :first] = self.moment
+        self._make_room(size)
+        gram, moment = self._gram, self._moment
+        gram[:, :size, first:size] = 0.0
+        gram[:, first:size, :size] = 0.0
+        moment[:, first:size] = 0.0
+        self._touched[first:size] = False
         for place in range(known, len(self._tables)):
             for joint, (which, values) in enumerate(self._tables[place].joints):
-                for block, rows in enumerate(self._parts):
-                    moment[block, which] += values[rows].T @ self._target[rows, joint]
+                self._touched[which, joint] = True
+                for block, rows in enumerate(self.parts):
+                    moment[block, which] += values[rows].T @ self.target[rows, joint]
                 for table in self._tables[: place + 1]:
                     others, theirs = table.joints[joint]
                     there = np.ix_(others, which)
-                    for block, rows in enumerate(self._parts):
+                    for block, rows in enumerate(self.parts):
                         gram[block][there] += theirs[rows].T @ values[rows]
         for place in range(known, len(self._tables)):
             own = self._tables[place].where
             gram[:, own, : own.start] = gram[:, : own.start, own].transpose(0, 2, 1)
-        self.gram, self.moment = gram, moment
+        for fold, blocks in enumerate(self.folds):
+            cross = gram[blocks, :size, first:size].sum(axis=0)
+            self._folded[fold, :size, first:size] = cross
+            self._folded[fold, first:size, :size] = cross.T
+        self.size = size
         return where
+
+    def _make_room(self, size: int) -> None:
+        room = len(self._touched)
+        if size <= room:
+            return
+        room, kept = max(size + 32, room + room // 2), self.size
+        gram, folded = np.empty((self.count, room, room)), np.empty((len(self.folds), room, room))
+        moment = np.empty((self.count, room))
+        gram[:, :kept, :kept], folded[:, :kept, :kept], moment[:, :kept] = self.gram, self.folded, self.moment
+        touched = np.zeros((room, self.target.shape[1]), bool)
+        touched[:kept] = self.touched
+        self._gram, self._folded, self._moment, self._touched = gram, folded, moment, touched
+
+    def pick(self, where: Sequence[int]) -> None:
+        """Forget all columns but these, which then stand in this order."""
+        kept, size = np.asarray(where, int), len(where)
+        self._gram[:, :size, :size] = self._gram[:, kept[:, None], kept]
+        self._folded[:, :size, :size] = self._folded[:, kept[:, None], kept]
+        self._moment[:, :size] = self._moment[:, kept]
+        self._touched[:size] = self._touched[kept]
+        new = np.full(self.size, size)
+        new[kept] = np.arange(size)
+        self._tables = [
+            _Table(t.where, tuple((new[which], values) for which, values in t.joints)) for t in self._tables
+        ]
+        self.size = size
+        self._tables = [table for table in map(self._cut, self._tables) if table is not None]
 
     def cut(self, size: int) -> None:
         """Forget all columns beyond the first `size`."""
-        if size >= self.size:
-            return
-        tables = []
-        for table in self._tables:
-            if table.where.stop > size:
-                joints = [(which[which < size], values[:, which < size]) for which, values in table.joints]
-                table = _Table(slice(table.where.start, size), tuple(joints))
-            if table.where.start < size:
-                tables.append(table)
-        self._tables = tables
-        self.gram = self.gram[:, :size, :size].copy()
-        self.moment = self.moment[:, :size].copy()
+        if size < self.size:
+            self.size = size
+            self._tables = [table for table in map(self._cut, self._tables) if table is not None]
 
-    def residual(self, where: Sequence[int], x: Array) -> Array:
+    def _cut(self, table: _Table) -> _Table | None:
+        """Return those of a table's columns that are still there."""
+        joints = tuple((which[which < self.size], values[:, which < self.size]) for which, values in table.joints)
+        there = np.concatenate([which for which, _ in joints])
+        return _Table(slice(int(there.min()), int(there.max()) + 1), joints) if len(there) else None
+
+    def residual(self, where: Sequence[int], x: Array, rows: slice = slice(None)) -> Array:
         """Return what is left (n, k) of the target with coefficients of some columns."""
         all_of_them = np.zeros(self.size)
         all_of_them[list(where)] = x
-        out = self._target.copy()
+        out = self.target[rows].copy()
         for table in self._tables:
             for joint, (which, values) in enumerate(table.joints):
-                out[:, joint] -= values @ all_of_them[which]
+                used = np.flatnonzero(all_of_them[which])
+                if len(used):
+                    out[:, joint] -= values[rows][:, used] @ all_of_them[which[used]]
         return out
 
 

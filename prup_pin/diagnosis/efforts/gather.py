@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...dynamics import INERTIAL, InMotion
 from ...laws import Effect, Place
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...laws.efforts.all_links import AllLinks
 from ...laws.efforts.effort_sensor import EffortGain, EffortOffset
 from ...laws.efforts.encoder import OffsetEncoder
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
 from ...spatial import Array
-from ..criteria import AR_ORDER, EFFORT_FOLDS
+from ..criteria import AR_ORDER, EFFORT_TOLD
+from .beside import Beside
+from .chosen import Chosen, fit
 from .columns import (
     ByJoint,
     Columns,
@@ -27,7 +31,8 @@ from .columns import (
     kept_samples,
     usable,
 )
-from .search import Chosen, fit, held_out, pulls
+from .combinations import Combinations
+from .search import pulls
 
 __all__ = ["Base", "Efforts"]
 
@@ -78,11 +83,20 @@ class Efforts:
                     continue
                 for values in law.scanned(place, at):
                     self._fixed.append((law, place, values, self.seen(law.efforts_per(place, values, at))))
-        self.whitening = self._whitened()
+        self.whitening, self._plain = self._whitened()
 
     def seen(self, efforts: Array) -> ByJoint:
         """Return columns of efforts (N, k, p) as they are compared: filtered, where samples are kept."""
-        return ByJoint.of(self.filter(efforts)[self.every])
+        return ByJoint.of(self.kept(efforts))
+
+    def kept(self, values: Array) -> Array:
+        """Return efforts (N, k, p) filtered, at the kept samples (n, k, p); most columns act in one joint alone."""
+        flat = values.reshape(len(values), -1)
+        there = flat.any(axis=0)
+        out = np.zeros((len(self.every), flat.shape[1]))
+        if there.any():
+            out[:, there] = self.filter(flat[:, there])[self.every]
+        return out.reshape(len(self.every), *values.shape[1:])
 
     def _good(self) -> np.ndarray:
         """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit."""
@@ -96,26 +110,68 @@ class Efforts:
                 good[:, column] &= ~still
         return good
 
-    def _whitened(self) -> Whitening:
-        """Return the whitening for what all laws fitted together leave, which is noise."""
+    def _whitened(self) -> tuple[Whitening, Whitening]:
+        """Return the whitening for what all laws fitted together leave, and each joint's size alone."""
         flat = np.zeros((self.measured.shape[1], 1))
         spread = np.nanstd(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan), axis=0)
         flat[:, 0] = 1 / np.where(spread > 0, spread, 1.0)
-        plain = Whitening(flat, usable(self.good, self.piece, 0))
-        given = self._gathered(plain, Chosen(()), False)
+        given = self._gathered(Whitening(flat, usable(self.good, self.piece, 0)))
         everything = Chosen(tuple(range(given.columns.size)))
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         scale = np.diag(given.columns.gram.sum(axis=0))
         eased = Gathered(self.at.mechanism, given.columns, given.candidates, given.prior + 1e-6 * scale)
         x, _ = fit(eased, everything)
         residual = given.columns.residual(everything.where, x) / flat[:, 0]
-        order = 0 if self.at.motion.standing else AR_ORDER
-        filters = autoregression(residual, self.good, self.piece, order)
-        return Whitening(filters, usable(self.good, self.piece, order))
+        orders = (0 if self.at.motion.standing else AR_ORDER, 0)
+        white, plain = (
+            Whitening(autoregression(residual, self.good, self.piece, order), usable(self.good, self.piece, order))
+            for order in orders
+        )
+        return white, plain
+
+    def plainly(self) -> Efforts:
+        """Return the same efforts, each joint weighed by the size of what is left there, and nothing whitened."""
+        other = copy(self)
+        other.whitening = self._plain
+        return other
+
+    def columns_of(self, given: Gathered, chosen: Chosen) -> Array:
+        """Return what each coefficient of what is chosen adds (n, k, p) to the efforts at the kept samples."""
+        parts = [np.zeros((len(self.every), len(self.at.driven), 0))]
+        if chosen.base:
+            parts.append(self.kept(np.stack([self.bases[index].efforts for index in chosen.base], axis=-1)))
+        x, _ = fit(given, chosen)
+        at = self.at
+        if any(term.law.of_what_is_known for term in chosen.terms):
+            others = Chosen(chosen.base, tuple(term for term in chosen.terms if not term.law.of_what_is_known))
+            at = self._knowing(
+                *self._known(others, np.concatenate([x[: len(chosen.base)], *(x[chosen.own(t)] for t in others.terms)]))
+            )
+        for term in chosen.terms:
+            known = at if term.law.of_what_is_known else self.at
+            parts.append(self.kept(term.law.efforts_per(term.place, term.values, known)))
+        return np.concatenate(parts, axis=2)
+
+    def held_out_residual(self, given: Gathered, chosen: Chosen) -> Array:
+        """Return what is left of the filtered efforts (n, k) where each block was not fitted."""
+        columns = self.columns_of(given, chosen)
+        left = (self.measured - self.rigid)[self.every]
+        for part in given.columns.folds:
+            x, _ = fit(given, chosen, part)
+            for block in part:
+                rows = given.columns.parts[block]
+                left[rows] -= columns[rows] @ x
+        return left
+
+    def held_out_plainly(self, given: Gathered, chosen: Chosen) -> Array:
+        """Return the held-out squares of all blocks (B,), each joint weighed by its size alone."""
+        left = np.where(self.good, self.held_out_residual(given, chosen) * self._plain.filters[:, 0], 0.0)
+        return np.array([float((left[part] ** 2).sum()) for part in given.columns.parts])
 
     def gathered(self) -> Gathered:
         """Return the columns of all that competes."""
-        return self._gathered(self.whitening, Chosen(()), True)
+        given = self._gathered(self.whitening)
+        return self.renewed(given, Chosen(()))[0]
 
     def with_curves(self, given: Gathered) -> tuple[Gathered, list[EffortCandidate]]:
         """Return the columns with those of curves of no law beside them, and these."""
@@ -153,18 +209,26 @@ class Efforts:
 
     def added(self, chosen: Chosen, x: Array) -> Array:
         """Return the efforts (N, k) beyond the rigid robot's, not filtered."""
-        out = np.zeros_like(self.at.rigid)
-        for index in chosen.base:
-            out += x[index] * self.bases[index].efforts
-        for term in chosen.terms:
-            own = x[chosen.own(term)]
-            at = self.at.knowing(out.copy(), self.at.motion.efforts - self.at.rigid - out)
-            out += term.law.efforts_per(term.place, term.values, at) @ own
-        return out
+        return self._known(chosen, x)[0]
 
-    def folds(self, count: int) -> list[np.ndarray]:
-        """Return the blocks that are held out together, in turn."""
-        return np.array_split(np.arange(count), min(EFFORT_FOLDS, count))
+    def _known(self, chosen: Chosen, x: Array) -> tuple[Array, Array]:
+        """Return the efforts (N, k) beyond the rigid robot's, and those of bodies among them."""
+        out, bodies = np.zeros_like(self.at.rigid), np.zeros_like(self.at.rigid)
+        for index in chosen.base:
+            more = x[index] * self.bases[index].efforts
+            out += more
+            if self.bases[index].inertial is not None:
+                bodies += more
+        for term in chosen.terms:
+            at = self._knowing(out, bodies) if term.law.of_what_is_known else self.at
+            more = term.law.efforts_per(term.place, term.values, at) @ x[chosen.own(term)]
+            out += more
+            if term.law.of_bodies:
+                bodies += more
+        return out, bodies
+
+    def _knowing(self, known: Array, bodies: Array) -> InMotion:
+        return self.at.knowing(known.copy(), self.at.motion.efforts - self.at.rigid - known, bodies.copy())
 
     def free_size(self, given: Gathered, chosen: Chosen) -> Array:
         """Return (P, 2): the size of each column freed of what is chosen, and the scatter of what pulls at it."""
@@ -189,7 +253,13 @@ class Efforts:
         sizes = np.sqrt(np.diag(gram))
         there = sizes > 1e-9 * sizes.max(initial=0.0)
         values = np.linalg.eigvalsh(gram[np.ix_(there, there)] / np.outer(sizes[there], sizes[there]))
-        return int((values > 1e-8 * values.max(initial=0.0)).sum()), count
+        return int((values > EFFORT_TOLD * values.max(initial=0.0)).sum()), count
+
+    def combinations(self, law: AllLinks) -> Combinations:
+        """Return which combinations of all links' inertial parameters the motion tells."""
+        return Combinations.of(
+            law.efforts_per(Place(""), {}, self.at)[self.every].reshape(-1, len(law.linear)), law.linear
+        )
 
     def within_tolerance(self, amounts: Array) -> list[Effect]:
         """Return the parameters within tolerance as effects of a corrected model, by amounts in tolerances."""
@@ -206,7 +276,7 @@ class Efforts:
             out.append(Effect(law, Place(link, law.variant), dict(zip(INERTIAL, map(float, change), strict=True))))
         return out
 
-    def _gathered(self, whitening: Whitening, chosen: Chosen, moving: bool) -> Gathered:
+    def _gathered(self, whitening: Whitening) -> Gathered:
         target = np.nan_to_num(self.measured - self.rigid)[self.every]
         target = np.column_stack([whitening.of_joint(k, target[:, k]) for k in range(target.shape[1])])
         columns = Columns(target, self.blocks)
@@ -215,22 +285,30 @@ class Efforts:
             columns.add(whitening(self.seen(base.efforts[..., None])) for base in self.bases)
         candidates, more = self._beside(columns, whitening, self._fixed)
         prior += more
+        links = [candidate for candidate in candidates if isinstance(candidate.law, InertialParameters)]
+        if len(links) > 1:
+            law = AllLinks(tuple(candidate.place for candidate in links))
+            place = law.places(self.at.mechanism)[0]
+            candidates.append(EffortCandidate(law, place, {}, slice(links[0].where.start, links[-1].where.stop)))
         self._own_size = columns.size
-        given = Gathered(self.at.mechanism, columns, tuple(candidates), np.array(prior))
-        return self.renewed(given, chosen) if moving else given
+        return Gathered(self.at.mechanism, columns, tuple(candidates), np.array(prior))
 
-    def renewed(self, given: Gathered, chosen: Chosen) -> Gathered:
-        """Return the columns with those that depend on what is known made anew; chosen ones stay as they are."""
-        columns = given.columns
-        keep = [term for term in chosen.terms if term.where.start >= self._own_size]
-        size = max([self._own_size, *(term.where.stop for term in keep)])
-        columns.cut(size)
+    def renewed(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
+        """Return the columns with those that depend on what is known made anew; chosen ones stay, side by side."""
+        columns, size, terms = given.columns, self._own_size, []
+        picked = list(range(size))
+        for term in chosen.terms:
+            if term.where.start >= self._own_size:
+                picked += range(term.where.start, term.where.stop)
+                term, size = replace(term, where=slice(size, size + term.size)), size + term.size
+            terms.append(term)
+        chosen = Chosen(chosen.base, tuple(terms))
+        columns.pick(picked)
         fixed = [c for c in given.candidates if c.where.start < self._own_size]
-        prior = list(given.prior[:size])
-        kept = [c for c in given.candidates if self._own_size <= c.where.start < size]
+        kept = [term for term in terms if term.where.start >= self._own_size]
+        prior = list(given.prior[picked])
         x, _ = fit(Gathered(self.at.mechanism, columns, (), np.array(prior)), chosen)
-        known = self.added(chosen, x)
-        at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
+        at = self._knowing(*self._known(chosen, x))
         moving = (
             (law, place, values, self.seen(law.efforts_per(place, values, at)))
             for law, place in self._moving
@@ -238,43 +316,44 @@ class Efforts:
         )
         new, more = self._beside(columns, self.whitening, moving)
         prior += more
-        return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior))
+        return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior)), chosen
 
-    def closer(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
+    def closer(self, given: Gathered, chosen: Chosen, which: Sequence[int]) -> tuple[Gathered, Chosen]:
         """Return what is chosen with scanned values where the blocks ask for them, and the columns that this takes.
 
-        One term after the other, the last chosen first, twice around.
+        `which`: the terms that are looked at, by their places in `chosen`, one after the other.
         """
         columns, best = given.columns, chosen
-        least = float(held_out(given, best).sum())
-        for place in [*range(len(chosen.terms) - 1, -1, -1)] * 2:
+        for place in which:
             term = best.terms[place]
             x, _ = fit(given, best)
             values = term.law.fitted(term.place, x[best.own(term)], term.values)
             others = term.law.closer(term.place, values, self.at)
             if not others:
                 continue
-            before = Chosen(best.base, best.terms[:place])
-            known = self.added(before, fit(given, before)[0])
-            at = self.at.knowing(known, self.at.motion.efforts - self.at.rigid - known)
+            at = self.at
+            if term.law.of_what_is_known:
+                before = Chosen(best.base, best.terms[:place])
+                at = self._knowing(*self._known(before, fit(given, before)[0]))
             size, prior = columns.size, list(given.prior)
             places = columns.add(
                 self.whitening(self.seen(term.law.efforts_per(term.place, other, at))) for other in others
             )
-            for own, other in zip(places, others, strict=True):
-                prior += list(term.law.prior(term.place, self.at.mechanism))
-                candidate = EffortCandidate(term.law, term.place, other, own)
-                tried = best.replaced(place, candidate)
-                wider = Gathered(self.at.mechanism, columns, (*given.candidates, candidate), np.array(prior))
-                left = float(held_out(wider, tried).sum())
-                if left < least:
-                    least, best, given = left, tried, wider
+            prior += len(others) * list(term.law.prior(term.place, self.at.mechanism))
+            tried = [
+                EffortCandidate(term.law, term.place, other, own) for own, other in zip(places, others, strict=True)
+            ]
+            wider = Gathered(self.at.mechanism, columns, (*given.candidates, *tried), np.array(prior))
+            left = Beside(wider, best.without(term)).with_each([term, *tried]).sum(axis=1)
+            taken = int(np.argmin(left))
+            if taken == 0 or not left[taken] < left[0]:
+                columns.cut(size)
+                continue
+            best = best.replaced(place, tried[taken - 1])
             # only what was taken stays
-            end = max([size, *(each.where.stop for each in best.terms)])
+            end = tried[taken - 1].where.stop
             columns.cut(end)
-            given = Gathered(self.at.mechanism, columns, given.candidates, given.prior[:end])
-            if len(given.prior) < end:
-                given = Gathered(self.at.mechanism, columns, given.candidates, np.array(prior)[:end])
+            given = Gathered(self.at.mechanism, columns, given.candidates, np.array(prior)[:end])
         return given, best
 
     def start(self) -> Chosen:

@@ -6,63 +6,36 @@ did, and what a law explains is gone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
-from scipy.stats import chi2
+from scipy.special import gammaincc
 
+from ...laws.efforts.all_links import AllLinks
 from ...spatial import Array
 from ..criteria import (
     EFFORT_CHANCE,
     EFFORT_FLIPS,
-    EFFORT_FOLDS,
     EFFORT_GAIN,
     EFFORT_INDISTINCT,
+    EFFORT_STALE,
     EFFORT_SURE,
     MOST_EFFORT_TERMS,
 )
+from .beside import Beside
+from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 
-__all__ = ["Chosen", "Score", "fit", "held_out", "scores", "searched", "threshold"]
+__all__ = ["Score", "held_out", "scores", "searched", "threshold"]
 
+#: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
+_TRIED = 24
+#: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
+_ENTRIES = 2
 #: Of a coefficient, as a share of what the data say of it, below which it counts as told by the prior alone.
 _ROUNDING = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Chosen:
-    """Terms that are fitted together: `base` columns stand for what is within tolerance, `terms` for laws."""
-
-    base: tuple[int, ...]
-    terms: tuple[EffortCandidate, ...] = ()
-
-    @property
-    def where(self) -> list[int]:
-        """All its columns, the base's first."""
-        return [*self.base, *(index for term in self.terms for index in range(term.where.start, term.where.stop))]
-
-    def own(self, term: EffortCandidate) -> slice:
-        """Return where a term's coefficients stand among those of all columns."""
-        start = len(self.base)
-        for other in self.terms:
-            if other is term:
-                return slice(start, start + other.size)
-            start += other.size
-        raise ValueError(f"{term.name} is not among the terms")
-
-    def with_term(self, term: EffortCandidate) -> Chosen:
-        """Return the same with one more."""
-        return Chosen(self.base, (*self.terms, term))
-
-    def replaced(self, place: int, term: EffortCandidate) -> Chosen:
-        """Return the same with another term in one place."""
-        return Chosen(self.base, (*self.terms[:place], term, *self.terms[place + 1 :]))
-
-    def without(self, term: EffortCandidate) -> Chosen:
-        """Return the same without one."""
-        return Chosen(self.base, tuple(other for other in self.terms if other is not term))
 
 
 @dataclass(frozen=True)
@@ -76,64 +49,9 @@ class Score:
     possible: bool
 
 
-def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> tuple[Array, Array]:
-    """Return coefficients (p,) and their normal matrix (p, p), of all blocks but those `left_out`.
-
-    Coefficients that cannot be negative are not.
-    """
-    where = np.array(chosen.where, int)
-    kept = np.ones(given.columns.count, bool)
-    if left_out is not None:
-        kept[left_out] = False
-    blocks = np.flatnonzero(kept)
-    matrix = given.columns.gram[np.ix_(blocks, where, where)].sum(axis=0) + np.diag(given.prior[where])
-    moment = given.columns.moment[np.ix_(blocks, where)].sum(axis=0)
-    x = _solve(matrix, moment)
-    bounded = np.zeros(len(where), bool)
-    for term in chosen.terms:
-        if term.law.one_sided:
-            bounded[chosen.own(term)] = True
-    if (x[bounded] < 0).any():
-        x = _bounded(matrix, moment, bounded)
-    return x, matrix
-
-
-def _solve(matrix: Array, moment: Array) -> Array:
-    """Return the least solution of a semidefinite system whose columns have any units."""
-    if not len(moment):
-        return np.zeros(0)
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-    kept = values > _ROUNDING * values.max(initial=0.0)
-    return scale * (vectors[:, kept] @ ((vectors[:, kept].T @ (scale * moment)) / values[kept]))
-
-
-def _bounded(matrix: Array, moment: Array, bounded: np.ndarray) -> Array:
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-    kept = values > _ROUNDING * values.max(initial=0.0)
-    root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-    target = (vectors[:, kept].T @ (scale * moment)) / np.sqrt(values[kept])
-    lower = np.where(bounded, 0.0, -np.inf)
-    return scale * lsq_linear(root, target, (lower, np.full(len(moment), np.inf)), method="bvls", tol=1e-12).x
-
-
-def saved(given: Gathered, chosen: Chosen, x: Array) -> Array:
-    """Return what coefficients leave of the squares, block by block (B,)."""
-    where = chosen.where
-    moment = given.columns.moment[:, where]
-    gram = given.columns.gram[:, where][:, :, where]
-    return given.columns.power - 2 * moment @ x + np.einsum("i,bij,j->b", x, gram, x)
-
-
 def held_out(given: Gathered, chosen: Chosen) -> Array:
     """Return the squares that each block has left when it was not fitted, (B,)."""
-    count = given.columns.count
-    out = np.empty(count)
-    for part in np.array_split(np.arange(count), min(EFFORT_FOLDS, count)):
-        x, _ = fit(given, chosen, part)
-        out[part] = saved(given, chosen, x)[part]
-    return out
+    return Beside(given, chosen).left
 
 
 def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
@@ -171,8 +89,8 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
     total = np.diag(given.columns.gram.sum(axis=0))
     largest = float(np.sqrt(total.max(initial=0.0)))
     taken = {term.where.start for term in chosen.terms}
-    out: list[Score] = []
-    best = np.zeros(len(signs))
+    found: list[tuple[EffortCandidate, float, Array, bool]] = []
+    chances, freedoms = [], []
     for candidate in given.candidates:
         if candidate.where.start in taken:
             continue
@@ -190,7 +108,6 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
         mean, spread = chance.mean(), chance.var()
         if not mean > 0 or not spread > 0:
             continue
-        degrees = 2 * mean**2 / spread
         coefficients = basis @ (basis.T @ true[candidate.where])
         possible = True
         if candidate.law.one_sided:
@@ -199,9 +116,19 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
         if possible:
             values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
             possible = candidate.law.one_sided or candidate.law.plausible(candidate.place, values_here, given.mechanism)
-        best = np.minimum(best, chi2.logsf(chance * degrees / mean, degrees))
-        out.append(Score(candidate, float(chi2.logsf(gain * degrees / mean, degrees)), gain, coefficients, possible))
-    return out, best
+        found.append((candidate, gain, coefficients, possible))
+        freedoms.append(2 * mean**2 / spread)
+        chances.append(np.append(chance, gain) * freedoms[-1] / mean)
+    if not found:
+        return [], np.zeros(len(signs))
+    # chi squared's tail, of all candidates at once
+    with np.errstate(divide="ignore"):
+        logs = np.log(gammaincc(np.array(freedoms)[:, None] / 2, np.array(chances) / 2))
+    scored = [
+        Score(candidate, float(chance), gain, coefficients, possible)
+        for (candidate, gain, coefficients, possible), chance in zip(found, logs[:, -1], strict=True)
+    ]
+    return scored, np.minimum(0.0, logs[:, :-1].min(axis=0))
 
 
 def _flips(blocks: int) -> Array:
@@ -225,50 +152,204 @@ def worth(before: Array, after: Array) -> tuple[float, float]:
 def searched(
     given: Gathered,
     start: Chosen,
-    refresh: Callable[[Gathered, Chosen], Gathered] | None = None,
-    closer: Callable[[Gathered, Chosen], tuple[Gathered, Chosen]] | None = None,
+    refresh: Callable[[Gathered, Chosen], tuple[Gathered, Chosen]] | None = None,
+    closer: Callable[[Gathered, Chosen, Sequence[int]], tuple[Gathered, Chosen]] | None = None,
     tell: Callable[[float], None] = lambda share: None,
 ) -> tuple[Gathered, Chosen]:
-    """Return the laws that the efforts ask for. `refresh`: makes columns anew that depend on what is known."""
+    """Return the laws that the efforts ask for.
+
+    `refresh`: makes columns anew that depend on what is known; `closer`: looks for better scanned values of terms.
+    """
     chosen = start
-    refused: set[tuple[str, str, str]] = set()
+    refused: Counter[tuple[str, str, str]] = Counter()
+    fresh, squares = True, np.inf
     while len(chosen.terms) < MOST_EFFORT_TERMS:
-        if refresh is not None:
-            given = refresh(given, chosen)
-        ranked, best = scores(given, chosen)
-        limit = threshold(best)
-        left = held_out(given, chosen)
+        beside = Beside(given, chosen)
         tell(1 - np.exp(-len(chosen.terms) / 8))
-        likely = [
-            score
-            for score in ranked
-            if score.possible
-            and score.log_chance < limit
-            and _key(score.candidate) not in refused
-            and not any(_excludes(term, score.candidate) for term in chosen.terms)
-        ]
-        likely = sorted(likely, key=lambda score: -score.gain)[:24]
-        tried = []
-        for score in likely:
-            with_it = chosen.with_term(score.candidate)
-            after = held_out(given, with_it)
-            if not _can_be(given, with_it, score.candidate):
-                continue
-            sure = worth(left, after)[1]
-            least = max(EFFORT_GAIN, score.candidate.law.least_gain)
-            if sure > EFFORT_SURE and float((left - after).sum()) > least * left.sum():
-                tried.append((float((left - after).sum()), after, score.candidate))
-        if not tried:
+        if refresh is not None and not fresh and beside.left.sum() < EFFORT_STALE * squares:
+            given, chosen = refresh(given, chosen)
+            beside, fresh = Beside(given, chosen), True
+        if fresh:
+            squares = float(beside.left.sum())
+        new = _entering(given, chosen, beside, refused)
+        if refresh is not None and not fresh and (not new or any(term.law.of_what_is_known for term in new)):
+            given, chosen = refresh(given, chosen)
+            beside, fresh, squares = Beside(given, chosen), True, float(beside.left.sum())
+            new = _entering(given, chosen, beside, refused)
+        if not new:
             break
-        chosen = chosen.with_term(_simplest(tried))
-        if closer is not None:
-            given, chosen = closer(given, chosen)
-        worse = _needless(given, chosen)
-        while worse is not None:
-            refused.add(_key(worse))
-            chosen = chosen.without(worse)
-            worse = _needless(given, chosen)
+        given, chosen = _with_new(given, chosen, new, refused, closer)
+        fresh = False
+    if closer is not None and len(chosen.terms) > 1:
+        given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1))
+        given, chosen = _with_new(given, chosen, [], refused, None)
+        given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
     return given, chosen
+
+
+def _entering(
+    given: Gathered, chosen: Chosen, beside: Beside, refused: Mapping[tuple[str, str, str], int]
+) -> list[EffortCandidate]:
+    """Return the terms that come in next: the best one, and the best of other joints that nothing wider explains."""
+    ranked, best = scores(given, chosen)
+    limit = threshold(best)
+    likely = [
+        score
+        for score in ranked
+        if score.possible
+        and score.log_chance < limit
+        and refused.get(_key(score.candidate), 0) < _ENTRIES
+        and not any(_excludes(term, score.candidate) for term in chosen.terms)
+    ]
+    touched = {id(score): _joints(given, score.candidate) for score in likely}
+    likely = sorted(likely, key=lambda score: -score.gain)
+    # the best of all, and the best of every joint
+    kept = {id(score): score for score in likely[:_TRIED]}
+    for joint in range(given.columns.target.shape[1]):
+        kept |= {id(score): score for score in [s for s in likely if joint in touched[id(s)]][: _TRIED // 2]}
+    candidates = [score.candidate for score in kept.values()]
+    tried = []
+    for candidate, after in zip(candidates, beside.with_each(candidates), strict=True):
+        if _earns(beside, candidate, beside.left, after) and _shows_beside(given, chosen, candidate):
+            tried.append((float((beside.left - after).sum()), after, candidate))
+    new: list[EffortCandidate] = []
+    taken: set[int] = set()
+    while tried:
+        one = _simplest(tried)
+        joints = _joints(given, one)
+        if new and len(joints) > 1:
+            break
+        if _can_be(given, _with_all(chosen, [*new, one]), one):
+            new.append(one)
+            taken |= joints
+            tried = [item for item in tried if not taken & _joints(given, item[2]) or len(_joints(given, item[2])) > 1]
+            if len(joints) > 1:
+                break
+        tried = [item for item in tried if item[2] is not one]
+    return new
+
+
+def _with_new(
+    given: Gathered,
+    chosen: Chosen,
+    new: Sequence[EffortCandidate],
+    refused: Counter[tuple[str, str, str]],
+    closer: Callable[[Gathered, Chosen, Sequence[int]], tuple[Gathered, Chosen]] | None,
+) -> tuple[Gathered, Chosen]:
+    """Return what is chosen with new terms, without those whose place they take and those that they make needless."""
+    for term in new:
+        replaced = [other for other in chosen.terms if _replaces(term, other)]
+        after = _with_all(Chosen(chosen.base, tuple(t for t in chosen.terms if t not in replaced)), [term])
+        if replaced and not _earns_its_place(given, chosen, after, term):
+            refused[_key(term)] += _ENTRIES
+            continue
+        chosen = after
+        if closer is not None:
+            given, chosen = closer(given, chosen, [len(chosen.terms) - 1])
+    chosen = _all_links(given, chosen)
+    while True:
+        worse = _needless(given, chosen, len(new))
+        if worse is None:
+            return given, chosen
+        refused[_key(worse)] += 1
+        chosen = chosen.without(worse)
+
+
+def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
+    """Return what is chosen with all links in the place of several.
+
+    Several that are not as drawn say that the robot is another one than was drawn: the others are not to be taken on
+    trust then. What this motion hardly tells of them another one may ask for.
+    """
+    several = {term.place.name for term in chosen.terms if term.law.family == "link"}
+    every = next((c for c in given.candidates if isinstance(c.law, AllLinks)), None)
+    if len(several) < 2 or every is None:
+        return chosen
+    tried = Chosen(chosen.base, (*(term for term in chosen.terms if not _replaces(every, term)), every))
+    apart = Beside(given, tried).left - Beside(given, chosen).left
+    error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
+    return tried if float(apart.sum()) < EFFORT_SURE * error else chosen
+
+
+def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
+    """Return what is chosen with one body in the place of all links, where that is as good as can be told."""
+    every = next((term for term in chosen.terms if isinstance(term.law, AllLinks)), None)
+    if every is None:
+        return chosen
+    single = [c for c in given.candidates if c.law.physics in ("inertial_parameters", "payload") and c is not every]
+    rest, left = chosen.without(every), Beside(given, chosen).left
+    apart = Beside(given, rest).with_each(single) - left
+    best = int(np.argmin(apart.sum(axis=1)))
+    error = float(np.std(apart[best], ddof=1) * np.sqrt(len(left)))
+    if float(apart[best].sum()) < max(EFFORT_SURE * error, EFFORT_GAIN * float(left.sum())):
+        return rest.with_term(single[best])
+    return chosen
+
+
+def _plainer(
+    given: Gathered,
+    chosen: Chosen,
+    closer: Callable[[Gathered, Chosen, Sequence[int]], tuple[Gathered, Chosen]],
+) -> tuple[Gathered, Chosen]:
+    """Return what is chosen with the plainer law of a family where the richer one does not earn what it has more."""
+    for place in range(len(chosen.terms)):
+        term = chosen.terms[place]
+        plain = [c for c in given.candidates if _replaces(term, c) and c.size < term.size and c.law.family]
+        if not plain:
+            continue
+        beside = Beside(given, chosen.without(term))
+        after = beside.with_each(plain)
+        best = int(np.argmin(after.sum(axis=1)))
+        tried, other = closer(given, chosen.replaced(place, plain[best]), [place])
+        if not _earns_its_place(tried, other, chosen, term):
+            given, chosen = tried, other
+        given.columns.cut(len(given.prior))
+    return given, chosen
+
+
+def _earns_its_place(given: Gathered, before: Chosen, after: Chosen, term: EffortCandidate) -> bool:
+    old, new = Beside(given, before), Beside(given, after)
+    return _earns(old, term, old.left, new.left)
+
+
+def _earns(beside: Beside, term: EffortCandidate, before: Array, after: Array) -> bool:
+    """Return whether a term saves enough of the squares of the joints in which it acts, and surely."""
+    saving = float((before - after).sum())
+    if worth(before, after)[1] <= EFFORT_SURE or saving <= EFFORT_GAIN * beside.left_in(term):
+        return False
+    return saving > term.law.least_gain * float(before.sum())
+
+
+def _shows_beside(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
+    """Return whether a term shows beside plainer laws too, which it might imitate."""
+    words = set(term.law.unlike(term.place))
+    if not words:
+        return True
+    there = {other.name for other in chosen.terms}
+    plainer: dict[tuple[str, str], EffortCandidate] = {}
+    for other in given.candidates:
+        if other.name in words - there:
+            plainer.setdefault(other.name, other)
+    rest = Chosen(chosen.base, tuple(other for other in chosen.terms if other is not term))
+    beside = Beside(given, _with_all(rest, list(plainer.values())))
+    return _earns(beside, term, beside.left, beside.with_each([term])[0])
+
+
+def _replaces(term: EffortCandidate, other: EffortCandidate) -> bool:
+    """Return whether a term takes another one's place: it is the same thing, told richer."""
+    if isinstance(term.law, AllLinks):
+        return other.law.physics in ("inertial_parameters", "payload")
+    same = term.law.family == other.law.family != "" and term.place.name == other.place.name
+    return same and _key(term) != _key(other)
+
+
+def _with_all(chosen: Chosen, terms: Sequence[EffortCandidate]) -> Chosen:
+    return Chosen(chosen.base, (*chosen.terms, *terms))
+
+
+def _joints(given: Gathered, term: EffortCandidate) -> frozenset[int]:
+    """Return the joints in which a term acts."""
+    return frozenset(np.flatnonzero(given.columns.touched[term.where].any(axis=0)).tolist())
 
 
 def _can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
@@ -282,6 +363,10 @@ def _excludes(term: EffortCandidate, other: EffortCandidate) -> bool:
     """Return whether one is the other with other values, or the same delay told by another signal."""
     if _key(term) == _key(other):
         return True
+    if isinstance(term.law, AllLinks) and other.law.physics in ("inertial_parameters", "payload"):
+        return True
+    if term.law.family == other.law.family != "" and term.place.name == other.place.name:
+        return other.size < term.size  # a richer one may take its place
     late = {"effort_delay", "encoder_delay"}
     return term.place == other.place and {term.law.physics, other.law.physics} <= late
 
@@ -307,16 +392,17 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
     return chosen
 
 
-def _needless(given: Gathered, chosen: Chosen) -> EffortCandidate | None:
-    """Return the term that the others make needless on held-out blocks, the most needless first."""
-    if len(chosen.terms) < 2:
+def _needless(given: Gathered, chosen: Chosen, newest: int) -> EffortCandidate | None:
+    """Return the term that the others make needless on held-out blocks, the most needless first; not the `newest`."""
+    old = chosen.terms[: len(chosen.terms) - newest]
+    if not old or len(chosen.terms) < 2:
         return None
-    whole = held_out(given, chosen)
+    beside = Beside(given, chosen)
     least: tuple[float, EffortCandidate | None] = (np.inf, None)
-    for term in chosen.terms[:-1]:
-        without = held_out(given, chosen.without(term))
-        share, sure = worth(without, whole)
-        least_gain = max(EFFORT_GAIN, term.law.least_gain)
-        if (sure < EFFORT_SURE or share < least_gain) and share < least[0]:
+    for term, without in zip(old, beside.without_each(old), strict=True):
+        saving = float((without - beside.left).sum())
+        share = saving / max(beside.left_in(term) + saving, np.finfo(float).tiny)
+        earns = _earns(beside, term, without, beside.left) and _shows_beside(given, chosen, term)
+        if not earns and share < least[0]:
             least = share, term
     return least[1]

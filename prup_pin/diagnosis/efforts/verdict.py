@@ -9,11 +9,13 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from ...dynamics import InMotion, Motion, motion_of
+from ...dynamics import INERTIAL, InMotion, Motion, motion_of
 from ...errors import InputError
 from ...laws import Effect
 from ...laws.efforts import EffortLaw
+from ...laws.efforts.all_links import AllLinks
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
+from ...laws.efforts.inertial_parameters import InertialParameters
 from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
@@ -25,16 +27,21 @@ from ..criteria import (
     EFFORT_IMITATED,
     EFFORT_LOUD,
     EFFORT_MATERIAL,
+    EFFORT_PLAINLY,
     EFFORT_SURE,
     EFFORT_UNTOLD,
+    FALSE_ALARM,
     FEWEST_EFFORT_BLOCKS,
+    MOST_COMBINATIONS,
     beyond_tolerance,
 )
 from ..diagnosis import Detectable, Finding, FittedParameter
+from .beside import Beside
+from .chosen import Chosen, fit, saved
 from .columns import EffortCandidate, Gathered
 from .gather import Efforts
 from .plausible import check_efforts
-from .search import Chosen, fit, held_out, scores, searched, threshold, worth
+from .search import held_out, scores, searched, threshold, worth
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
 
@@ -123,19 +130,33 @@ def diagnose_efforts(
     tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
     efforts = Efforts(at, tolerances, recording.noise.effort)
     tell("laws compete for the efforts", 0.1)
-    given = efforts.gathered()
-    given, chosen = searched(
-        given,
-        efforts.start(),
-        efforts.renewed,
-        efforts.closer,
-        lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share),
-    )
+    efforts, given, chosen = _found(efforts, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share))
     tell("what no law explains", 0.75)
     given, chosen, free = _with_curves(efforts, given, chosen)
     tell("the verdict", 0.9)
     found = _Verdict(robot, recording, efforts, given, chosen, free).whole()
     return replace(found, remarks=(*doubts, *found.remarks))
+
+
+def _found(efforts: Efforts, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
+    """Return the laws that the efforts ask for, with the weights that they were found by.
+
+    Whitened where what is left is noise. Where it is what the laws lack, a whitened fit is good where that is least
+    and not where the efforts are large: then plain weights leave less of the efforts on held-out blocks.
+    """
+    white, own = searched(efforts.gathered(), efforts.start(), efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
+    left = efforts.held_out_residual(white, own)[efforts.good]
+    if efforts.noise is not None and _rms(left) < EFFORT_LOUD * efforts.noise:
+        return efforts, white, own
+    plainly = efforts.plainly()
+    given, chosen = searched(
+        plainly.gathered(), plainly.start(), plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s)
+    )
+    before, after = efforts.held_out_plainly(white, own), plainly.held_out_plainly(given, chosen)
+    share, sure = worth(before, after)
+    if sure > EFFORT_SURE and share > EFFORT_PLAINLY:
+        return plainly, given, chosen
+    return efforts, white, own
 
 
 def _with_curves(efforts: Efforts, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen, list[EffortCandidate]]:
@@ -266,7 +287,7 @@ class _Verdict:
             curves=tuple(self._curves()),
             verdict=verdict,
             not_detectable=tuple(self._not_detectable()),
-            advice=self._advice(unknown),
+            advice=self._advice(findings, unknown),
             remarks=tuple(remarks),
             rows=motion.rows[every],
             standing=motion.standing,
@@ -305,8 +326,6 @@ class _Verdict:
 
     def _held_ratio(self) -> float:
         """Return how much larger held-out blocks' residual is than the fitted one, root mean square."""
-        from .search import saved
-
         fitted = float(saved(self.given, self.named, self.x_named).sum())
         return float(np.sqrt(max(self.held.sum() / max(fitted, np.finfo(float).tiny), 1.0)))
 
@@ -314,12 +333,7 @@ class _Verdict:
         """Return what is left of each joint's effort below the cut-off, as a share of it, and of all together."""
         efforts = self.efforts
         measured, rigid = efforts.measured[efforts.every], efforts.rigid[efforts.every]
-        held = np.empty_like(predicted)
-        count = self.given.columns.count
-        for part in efforts.folds(count):
-            x, _ = fit(self.given, self.named, part)
-            rows = np.isin(efforts.blocks, part)
-            held[rows] = (rigid + efforts.filter(efforts.added(self.named, x))[efforts.every])[rows]
+        held = measured - efforts.held_out_residual(self.given, self.named)
         out: dict[str, dict[str, float]] = {}
         columns = {name: [k] for k, name in enumerate(self.at.driven)}
         for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():
@@ -349,6 +363,8 @@ class _Verdict:
         return inverse @ middle @ inverse * count / degrees + inverse, degrees
 
     def _finding(self, term: EffortCandidate) -> Finding:
+        if isinstance(term.law, AllLinks):
+            return self._of_all_links(term, term.law)
         values = term.law.fitted(term.place, self.x_named[self.named.own(term)], term.values)
         effect = self._effect(term, values)
         without = held_out(self.given, self.named.without(term))
@@ -363,6 +379,42 @@ class _Verdict:
             statement=effect.statement(self.mechanism),
             effect=effect,
             alternatives=tuple(dict.fromkeys(laws)),
+        )
+
+    def _of_all_links(self, term: EffortCandidate, law: AllLinks) -> Finding:
+        """Return what the motion tells of all links' masses: the combinations that are not those of the robot file."""
+        told = self.efforts.combinations(law)
+        covariance, degrees = self._covariance(self.named, self.x_named)
+        own = self.named.own(term)
+        change = told.matrix @ self.x_named[own]
+        deviation = np.sqrt(np.maximum(np.diag(told.matrix @ covariance[own, own] @ told.matrix.T), 0.0))
+        model = self.mechanism.model
+        bodies = [self.mechanism.frame(link.name).joint for link in law.links]
+        drawn = told.matrix @ np.concatenate([model.inertias[body].toDynamicParameters() for body in bodies])
+        sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
+        # one of so many that may differ by chance
+        differ = np.flatnonzero(sure > student.isf(FALSE_ALARM / (2 * max(len(change), 1)), degrees))
+        reach = float(student.ppf(0.975, degrees)) * deviation
+        without = held_out(self.given, self.named.without(term))
+        units = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
+        parameters = {
+            told.names[i]: FittedParameter(
+                float(drawn[i] + change[i]),
+                units[law.linear[told.leads[i]].rpartition(".")[2]],
+                (float(drawn[i] + change[i] - reach[i]), float(drawn[i] + change[i] + reach[i])),
+            )
+            for i in differ[np.argsort(-sure[differ], kind="stable")][:MOST_COMBINATIONS]
+        }
+        return Finding(
+            physics=law.physics,
+            location="robot",
+            candidates=("robot", *(link.name for link in law.links)),
+            parameters=parameters,
+            heldout_gain=float(np.clip(1 - self.held.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0)),
+            statement=(
+                f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} "
+                f"combinations that this motion tells, {len(differ)} are surely others"
+            ),
         )
 
     def _effect(self, term: EffortCandidate, values: Mapping[str, float]) -> Effect:
@@ -400,12 +452,13 @@ class _Verdict:
         laws: list[str] = []
         ranked, _ = scores(self.given.without_curves(), rest)
         gain = float((without - self.held).sum())
-        for score in sorted(ranked, key=lambda item: -item.gain)[:_RIVALS]:
-            other = score.candidate
-            same = other.law is term.law and other.place == term.place
-            if not score.possible or same or other.size > term.size:
-                continue
-            after = held_out(self.given, rest.with_term(other))
+        others = [
+            score.candidate
+            for score in sorted(ranked, key=lambda item: -item.gain)[:_RIVALS]
+            if score.possible and score.candidate.size <= term.size
+        ]
+        others = [other for other in others if other.law is not term.law or other.place != term.place]
+        for other, after in zip(others, Beside(self.given, rest).with_each(others), strict=True):
             apart = after - self.held
             error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
             if float(apart.sum()) > min(max(EFFORT_ALIKE * error, EFFORT_CLASS * gain), 0.2 * gain):
@@ -416,9 +469,6 @@ class _Verdict:
                 laws.append(f"{other.law.physics} at {other.place.name}")
                 places.append(other.place.name)
         return places, laws
-
-    def _alternatives(self, term: EffortCandidate) -> list[str]:
-        return self._rivals(term, held_out(self.given, self.named.without(term)))[1]
 
     def _beyond(self) -> Iterator[Finding]:
         """Yield parameters that lie beyond their tolerances."""
@@ -461,8 +511,12 @@ class _Verdict:
         """Yield everything that the corrected model holds: what was found, and what lies within tolerance."""
         yield from self.efforts.within_tolerance(self.x_named[: len(self.named.base)])
         for term in self.named.terms:
-            values = term.law.fitted(term.place, self.x_named[self.named.own(term)], term.values)
-            yield self._effect(term, values)
+            own = self.x_named[self.named.own(term)]
+            if isinstance(term.law, AllLinks):
+                for link, change in zip(term.law.links, own.reshape(-1, len(INERTIAL)), strict=True):
+                    yield Effect(InertialParameters(), link, dict(zip(INERTIAL, map(float, change), strict=True)))
+                continue
+            yield self._effect(term, term.law.fitted(term.place, own, term.values))
 
     # -- pictures and advice ---------------------------------------------------------------------------------------
 
@@ -531,7 +585,7 @@ class _Verdict:
                     *candidate.name, candidate.law.linear[0], need, quantity.unit, "smaller ones drown in what is left"
                 )
 
-    def _advice(self, unknown: Sequence[Finding]) -> str:
+    def _advice(self, findings: Sequence[Finding], unknown: Sequence[Finding]) -> str:
         slow = [
             name
             for name in self.at.driven
@@ -546,7 +600,7 @@ class _Verdict:
                 f"move {where} alone, slowly and fast, over its whole travel and both ways, with the others in several "
                 "postures: that tells apart what depends on its speed, its position and its load"
             )
-        doubtful = [term.place.name for term in self.named.terms if self._alternatives(term)]
+        doubtful = [finding.location for finding in findings if finding.alternatives]
         moving = [name for name in doubtful if name in self.at.driven]
         if moving:
             return f"move {moving[0]} at several constant speeds, both ways, and accelerate it hard in between"
@@ -569,6 +623,10 @@ class _Verdict:
                 f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links; "
                 "the others stay as drawn"
             )
+        for term in self.named.terms:
+            if isinstance(term.law, AllLinks):
+                told = efforts.combinations(term.law)
+                remarks.append(f"this motion tells nothing of {_by_link(told.silent)}: they stay as drawn")
         silent = [name for name in self.mechanism.actuated if name not in self.motion.names]
         if silent:
             remarks.append(f"no position was recorded of {', '.join(silent)}: taken to stand at home")
@@ -606,6 +664,15 @@ def _plain_unknown(where: str, statement: str, share: float = 0.0) -> Finding:
         heldout_gain=share,
         statement=statement,
     )
+
+
+def _by_link(names: Sequence[str]) -> str:
+    """Return parameters, link by link."""
+    links: dict[str, list[str]] = {}
+    for name in names:
+        link, _, what = name.rpartition(".")
+        links.setdefault(link, []).append(what)
+    return "; ".join(f"{link}: {', '.join(what)}" for link, what in links.items())
 
 
 def _rms(values: Array) -> float:

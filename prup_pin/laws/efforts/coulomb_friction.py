@@ -34,6 +34,7 @@ class SlidingFriction(JointEffortLaw):
 
     physics = "coulomb_friction"
     summary = "dry friction"
+    family = "dry friction"
     linear = ("limit",)
     one_sided = True
     quantities = (
@@ -63,6 +64,7 @@ class LoadedFriction(DrivenEffortLaw):
 
     physics = "coulomb_friction"
     summary = "dry friction that grows with the load"
+    family = "dry friction"
     variant = f"{EFFORT} by load"
     of_motion = True
     linear = ("limit", "share_of_load")

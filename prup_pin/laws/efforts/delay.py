@@ -54,4 +54,4 @@ class DelayOfAll(Delay):
         return [Place("robot", self.variant)] if len(mechanism.actuated) > 1 else []
 
     def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.later(at.predicted, self.sign * values["delay"])
+        return at.predicted_later(self.sign * values["delay"])

@@ -38,6 +38,10 @@ class EffortLaw(Law):
     least_gain: ClassVar[float] = 0.0
     #: True where its columns follow from what is known of the efforts so far: they are made anew as laws are found.
     of_what_is_known: ClassVar[bool] = False
+    #: True where it is a body that weighs and is accelerated: a gain of the effort is told by what bodies ask for.
+    of_bodies: ClassVar[bool] = False
+    #: Laws of one family are one thing at one place: the richer one takes the place of the plainer.
+    family: ClassVar[str] = ""
     #: True where it needs joints that turn round or change speed: it says nothing of one at rest.
     of_motion: ClassVar[bool] = False
 
@@ -76,6 +80,10 @@ class EffortLaw(Law):
         """Return whether such values can be: within their bounds, unless a law knows better."""
         quantities = self.quantities_at(place, mechanism)
         return all(q.lower <= values[q.name] <= q.upper for q in quantities if q.name in values)
+
+    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
+        """Return words and places of plainer laws beside which it must show: without them it would imitate them."""
+        return ()
 
     def acts(self, place: Place, at: InMotion) -> bool:
         """Return whether this motion can show it at all: the joint is driven, or moves."""

@@ -40,7 +40,10 @@ class EffortOffset(DrivenEffortLaw):
 
 
 class EffortGain(DrivenEffortLaw):
-    """The reported effort is off in proportion: another torque constant or gear ratio."""
+    """The reported effort is off in proportion: another torque constant or gear ratio.
+
+    Known bodies tell it. Friction does not: nobody knows it but from the same efforts, so it is told as reported.
+    """
 
     physics = "effort_gain"
     of_what_is_known = True
@@ -50,7 +53,7 @@ class EffortGain(DrivenEffortLaw):
     neutral: ClassVar = {"gain": 0.0}
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.effort_of(place.name, at.predicted))[..., None]
+        return at.along(place.name, at.effort_of(place.name, at.borne))[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
@@ -65,7 +68,7 @@ class EffortDelay(Delay, DrivenEffortLaw):
     summary = "efforts that are reported late"
 
     def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.effort_of(place.name, at.later(at.predicted, values["delay"])))
+        return at.along(place.name, at.effort_of(place.name, at.predicted_later(values["delay"])))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the effort of {place.name} is reported {number(1e3 * values['delay'], 3)} ms late"

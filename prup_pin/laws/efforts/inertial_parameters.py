@@ -47,6 +47,8 @@ class InertialParameters(EffortLaw):
 
     physics = "inertial_parameters"
     summary = "the mass of a link, its centre and its inertia"
+    of_bodies = True
+    family = "link"
     linear = INERTIAL
     quantities = tuple(
         Quantity(
@@ -80,6 +82,8 @@ class ScaledInertia(EffortLaw):
 
     physics = "inertial_parameters"
     summary = "the mass of a link"
+    of_bodies = True
+    family = "link"
     variant = f"{EFFORT} in proportion"
     linear = ("share",)
     quantities = (Quantity("share", "", "of the drawn mass and inertia, beyond it", 0.1, positive=False, lower=-1.0),)

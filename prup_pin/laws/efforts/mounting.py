@@ -24,6 +24,7 @@ class Mounting(EffortLaw):
 
     physics = "geometric_offset"
     summary = "a base that is tilted"
+    of_bodies = True
     linear = ("gx", "gy", "gz")
     quantities = tuple(
         Quantity(name, "m/s^2", f"gravity along the base's {name[1]}, beyond the robot file's", 0.1, False, -30.0, 30.0)

@@ -27,6 +27,7 @@ class HeldBody(EffortLaw):
 
     physics = "payload"
     summary = "a body that the tool holds"
+    of_bodies = True
     linear = INERTIAL
     quantities = (
         Quantity("mass", "kg", "of the body", 1.0, positive=False, lower=-1e4, upper=1e4),

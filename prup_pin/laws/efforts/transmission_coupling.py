@@ -59,6 +59,11 @@ class TransmissionCoupling(EffortLaw):
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return [place.aspect.removeprefix(_WITH)]
 
+    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
+        # two motors that rub alike are one that turns with their sum and one with their difference, by halves
+        both = (place.name, place.aspect.removeprefix(_WITH))
+        return [(word, joint) for joint in both for word in ("coulomb_friction", "viscous_friction", "rotor_inertia")]
+
     def acts(self, place: Place, at: InMotion) -> bool:
         other = place.aspect.removeprefix(_WITH)
         return {place.name, other} <= set(at.driven) and at.moves(place.name) and at.moves(other)

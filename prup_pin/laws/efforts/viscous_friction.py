@@ -21,6 +21,7 @@ class Damping(JointEffortLaw):
 
     physics = "viscous_friction"
     summary = "friction that grows with speed"
+    family = "viscous friction"
     linear = ("damping",)
     one_sided = True
     quantities = (Quantity("damping", "N m s/rad", "effort per speed", 1.0, upper=1e9),)
@@ -41,6 +42,7 @@ class DirectedViscousFriction(JointEffortLaw):
 
     physics = "viscous_friction"
     summary = "friction that grows with speed, by direction"
+    family = "viscous friction"
     variant = f"{EFFORT} by direction"
     linear = ("damping_forwards", "damping_backwards")
     one_sided = True

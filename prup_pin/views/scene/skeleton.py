@@ -118,7 +118,7 @@ def skeleton(pose: ClosedPose) -> Skeleton:
         for end in (loop.first, loop.second):
             points[end.joint].append(position(end))
         closures.append((position(loop.first), position(loop.second), loop.first.joint, loop.second.joint))
-    tool = mechanism.need_tool()
+    tool = mechanism.tip
     points[tool.joint].append(position(tool))
     anchors = _unique(points[0])
     if len(anchors) <= 1 and model.njoints > 1:
@@ -135,7 +135,7 @@ def skeleton(pose: ClosedPose) -> Skeleton:
             if tuple(sorted((_key(hub), _key(corner)))) not in covered and np.linalg.norm(hub - corner) > 1e-9:
                 segments.append(Segment("link", hub, corner, (body, body), model.names[body]))
     ground = anchors if len(anchors) > 1 else np.zeros((1, 3))
-    placed = pose.base_from_tool
+    placed = pose.placement(tool.name)
     return Skeleton(segments, joints, plates, closures, ground, placed, tool.joint, legs)
 
 

@@ -1,0 +1,100 @@
+"""Terms that are fitted together, and their fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ...spatial import Array
+from .columns import EffortCandidate, Gathered
+
+__all__ = ["Chosen", "fit", "saved"]
+
+#: Of a coefficient, as a share of what the data say of it, below which it counts as told by the prior alone.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """Terms that are fitted together: `base` columns stand for what is within tolerance, `terms` for laws."""
+
+    base: tuple[int, ...]
+    terms: tuple[EffortCandidate, ...] = ()
+
+    @property
+    def where(self) -> list[int]:
+        """All its columns, the base's first."""
+        return [*self.base, *(index for term in self.terms for index in range(term.where.start, term.where.stop))]
+
+    def own(self, term: EffortCandidate) -> slice:
+        """Return where a term's coefficients stand among those of all columns."""
+        start = len(self.base)
+        for other in self.terms:
+            if other is term:
+                return slice(start, start + other.size)
+            start += other.size
+        raise ValueError(f"{term.name} is not among the terms")
+
+    def with_term(self, term: EffortCandidate) -> Chosen:
+        """Return the same with one more."""
+        return Chosen(self.base, (*self.terms, term))
+
+    def replaced(self, place: int, term: EffortCandidate) -> Chosen:
+        """Return the same with another term in one place."""
+        return Chosen(self.base, (*self.terms[:place], term, *self.terms[place + 1 :]))
+
+    def without(self, term: EffortCandidate) -> Chosen:
+        """Return the same without one."""
+        return Chosen(self.base, tuple(other for other in self.terms if other is not term))
+
+
+def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> tuple[Array, Array]:
+    """Return coefficients (p,) and their normal matrix (p, p), of all blocks but those `left_out`.
+
+    Coefficients that cannot be negative are not.
+    """
+    where = np.array(chosen.where, int)
+    kept = np.ones(given.columns.count, bool)
+    if left_out is not None:
+        kept[left_out] = False
+    blocks = np.flatnonzero(kept)
+    matrix = given.columns.gram[np.ix_(blocks, where, where)].sum(axis=0) + np.diag(given.prior[where])
+    moment = given.columns.moment[np.ix_(blocks, where)].sum(axis=0)
+    x = _solve(matrix, moment)
+    bounded = np.zeros(len(where), bool)
+    for term in chosen.terms:
+        if term.law.one_sided:
+            bounded[chosen.own(term)] = True
+    if (x[bounded] < 0).any():
+        x = _bounded(matrix, moment, bounded)
+    return x, matrix
+
+
+def _solve(matrix: Array, moment: Array) -> Array:
+    """Return the least solution of a semidefinite system whose columns have any units."""
+    if not len(moment):
+        return np.zeros(0)
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+    kept = values > _ROUNDING * values.max(initial=0.0)
+    return scale * (vectors[:, kept] @ ((vectors[:, kept].T @ (scale * moment)) / values[kept]))
+
+
+def _bounded(matrix: Array, moment: Array, bounded: np.ndarray) -> Array:
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+    kept = values > _ROUNDING * values.max(initial=0.0)
+    root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+    target = (vectors[:, kept].T @ (scale * moment)) / np.sqrt(values[kept])
+    lower = np.where(bounded, 0.0, -np.inf)
+    return scale * lsq_linear(root, target, (lower, np.full(len(moment), np.inf)), method="bvls", tol=1e-12).x
+
+
+def saved(given: Gathered, chosen: Chosen, x: Array) -> Array:
+    """Return what coefficients leave of the squares, block by block (B,)."""
+    where = chosen.where
+    moment = given.columns.moment[:, where]
+    gram = given.columns.gram[:, where][:, :, where]
+    return given.columns.power - 2 * moment @ x + np.einsum("i,bij,j->b", x, gram, x)
