@@ -2,8 +2,8 @@
 
     python scripts/bench_sweep.py [--long]
 
-Every number beside another was measured in turns with it, so that what else the machine does falls on both. `--long`
-streams ten million poses as well.
+Every number beside another was measured in turns with it, in the processor's time, so that what else the machine does
+falls on both. `--long` streams ten million poses as well.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 from _project import ROOT
@@ -58,13 +58,13 @@ MANY = 131_072
 
 
 def in_turns(*jobs: tuple[Callable[[], object], int]) -> list[float]:
-    """Return the least time of each (job, poses) a pose [s], run in turns."""
+    """Return the least processor time of each (job, poses) a pose [s], run in turns."""
     best = [np.inf] * len(jobs)
     for _ in range(ROUNDS):
         for index, (job, poses) in enumerate(jobs):
-            began = perf_counter()
+            began = process_time()
             job()
-            best[index] = min(best[index], (perf_counter() - began) / poses)
+            best[index] = min(best[index], (process_time() - began) / poses)
     return best
 
 

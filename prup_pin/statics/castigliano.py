@@ -45,6 +45,9 @@ class Energies(NamedTuple):
     solved: Callable[[Array, Array], Array] = _least_solution
 
 
+_COMPUTED = Energies()
+
+
 class Statics(NamedTuple):
     """The solved statics of a pose: loads and compliances of all modules, wrench modules and drive modules apart.
 
@@ -104,7 +107,7 @@ class Statics(NamedTuple):
 
 
 def solve_statics(
-    layout: StaticsLayout, pose: ClosedPose, load: Array | None = None, energies: Energies | None = None
+    layout: StaticsLayout, pose: ClosedPose, load: Array | None = None, energies: Energies = _COMPUTED
 ) -> Statics:
     """Return the statics of a pose; with `load` (6,) nonlinear modules are taken at that wrench.
 
@@ -126,7 +129,6 @@ def solve_statics(
         for index, group in layout.varying:
             if fault := group.fault(geometries[index]):
                 raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
-    energies = energies or Energies()
     stress: tuple[Array, Array] | None = None
     if pose.balance.self_stress.shape[-1]:
         # Forces that cancel between closures leave in the modules what the drawing of frames and rounding leave; it
