@@ -91,7 +91,7 @@ def test_all_three_commands_take_the_same_question(run):
         (["--wrench", "fx=1", "--scale", "nan"], ["scale"]),
         (["3prp"], ["'3prup'"]),
         (["ur5", "--wrench", "fx=1"], ["--joint-stiffness"]),
-        (["z1", "--joint-stiffness", "1"], ["--tool"]),
+        (["allegro_left_hand", "--joint-stiffness", "1"], ["--tool"]),
     ],
 )
 def test_errors_are_one_message_and_no_file(run, tmp_path, command, arguments, words):
