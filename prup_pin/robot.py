@@ -223,11 +223,10 @@ class Robot:
         and buckling; `direction` (3,) in base axes, or "tool z"; `length` [m] makes rotations arcs where they are
         weighed against translations, else the characteristic length.
         `compiled` runs the same equations as machine code (extra: compiled), which pays from some ten thousand poses
-        on. An `executor` of concurrent.futures solves parts anywhere; the bits are the same. `out` streams
-        everything to a Parquet table, for more poses than memory holds; the same call goes on where it was interrupted
-        (extra: tables). `progress(done, poses)` is
-        called now and then. Raises InputError for what cannot be meant; a pose that fails gets a status, never an
-        error.
+        on; without it numpy runs them from 5,000 poses on. An `executor` of concurrent.futures solves parts anywhere;
+        the bits are the same. `out` streams everything to a Parquet table, for more poses than memory holds; the same
+        call goes on where it was interrupted (extra: tables). `progress(done, poses)` is called now and then. Raises
+        InputError for what cannot be meant; a pose that fails gets a status, never an error.
         """
         return sweep(
             self.mechanism,
