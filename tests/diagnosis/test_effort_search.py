@@ -1,0 +1,71 @@
+"""A search for laws of efforts: what is left beside many fits, combinations of masses, several links at once."""
+
+import numpy as np
+import pytest
+
+from prup_pin import load
+from prup_pin.diagnosis.efforts.beside import Beside
+from prup_pin.diagnosis.efforts.combinations import Combinations
+from prup_pin.diagnosis.efforts.gather import Efforts
+from prup_pin.dynamics import InMotion, motion_of
+from tests.diagnosis.test_efforts import AXIS, axis
+
+
+@pytest.fixture(scope="module")
+def given():
+    robot = load(AXIS)
+    recording = axis(damping=200.0, limit=20.0)
+    at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
+    efforts = Efforts(at, {"mass": 0.05}, None)
+    return efforts.gathered(), efforts.start()
+
+
+def named(given, physics):
+    return next(candidate for candidate in given.candidates if candidate.law.physics == physics)
+
+
+def test_one_term_more_is_what_a_fit_with_it_leaves(given):
+    given, start = given
+    chosen = start.with_term(named(given, "viscous_friction"))
+    more = [named(given, word) for word in ("coulomb_friction", "effort_offset", "stribeck_friction")]
+    for term, left in zip(more, Beside(given, chosen).with_each(more), strict=True):
+        assert left == pytest.approx(Beside(given, chosen.with_term(term)).left, rel=1e-5)
+
+
+def test_one_term_less_is_what_a_fit_without_it_leaves(given):
+    given, start = given
+    chosen = start
+    for word in ("viscous_friction", "coulomb_friction", "effort_offset"):
+        chosen = chosen.with_term(named(given, word))
+    for term, left in zip(chosen.terms, Beside(given, chosen).without_each(chosen.terms), strict=True):
+        assert left == pytest.approx(Beside(given, chosen.without(term)).left, rel=1e-6)
+
+
+def test_what_is_left_by_joint_is_all_that_is_left(given):
+    given, start = given
+    beside = Beside(given, start.with_term(named(given, "viscous_friction")))
+    assert beside.by_joint.sum() == pytest.approx(beside.left.sum(), rel=1e-9)
+
+
+def test_columns_that_are_picked_keep_their_products(given):
+    given, _ = given
+    columns = given.columns
+    other = [0, 3, 2]
+    gram, moment = columns.gram[:, other][:, :, other].copy(), columns.moment[:, other].copy()
+    left = columns.residual(other, np.array([1.0, -2.0, 0.5]))
+    columns.pick(other)
+    assert np.array_equal(columns.gram, gram)
+    assert np.array_equal(columns.moment, moment)
+    assert columns.residual(range(3), np.array([1.0, -2.0, 0.5])) == pytest.approx(left, abs=1e-12)
+
+
+def test_combinations_say_all_that_a_motion_tells():
+    rng = np.random.default_rng(2)
+    base = rng.normal(size=(50, 3))
+    regressor = np.column_stack([base[:, 0], np.zeros(50), base[:, 1], 2 * base[:, 0] - 0.5 * base[:, 2], base[:, 2]])
+    told = Combinations.of(regressor, ["a.mass", "a.mx", "b.mass", "b.mx", "b.my"])
+    x = rng.normal(size=5)
+    assert len(told.names) == 3
+    assert regressor[:, told.leads] @ (told.matrix @ x) == pytest.approx(regressor @ x, abs=1e-9)
+    assert told.silent == ("a.mx",)
+    assert "b.mx + 0.5 a.mass" in told.names
