@@ -9,7 +9,7 @@ block of time.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -301,12 +301,17 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Everything that competes, with its columns."""
+    """Everything that competes, with its columns.
+
+    `prior` (P,): inverse variances of the coefficients, in the unit of the whitened noise; `links`: the links whose
+    tolerances some columns are.
+    """
 
     mechanism: Mechanism
     columns: Columns
     candidates: tuple[EffortCandidate, ...]
-    prior: Array  # (P,) inverse variances of the coefficients, in the unit of the whitened noise
+    prior: Array
+    links: Mapping[int, str] = field(default_factory=dict)
 
     def only(self, candidates: Sequence[EffortCandidate]) -> Gathered:
         """Return the same columns with some candidates alone."""

@@ -119,7 +119,7 @@ class Efforts:
         everything = Chosen(tuple(range(given.columns.size)))
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         scale = np.diag(given.columns.gram.sum(axis=0))
-        eased = Gathered(self.at.mechanism, given.columns, given.candidates, given.prior + 1e-6 * scale)
+        eased = self._given(given.columns, given.candidates, given.prior + 1e-6 * scale)
         x, _ = fit(eased, everything)
         residual = given.columns.residual(everything.where, x) / flat[:, 0]
         orders = (0 if self.at.motion.standing else AR_ORDER, 0)
@@ -186,7 +186,7 @@ class Efforts:
         )
         new, _ = self._beside(given.columns, self.whitening, curves)
         prior = np.concatenate((given.prior, np.zeros(given.columns.size - len(given.prior))))
-        return Gathered(self.at.mechanism, given.columns, (*given.candidates, *new), prior), new
+        return self._given(given.columns, (*given.candidates, *new), prior), new
 
     def _beside(
         self,
@@ -291,7 +291,11 @@ class Efforts:
             place = law.places(self.at.mechanism)[0]
             candidates.append(EffortCandidate(law, place, {}, slice(links[0].where.start, links[-1].where.stop)))
         self._own_size = columns.size
-        return Gathered(self.at.mechanism, columns, tuple(candidates), np.array(prior))
+        return self._given(columns, tuple(candidates), np.array(prior))
+
+    def _given(self, columns: Columns, candidates: Sequence[EffortCandidate], prior: Array) -> Gathered:
+        links = {index: base.place for index, base in enumerate(self.bases) if base.inertial is not None}
+        return Gathered(self.at.mechanism, columns, tuple(candidates), prior, links)
 
     def renewed(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
         """Return the columns with those that depend on what is known made anew; chosen ones stay, side by side."""
@@ -307,7 +311,7 @@ class Efforts:
         fixed = [c for c in given.candidates if c.where.start < self._own_size]
         kept = [term for term in terms if term.where.start >= self._own_size]
         prior = list(given.prior[picked])
-        x, _ = fit(Gathered(self.at.mechanism, columns, (), np.array(prior)), chosen)
+        x, _ = fit(self._given(columns, (), np.array(prior)), chosen)
         at = self._knowing(*self._known(chosen, x))
         moving = (
             (law, place, values, self.seen(law.efforts_per(place, values, at)))
@@ -316,7 +320,7 @@ class Efforts:
         )
         new, more = self._beside(columns, self.whitening, moving)
         prior += more
-        return Gathered(self.at.mechanism, columns, (*fixed, *kept, *new), np.array(prior)), chosen
+        return self._given(columns, (*fixed, *kept, *new), np.array(prior)), chosen
 
     def closer(self, given: Gathered, chosen: Chosen, which: Sequence[int]) -> tuple[Gathered, Chosen]:
         """Return what is chosen with scanned values where the blocks ask for them, and the columns that this takes.
@@ -343,7 +347,7 @@ class Efforts:
             tried = [
                 EffortCandidate(term.law, term.place, other, own) for own, other in zip(places, others, strict=True)
             ]
-            wider = Gathered(self.at.mechanism, columns, (*given.candidates, *tried), np.array(prior))
+            wider = self._given(columns, (*given.candidates, *tried), np.array(prior))
             left = Beside(wider, best.without(term)).with_each([term, *tried]).sum(axis=1)
             taken = int(np.argmin(left))
             if taken == 0 or not left[taken] < left[0]:
@@ -353,7 +357,7 @@ class Efforts:
             # only what was taken stays
             end = tried[taken - 1].where.stop
             columns.cut(end)
-            given = Gathered(self.at.mechanism, columns, given.candidates, np.array(prior)[:end])
+            given = self._given(columns, given.candidates, np.array(prior)[:end])
         return given, best
 
     def start(self) -> Chosen:

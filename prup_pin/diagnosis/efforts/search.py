@@ -23,6 +23,7 @@ from ..criteria import (
     EFFORT_STALE,
     EFFORT_SURE,
     MOST_EFFORT_TERMS,
+    beyond_tolerance,
 )
 from .beside import Beside
 from .chosen import Chosen, fit
@@ -261,14 +262,23 @@ def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
     Several that are not as drawn say that the robot is another one than was drawn: the others are not to be taken on
     trust then. What this motion hardly tells of them another one may ask for.
     """
-    several = {term.place.name for term in chosen.terms if term.law.family == "link"}
     every = next((c for c in given.candidates if isinstance(c.law, AllLinks)), None)
-    if len(several) < 2 or every is None:
+    if every is None or every in chosen.terms or len(_others(given, chosen)) < 2:
         return chosen
     tried = Chosen(chosen.base, (*(term for term in chosen.terms if not _replaces(every, term)), every))
     apart = Beside(given, tried).left - Beside(given, chosen).left
     error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
     return tried if float(apart.sum()) < EFFORT_SURE * error else chosen
+
+
+def _others(given: Gathered, chosen: Chosen) -> set[str]:
+    """Return the links that are not as drawn: by a law, or beyond their tolerance."""
+    x, _ = fit(given, chosen)
+    limit = beyond_tolerance(len(chosen.base))
+    beyond = {
+        given.links[i] for i, amount in zip(chosen.base, x, strict=False) if i in given.links and abs(amount) > limit
+    }
+    return beyond | {term.place.name for term in chosen.terms if term.law.family == "link"}
 
 
 def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
@@ -282,7 +292,8 @@ def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
     best = int(np.argmin(apart.sum(axis=1)))
     error = float(np.std(apart[best], ddof=1) * np.sqrt(len(left)))
     if float(apart[best].sum()) < max(EFFORT_SURE * error, EFFORT_GAIN * float(left.sum())):
-        return rest.with_term(single[best])
+        one = rest.with_term(single[best])
+        return chosen if len(_others(given, one)) > 1 else one
     return chosen
 
 
