@@ -24,6 +24,7 @@ _LADDERS: dict[str, tuple[tuple[str, float], ...]] = {
     "rad/(N m)": (("mrad/(N m)", 1e3), ("µrad/(N m)", 1e6), ("nrad/(N m)", 1e9)),
     "N": (("MN", 1e-6), ("kN", 1e-3), ("N", 1.0)),
     "N m": (("MN m", 1e-6), ("kN m", 1e-3), ("N m", 1.0)),
+    "Pa": (("GPa", 1e-9), ("MPa", 1e-6), ("Pa", 1.0)),
     "N/m": (("N/µm", 1e-6), ("N/mm", 1e-3), ("N/m", 1.0)),
     "N m/rad": (("N m/mrad", 1e-3), ("N m/rad", 1.0)),
 }

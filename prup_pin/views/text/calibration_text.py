@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...diagnosis.calibration import Calibration
-from ...numbers import number
+from ...numbers import number, readable_unit
 from ...recordings import Recording
 from ...robot import Robot
 from .terminal import heading, lines_of, listed, make_table, paragraph, print_table
@@ -41,10 +41,10 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     known = [item for item in found.parameters if item.learned > _UNSEEN]
     for place, item in enumerate(known):
         if place < _SHOWN or abs(item.x) > _FAR:
-            unit = "" if item.deviation.unit == "1" else item.deviation.unit
+            unit, factor = readable_unit(max(abs(item.value), item.sd), item.deviation.unit)
             table.add_row(
                 item.name,
-                f"{number(item.value, 5)} ± {number(item.sd, 2)}",
+                f"{number(factor * item.value, 5)} ± {number(factor * item.sd, 2)}",
                 unit,
                 f"{item.x:+.2f}",
                 f"{number(100 * item.share, 3)} %",

@@ -25,6 +25,8 @@ __all__ = [
     "print_table",
 ]
 
+#: No unit is longer; what is stays whole.
+_UNIT = 12
 #: Wider than any table.
 _UNBOUNDED = 10_000
 
@@ -177,7 +179,8 @@ def _narrow(out: Console, table: Table, excess: int) -> None:
         texts = [column.header, *column.cells]
         spans = [Measurement.get(out, unbounded, text) for text in texts]
         column.width = max(span.maximum for span in spans)
-        column.min_width = max(span.minimum for span in spans)
+        # a column of units is as narrow as can be
+        column.min_width = max(span.minimum for span in spans) if column.width > _UNIT else column.width
     while excess > 0:
         loose = [c for c in table.columns if c.justify == "left" and (c.width or 0) > (c.min_width or 0)]
         if not loose:
