@@ -233,6 +233,9 @@ MOST_PARAMETERS_TOLD: Final = 2
 WEIGHED_POSES: Final = 12
 WEIGHED_LOADS: Final = 8
 PLANNED_POSES: Final = 4
+#: Difference in chi squared beyond which more would not make a pair of explanations any clearer: so many INDISTINCT
+#: leave one of them indistinct once in three hundred.
+CERTAIN: Final = 4 * INDISTINCT
 #: Poses may lie outside the recorded ones by this share of their span, or by this much where they hardly vary [m, rad].
 WIDER: Final = 0.25
 LEAST_WIDER: Final = 0.02

@@ -17,6 +17,7 @@ from ..simulation import Run, Simulator
 from ..spatial import WRENCH_NAMES, Array
 from .compete import Selection
 from .criteria import (
+    CERTAIN,
     INDISTINCT,
     LEAST_FORCE,
     LEAST_MOMENT,
@@ -35,12 +36,17 @@ __all__ = ["next_experiment"]
 
 #: Shares of a planned load, one sample each.
 CYCLE = (0, 0.5, 1, 0.5, 0, -0.5, -1, -0.5, 0)
+#: What decides between poses where every pair has enough.
+_LITTLE = 1e-6
 #: Pairs that the reason lists.
 MOST_LISTED = 3
 
 
 def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
-    """Return a test plan whose samples differ most between the explanations that are left, with the reason."""
+    """Return a test plan whose samples differ most between the explanations that are left, with the reason.
+
+    Where explanations were compared, `separates` and `cannot_separate` list them in pairs.
+    """
     pairs = _pairs(selection)
     plan: dict[str, Any] = {"robot": robot.name}
     inputs = problem.simulator.inputs
@@ -62,7 +68,7 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     trial = _inputs(positions, [loads] * len(positions), gravity)
     simulator = Simulator(robot, trial)
     usable = [term for pair in pairs for term in pair if set(term.candidate.law.needs) <= {"gravity"}]
-    value = np.zeros(count)
+    told: dict[str, list[dict[str, Any]]] = {}
     why = "the largest deflections, where anything left out shows most"
     run = simulator.run()
     seen = [channel for channel in problem.stack.poses if channel.exists.any()] or problem.stack.poses[:1]
@@ -72,21 +78,20 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     noise[unmeasured] = np.inf
     separates = bool(pairs) and len(usable) == 2 * len(pairs)
     if separates:
-        for one, other in pairs:
-            both = [influence.change(simulator.setup([term.effect])) for term in (one, other)]
-            value[run.samples] += (((both[0] - both[1]) / noise) ** 2).sum(axis=1)
+        changes = [[influence.change(simulator.setup([term.effect])) for term in pair] for pair in pairs]
+        differences = [one - other for one, other in changes]
     else:
-        moved = (influence.compliance @ trial.wrench[run.samples][..., None])[..., 0] / noise
-        value[run.samples] = (moved**2).sum(axis=1)
-    per_pose = value.reshape(len(positions), len(loads))
-    best = np.argsort(-per_pose.max(axis=1))[:PLANNED_POSES]
-    chosen = [(positions[i], loads[int(np.argmax(per_pose[i]))]) for i in best]
+        differences = [(influence.compliance @ trial.wrench[run.samples][..., None])[..., 0]]
+    value = np.zeros((len(differences), count))
+    value[:, run.samples] = [((difference / noise) ** 2).sum(axis=1) for difference in differences]
+    picked = _picked(value.reshape(-1, len(positions), len(loads)), CERTAIN if separates else np.inf)
+    chosen = [(positions[pose], loads[load]) for pose, load in picked]
     if separates:
         planned = _inputs([at for at, _ in chosen], [np.outer(CYCLE, load) for _, load in chosen], gravity)
         frames = [channel.frame for channel in seen]
         why, told = _told_apart(Simulator(robot, planned), problem, selection.last, pairs, noise, frames)
-        if not told:
-            return {"why": why, "plan": {}}
+        if not told["separates"]:
+            return {"why": why, "plan": {}, **told}
     names = robot.mechanism.actuated
     plan["poses"] = [
         {"actuators": {name: round(float(q), 6) for name, q in zip(names, at, strict=True)}} for at, _ in chosen
@@ -103,7 +108,26 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
         plan["markers"] = markers
     if gravity is not None:
         plan["gravity"] = gravity.tolist()
-    return {"why": why, "plan": plan}
+    return {"why": why, "plan": plan, **told}
+
+
+def _picked(value: Array, enough: float) -> list[tuple[int, int]]:
+    """Return places (pose, load) of a plan by what a full load there is worth to each pair, (pairs, poses, loads).
+
+    One after the other, each where it adds most: more than `enough` for a pair is worth nothing, so that every pair
+    gets its pose before one is told apart twice over.
+    """
+    value = np.nan_to_num(value) * float(np.square(CYCLE).sum())
+    have = np.zeros((len(value), 1, 1))
+    picked: list[tuple[int, int]] = []
+    for _ in range(min(PLANNED_POSES, value.shape[1])):
+        gain = (np.minimum(have + value, enough) - np.minimum(have, enough)).sum(axis=0)
+        gain += _LITTLE * value.sum(axis=0)
+        gain[[pose for pose, _ in picked]] = -np.inf
+        pose, load = (int(place) for place in np.unravel_index(np.argmax(gain), gain.shape))
+        picked.append((pose, load))
+        have += value[:, pose, load, None, None]
+    return picked
 
 
 def _inputs(positions: Sequence[Array], loads: Sequence[Array], gravity: Array | None) -> Inputs:
@@ -125,8 +149,8 @@ def _told_apart(
     pairs: Sequence[tuple[Term, Term]],
     noise: Array,
     frames: Sequence[Frame],
-) -> tuple[str, bool]:
-    """Return what a plan would tell apart, and whether it tells anything: it is simulated.
+) -> tuple[str, dict[str, list[dict[str, Any]]]]:
+    """Return what a plan would tell apart, in words and pair by pair: it is simulated.
 
     noise (K,) of the columns that `frames` are measured in.
     """
@@ -141,22 +165,31 @@ def _told_apart(
             known[key] = simulator.run([*base, *kept, term.effect])
         return known[key]
 
-    apart, alike = [], []
+    apart: list[str] = []
+    alike: list[str] = []
+    told: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": []}
     for one, other in pairs:
         rival = run(other, one)
         measured = Stack(tuple(PoseChannel.of_run(rival, frame) for frame in frames))
         difference = measured.residual(run(one, one)) / noise
         size = float((difference**2).sum())
         text = f"{_words(one)} against {_words(other)}"
+        largest = float(np.sqrt((difference**2).sum(axis=1).max()))
+        pair = {"one": _named(one), "other": _named(other), "times_noise": largest}
         if size < INDISTINCT:
+            told["cannot_separate"].append(pair)
             alike.append(text)
         else:
-            largest = float(np.sqrt((difference**2).sum(axis=1).max()))
+            told["separates"].append(pair)
             apart.append(f"{text} (by {number(largest, 2)} times the noise)")
     same = f"no pose and load within reach tells apart: {'; '.join(alike[:MOST_LISTED])}"
     if not apart:
-        return same, False
-    return f"separates {'; '.join(apart[:MOST_LISTED])}" + (f". But {same}" if alike else ""), True
+        return same, told
+    return f"separates {'; '.join(apart[:MOST_LISTED])}" + (f". But {same}" if alike else ""), told
+
+
+def _named(term: Term) -> dict[str, str]:
+    return {"physics": term.candidate.law.physics, "location": term.candidate.place.name}
 
 
 def _words(term: Term) -> str:
