@@ -29,6 +29,21 @@ PLAIN = "3prup, plain"
 KINDS = (PLAIN, *scattered.KINDS)
 #: Poses of the first recording: few enough to leave classes.
 POSES = 6
+HEAD = """# Concealed trials of the experiment loop
+
+A device of one effect is recorded in six poses, few enough that verdicts leave classes: several places that would
+explain the recording as well as the true one. Where a verdict leaves one, the plan that it proposes
+(`next_experiment`) is carried out by the device's own simulator (`tests/reference/concealed/`), with its noise, and
+both recordings are diagnosed together. Effects of 4 to 40 times the noise, in turn; the answer is opened only to score.
+
+- *The true place alone*: the class of the second verdict holds it and no other.
+- *No pose can tell*: what is left beside it is one and the same at the tool, and the verdict says so: the plan for it
+  was simulated, and differs by less than the noise. Play in a nut or in its screw is an example.
+- *A smaller class*, *the same class*: another experiment is proposed. *The true place lost*: it is in no class.
+
+`{command}` makes this page again.
+
+"""
 #: What always acts, or stands beside whatever was found: no place.
 BESIDE = ("finite_deflection", "self_weight")
 #: How a loop may end, and which of these are what was asked for.

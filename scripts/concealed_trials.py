@@ -2,6 +2,7 @@
 
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
         [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0] [--markers 0]
+        [--loop 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
     python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40
     python scripts/concealed_trials.py --score DIR
@@ -12,8 +13,10 @@ recording alone; the answer is opened only to score. Finished trials are kept in
 on. `--scattered` draws so many devices of each robot whose parameters are all a little off (OUT/scattered.jsonl);
 `--today` lets plain least squares and stepwise regression answer beside. `--efforts` draws so many robots in motion in
 all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl), `--markers` so many arms under their own
-weight that a camera sees (OUT/markers.jsonl). `--docs` writes the summaries into docs/concealed_trials.md,
-docs/scattered_trials.md, docs/effort_trials.md and docs/marker_trials.md.
+weight that a camera sees (OUT/markers.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so many
+of each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes
+(OUT/loop.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
+docs/effort_trials.md, docs/marker_trials.md and docs/loop_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -38,6 +41,7 @@ from functools import partial
 from pathlib import Path
 
 import _efforts
+import _loop
 import _markers
 import _motion
 import numpy as np
@@ -366,6 +370,7 @@ def main() -> None:
     parser.add_argument("--robot", action="append", choices=list(KINDS), help="of these robots; default: all")
     parser.add_argument("--efforts", type=int, default=0, help="robots in motion, seen by their efforts")
     parser.add_argument("--markers", type=int, default=0, help="arms under their own weight, seen by markers")
+    parser.add_argument("--loop", type=int, default=0, help="devices whose next experiment is carried out")
     parser.add_argument("--today", action="store_true", help="what people do today, beside, on scattered devices")
     parser.add_argument("--first-seed", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
@@ -422,6 +427,15 @@ def main() -> None:
             print("\n" + text)
             page = f"{name.removesuffix('s')}_trials.md"
             pages[page] = kind.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
+    if options.loop:
+        loops = [(kind, first + index) for kind in options.robot or [_loop.PLAIN] for index in range(options.loop)]
+        jobs = {(kind, seed): (_loop.trial, seed, kind) for kind, seed in loops}
+        done = run(jobs, options.out / "loop.jsonl", options.workers, _loop.told)
+        command = f"python scripts/concealed_trials.py --count 0 --loop {options.loop}"
+        command += "".join(f" --robot {name}" for name in options.robot or ())
+        text = counted(partial(_loop.summary, share=wilson), done, jobs)
+        print("\n" + text)
+        pages["loop_trials.md"] = _loop.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
     if options.docs:
         for name, text in pages.items():
             (ROOT / "docs" / name).write_text(text, encoding="utf-8")
