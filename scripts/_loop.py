@@ -171,14 +171,15 @@ def _end(one: Diagnosis, both: Diagnosis, given: Drawn) -> str:
 
 
 def _open(found: Diagnosis, places: Sequence[str]) -> set[str]:
-    """Return the places of a class that another experiment would tell from the true one."""
-    apart, alike = (
-        {pair["other"]["location"] for pair in found.next_experiment.get(key, ())}
-        for key in ("separates", "cannot_separate")
-    )
-    if not apart and not alike:  # nothing was compared: nothing is proved
-        return set(places[1:])
-    return apart.intersection(places) - alike
+    """Return the places of a class that are not proved to be one and the same as the true one, the first."""
+    pairs = [
+        {pair["one"]["location"], pair["other"]["location"]}
+        for pair in found.next_experiment.get("cannot_separate", ())
+    ]
+    same = set(places[:1])
+    for _ in pairs:
+        same.update(*(pair for pair in pairs if pair & same))
+    return set(places) - same
 
 
 def told(result: Mapping[str, Any]) -> str:

@@ -45,8 +45,20 @@ MOST_LISTED = 3
 def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
     """Return a test plan whose samples differ most between the explanations that are left, with the reason.
 
-    Where explanations were compared, `separates` and `cannot_separate` list them in pairs.
+    Where explanations were compared, `separates` and `cannot_separate` list them in pairs; the latter also parts of the
+    robot to which one and the same effect can be ascribed.
     """
+    proposed = _proposed(robot, problem, selection)
+    same = [
+        {"one": _named(term), "other": {**_named(term), "location": place}, "times_noise": 0.0}
+        for term in selection.last.terms
+        for place in term.candidate.law.same_places(term.candidate.place, robot.mechanism)
+        if place != term.candidate.place.name
+    ]
+    return {**proposed, "cannot_separate": [*proposed.get("cannot_separate", ()), *same]} if same else proposed
+
+
+def _proposed(robot: Robot, problem: Problem, selection: Selection) -> dict[str, Any]:
     pairs = _pairs(selection)
     plan: dict[str, Any] = {"robot": robot.name}
     inputs = problem.simulator.inputs

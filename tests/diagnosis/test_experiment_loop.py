@@ -37,7 +37,9 @@ def test_the_second_recording_leaves_fewer_places_and_names_the_true_one(tmp_pat
     assert proposed["why"].startswith("separates stiffness changed at ")
     (tmp_path / "next.json").write_text(json.dumps(proposed["plan"]))
     second = recorded(robot, read_plan(tmp_path / "next.json"), fault, 2)
-    (both,) = diagnose(robot, [first, second]).findings
+    found = diagnose(robot, [first, second]).findings
+    # poses that tell places apart may be those that give way most
+    (both,) = [finding for finding in found if finding.physics != "finite_deflection"]
     assert (both.physics, both.location) == ("stiffness_changed", "leg1/R_theta_P")
     assert set(both.candidates) <= {"leg1/R_theta_P", "leg1/moving_star_branch"}
 
@@ -53,3 +55,6 @@ def test_what_is_one_and_the_same_is_not_promised_to_be_told_apart():
         "no pose and load within reach tells apart: backlash at leg2/ball_nut against backlash at leg2/"
     )
     assert found.next_experiment["plan"] == {}
+    assert found.next_experiment["separates"] == []
+    alike = [pair["other"] for pair in found.next_experiment["cannot_separate"]]
+    assert {"physics": "backlash", "location": "leg2/ball_screw"} in alike
