@@ -14,7 +14,7 @@ from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...laws.efforts.all_links import AllLinks
 from ...laws.efforts.effort_sensor import EffortGain, EffortOffset
 from ...laws.efforts.encoder import OffsetEncoder
-from ...laws.efforts.free_curve import VARIABLES, FreeCurve
+from ...laws.efforts.free_curve import CURVES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_TOLD
@@ -180,12 +180,17 @@ class Efforts:
             return given, there
         curves: Iterable[_Seen] = (
             (law, place, {}, self.seen(law.efforts_per(place, {}, self.at)))
-            for law in map(FreeCurve, VARIABLES)
+            for law in CURVES
             for place in law.places(self.at.mechanism)
-            if law.acts(place, self.at) and not (law.variable in ("speed", "time") and self.at.motion.standing)
+            if law.acts(place, self.at)
+            and not ((law.friction or law.variable in ("speed", "time")) and self.at.motion.standing)
         )
         new, _ = self._beside(given.columns, self.whitening, curves)
+        # where a block has a stretch of the way for itself, its knots are told by no other: they stay near nothing
         prior = np.concatenate((given.prior, np.zeros(given.columns.size - len(given.prior))))
+        sizes = np.sqrt(np.nanmean(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan) ** 2, axis=0))
+        for curve in new:
+            prior[curve.where] = 1 / max(sizes[self.at.driven.index(curve.place.name)], np.finfo(float).tiny) ** 2
         return self._given(given.columns, (*given.candidates, *new), prior), new
 
     def _beside(

@@ -14,7 +14,7 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw, usual_way
 
-__all__ = ["VARIABLES", "FreeCurve", "variable_of"]
+__all__ = ["CURVES", "VARIABLES", "FreeCurve", "variable_of"]
 
 #: What an effort may follow, and the SI unit of a turning and of a sliding joint.
 VARIABLES = {
@@ -23,7 +23,8 @@ VARIABLES = {
     "load": ("N m", "N"),
     "time": ("s", "s"),
 }
-_KNOTS = 9
+#: Knots of a curve, and of one of friction along the way: a rail that pinches does so in places.
+_KNOTS, _FINE = 9, 25
 
 
 def variable_of(at: InMotion, joint: str, variable: str) -> Array:
@@ -41,10 +42,12 @@ def variable_of(at: InMotion, joint: str, variable: str) -> Array:
 class FreeCurve(EffortLaw):
     """An effort at one joint that follows its speed, position, load or time by a curve through free knots.
 
-    Once as it is and once turning round with the motion, so that friction of any kind is among it.
+    Once as it is and once turning round with the motion, so that friction of any kind is among it; or as friction alone,
+    through more knots.
     """
 
     variable: str
+    friction: bool = False
     physics: ClassVar[str] = "unknown"
     summary: ClassVar[str] = "an effort that no law of the library gives"
     quantities = ()
@@ -53,12 +56,17 @@ class FreeCurve(EffortLaw):
     @property
     def variant(self) -> str:  # type: ignore[override]
         """The aspect of its places."""
-        return f"effort against {self.variable}"
+        return f"{self.word} against {self.variable}"
+
+    @property
+    def word(self) -> str:
+        """What follows the variable."""
+        return "friction" if self.friction else "effort"
 
     @property
     def linear(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names of its knots."""
-        return tuple(f"knot {index}" for index in range(2 * _KNOTS))
+        return tuple(f"knot {index}" for index in range(_FINE if self.friction else 2 * _KNOTS))
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.variant) for name in mechanism.actuated]
@@ -68,17 +76,22 @@ class FreeCurve(EffortLaw):
 
     def knots(self, place: Place, at: InMotion) -> Array:
         """Return where its knots stand: as many samples between any two of them."""
-        return np.unique(np.quantile(variable_of(at, place.name, self.variable), np.linspace(0, 1, _KNOTS)))
+        count = _FINE if self.friction else _KNOTS
+        return np.unique(np.quantile(variable_of(at, place.name, self.variable), np.linspace(0, 1, count)))
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         x, knots = variable_of(at, place.name, self.variable), self.knots(place, at)
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
-        both = np.concatenate((hats, hats * turning[:, None]), axis=1)
+        both = np.concatenate(([] if self.friction else [hats]) + [hats * turning[:, None]], axis=1)
         return np.stack([at.along(place.name, column) for column in both.T], axis=-1)
 
     def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
         return {}  # a shape, no parameters; where positions repeat it has fewer knots
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the effort at {place.name} follows the joint's {self.variable} by no law known here"
+        return f"the {self.word} at {place.name} follows the joint's {self.variable} by no law known here"
+
+
+#: All curves that are tried.
+CURVES = (*map(FreeCurve, VARIABLES), FreeCurve("position", friction=True))
