@@ -26,7 +26,7 @@ def device(folder, seed, robot, effects, multiple=(6.0, 20.0)):
     return read_recording(folder / "it.csv"), read_recording(folder / "it.heldout.csv")
 
 
-def axis(n=6000, *, damping=0.0, limit=0.0, drag=0.0, noise=0.5, seed=1):
+def axis(n=6000, *, damping=0.0, limit=0.0, drag=0.0, pinch=0.0, noise=0.5, seed=1):
     """Return a recording of the ball-screw axis at 250 Hz whose efforts are known."""
     rng = np.random.default_rng(seed)
     time = np.arange(n) * 0.004
@@ -37,6 +37,7 @@ def axis(n=6000, *, damping=0.0, limit=0.0, drag=0.0, noise=0.5, seed=1):
     for row in range(1, n):
         coloured[row] = 0.9 * coloured[row - 1] + rng.normal() * noise * np.sqrt(1 - 0.81)
     tau = 95 * a + damping * v + limit * np.sign(v) + drag * v * np.abs(v) + coloured
+    tau += pinch * np.sign(v) * (1 + np.sin(2 * np.pi * q / 0.12))
     q = np.round((q + 1e-8 * rng.normal(size=n)) * 1e7) / 1e7
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
 
@@ -75,6 +76,14 @@ def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
     assert named(found) == {("unknown", "carriage")}
     curve = next(curve for curve in found.efforts.curves if curve.joint == "carriage")
     assert curve.y == pytest.approx(2500.0 * curve.x * np.abs(curve.x), abs=1.5)
+
+
+def test_a_rail_that_pinches_in_places_is_no_coulomb_friction(carriage):
+    found = diagnose(carriage, axis(pinch=5.0))
+    assert found.verdict == "unexplained"
+    assert named(found) == {("unknown", "carriage")}
+    assert "friction that follows the joint's position" in found.findings[0].statement
+    assert found.findings[0].heldout_gain > 0.5
 
 
 def test_the_same_recording_gives_the_same_verdict_whatever_was_asked_before(carriage):

@@ -38,6 +38,8 @@ __all__ = ["Base", "Efforts"]
 
 #: A law at a place, what is scanned, and its columns.
 _Seen = tuple[EffortLaw, Place, Mapping[str, float], ByJoint]
+#: Curves that stand for what no law explains when noise is told from it.
+_ROUGH = tuple(curve for curve in CURVES if curve.friction)
 #: Samples whose regressors are multiplied at a time.
 _AT_ONCE = 4096
 
@@ -115,7 +117,8 @@ class Efforts:
         flat = np.zeros((self.measured.shape[1], 1))
         spread = np.nanstd(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan), axis=0)
         flat[:, 0] = 1 / np.where(spread > 0, spread, 1.0)
-        given = self._gathered(Whitening(flat, usable(self.good, self.piece, 0)))
+        plain = Whitening(flat, usable(self.good, self.piece, 0))
+        given, _ = self.with_curves(self._gathered(plain), plain, _ROUGH)
         everything = Chosen(tuple(range(given.columns.size)))
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         scale = np.diag(given.columns.gram.sum(axis=0))
@@ -173,19 +176,21 @@ class Efforts:
         given = self._gathered(self.whitening)
         return self.renewed(given, Chosen(()))[0]
 
-    def with_curves(self, given: Gathered) -> tuple[Gathered, list[EffortCandidate]]:
+    def with_curves(
+        self, given: Gathered, whitening: Whitening | None = None, tried: Sequence[FreeCurve] = CURVES
+    ) -> tuple[Gathered, list[EffortCandidate]]:
         """Return the columns with those of curves of no law beside them, and these."""
         there = [candidate for candidate in given.candidates if isinstance(candidate.law, FreeCurve)]
         if there:
             return given, there
         curves: Iterable[_Seen] = (
             (law, place, {}, self.seen(law.efforts_per(place, {}, self.at)))
-            for law in CURVES
+            for law in tried
             for place in law.places(self.at.mechanism)
             if law.acts(place, self.at)
             and not ((law.friction or law.variable in ("speed", "time")) and self.at.motion.standing)
         )
-        new, _ = self._beside(given.columns, self.whitening, curves)
+        new, _ = self._beside(given.columns, whitening or self.whitening, curves)
         # where a block has a stretch of the way for itself, its knots are told by no other: they stay near nothing
         prior = np.concatenate((given.prior, np.zeros(given.columns.size - len(given.prior))))
         sizes = np.sqrt(np.nanmean(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan) ** 2, axis=0))

@@ -501,9 +501,9 @@ class _Verdict:
         share = float(np.clip(1 - whole.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0))
         return _plain_unknown(
             term.place.name,
-            f"structure is left over at {term.place.name} that no law of the library takes away; {_with_article(law.word)} that "
-            f"follows the joint's {law.variable} by a curve of its own would take away {100 * share:.0f} % of "
-            "what is left",
+            f"structure is left over at {term.place.name} that no law of the library takes away; "
+            f"{'friction' if law.friction else 'an effort'} that follows the joint's {law.variable} by a curve of its "
+            f"own would take away {100 * share:.0f} % of what is left",
             share,
         )
 
@@ -653,10 +653,6 @@ def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> Effort
         return None
     here = [curve for curve in efforts.curves if curve.joint == finding.location]
     return next((curve for curve in here if against in (None, curve.against)), None)
-
-
-def _with_article(word: str) -> str:
-    return f"an {word}" if word == "effort" else word
 
 
 def _plain_unknown(where: str, statement: str, share: float = 0.0) -> Finding:

@@ -42,8 +42,8 @@ def variable_of(at: InMotion, joint: str, variable: str) -> Array:
 class FreeCurve(EffortLaw):
     """An effort at one joint that follows its speed, position, load or time by a curve through free knots.
 
-    Once as it is and once turning round with the motion, so that friction of any kind is among it; or as friction alone,
-    through more knots.
+    Once as it is and once turning round with the motion, so that friction of any kind is among it; or as friction
+    alone, through more knots.
     """
 
     variable: str
