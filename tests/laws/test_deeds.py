@@ -1,0 +1,34 @@
+"""What deeds compute by themselves, against the equations that they state."""
+
+import numpy as np
+import pytest
+
+from prup_pin.laws.deeds import Moved
+from prup_pin.laws.deeds.resistance import _balanced
+from prup_pin.spatial import rotation_exp, turn_between
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3, 6])
+def test_dry_joints_that_move_each_other_obey_their_own_law(joints):
+    rng = np.random.default_rng(joints)
+    square = rng.normal(size=(9, joints, joints))
+    influence, free = -1e-3 * square @ square.mT, 1e-2 * rng.normal(size=(9, joints))
+    slid, last = 1e-3 * rng.normal(size=(2, 9, joints))
+    stiffness, limit, viscous = 10 ** rng.uniform(1, 4, joints), rng.uniform(0.1, 10, joints), np.full((9, joints), 3.0)
+    torque, x = _balanced(free, influence, np.zeros_like(free), slid, last, stiffness, limit, viscous)
+    stretched = stiffness * (x - slid)
+    assert (np.abs(stretched) > limit).any()
+    assert torque == pytest.approx(viscous * (x - last) + np.clip(stretched, -limit, limit), abs=1e-9)
+    assert x == pytest.approx(free + (influence @ torque[..., None])[..., 0], abs=1e-12)
+
+
+def test_a_moved_frame_and_target_report_the_change_that_their_reports_differ_by():
+    rng = np.random.default_rng(1)
+    target = Moved.on_body(0.1 * rng.normal(size=3), rotation_exp(rng.normal(size=3)))
+    report = target.then(Moved.from_frame(rotation_exp(rng.normal(size=3)), rng.normal(size=3)))
+    true, moved = np.tile(np.eye(4), (7, 1, 1)), 1e-2 * rng.normal(size=(7, 6))
+    true[:, :3, :3], true[:, :3, 3] = rotation_exp(rng.normal(size=(7, 3))), rng.normal(size=(7, 3))
+    before = report(true[:, :3, 3], true[:, :3, :3])
+    after = report(true[:, :3, 3] + moved[:, :3], rotation_exp(moved[:, 3:]) @ true[:, :3, :3])
+    expected = np.concatenate((after[0] - before[0], turn_between(before[1], after[1])), axis=1)
+    assert report.change(true, moved) == pytest.approx(expected, abs=1e-13)
