@@ -14,7 +14,11 @@ def test_dry_joints_that_move_each_other_obey_their_own_law(joints):
     square = rng.normal(size=(9, joints, joints))
     influence, free = -1e-3 * square @ square.mT, 1e-2 * rng.normal(size=(9, joints))
     slid, last = 1e-3 * rng.normal(size=(2, 9, joints))
-    stiffness, limit, viscous = 10 ** rng.uniform(1, 4, joints), rng.uniform(0.1, 10, joints), np.full((9, joints), 3.0)
+    stiffness, limit, viscous = (
+        10 ** rng.uniform(2, 4, joints),
+        rng.uniform(0.05, 0.5, joints),
+        np.full((9, joints), 3.0),
+    )
     torque, x = _balanced(free, influence, np.zeros_like(free), slid, last, stiffness, limit, viscous)
     stretched = stiffness * (x - slid)
     assert (np.abs(stretched) > limit).any()
