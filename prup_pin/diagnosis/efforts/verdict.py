@@ -41,7 +41,6 @@ from .chosen import Chosen, fit, saved
 from .columns import EffortCandidate, Gathered
 from .gather import Efforts
 from .plausible import check_efforts
-from .relief import relieved, strain
 from .search import held_out, scores, searched, threshold, worth
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
@@ -133,7 +132,7 @@ def diagnose_efforts(
     tell("laws compete for the efforts", 0.1)
     efforts, given, chosen = _found(efforts, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share))
     tell("what no law explains", 0.75)
-    given, chosen, free = _with_curves(efforts, given, relieved(given, chosen))
+    given, chosen, free = _with_curves(efforts, given, chosen)
     tell("the verdict", 0.9)
     found = _Verdict(robot, recording, efforts, given, chosen, free).whole()
     return replace(found, remarks=(*doubts, *found.remarks))
@@ -371,9 +370,10 @@ class _Verdict:
         rest = self.named.without(term)
         without = held_out(self.given, rest)
         # beside the squares that are left, the strain of what is within tolerance
-        strained = float((strain(rest, fit(self.given, rest)[0]) ** 2).sum())
-        left = float(self.held.sum() + (strain(self.named, self.x_named) ** 2).sum())
-        gain = float(np.clip(1 - left / max(without.sum() + strained, np.finfo(float).tiny), 0.0, 1.0))
+        size = len(rest.base)
+        strain = [float((x[:size] ** 2).sum()) for x in (fit(self.given, rest)[0], self.x_named)]
+        left, before = float(self.held.sum()) + strain[1], float(without.sum()) + strain[0]
+        gain = float(np.clip(1 - left / max(before, np.finfo(float).tiny), 0.0, 1.0))
         places, laws = self._rivals(term, without)
         return Finding(
             physics=term.law.physics,
