@@ -37,8 +37,9 @@ explain the recording as well as the true one. Where a verdict leaves one, the p
 both recordings are diagnosed together. Effects of 4 to 40 times the noise, in turn; the answer is opened only to score.
 
 - *The true place alone*: the class of the second verdict holds it and no other.
-- *No pose can tell*: what is left beside it is one and the same at the tool, and the verdict says so: the plan for it
-  was simulated, and differs by less than the noise. Play in a nut or in its screw is an example.
+- *No pose can tell*: what is left beside it is listed in `cannot_separate` of the verdict: either the best plan
+  found was simulated and differs by less than 13 in chi squared, or the law itself names both parts for one effect.
+  That is proved within the poses and loads that were weighed, no farther.
 - *A smaller class*, *the same class*: another experiment is proposed. *The true place lost*: it is in no class.
 
 `{command}` makes this page again.
