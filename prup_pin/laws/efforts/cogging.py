@@ -16,7 +16,7 @@ from ..law import Place
 from .effort_law import DrivenEffortLaw, effort_unit, in_units
 
 #: Fewest periods in a joint's travel, and the most that are looked for.
-_FEWEST, _MOST = 3.0, 400.0
+_FEWEST, _MOST = 2.0, 400.0
 #: Steps between frequencies, as a share of one period over the whole travel.
 _STEP = 0.3
 
