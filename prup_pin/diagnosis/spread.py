@@ -51,6 +51,8 @@ __all__ = ["Outlier", "Spread", "spread_of"]
 
 #: Tolerances that say the noise is all, (p,), in place of none.
 _NONE = 1e-6
+#: Part of its own, of a number in a fit, below which all that it says is what the fit makes of it.
+_LEAST_PART = 1e-6
 _ITERATIONS, _AGREED = 60, 1e-2
 
 
@@ -481,9 +483,10 @@ def _distances(target: Array, columns: Array, white: Array, weights: Array | Non
         part = columns[:, where]
         reach = part @ fit.covariance @ part.mT / fit.noise
         weight = np.ones(len(left)) if weights is None else weights[:, index]
-        rest = np.eye(reach.shape[1]) - weight[:, None, None] * reach
-        lone = np.linalg.solve(rest + 1e-9 * np.eye(len(rest[0])), left[:, where, None])[..., 0]
-        size = (left[:, where] * lone).sum(axis=1) / fit.noise
+        rest, axes = np.linalg.eigh(np.eye(reach.shape[1]) - weight[:, None, None] * reach)
+        # where a sample alone tells of a parameter, rounding must not make it less than nothing
+        along = (axes.mT @ left[:, where, None])[..., 0]
+        size = (along**2 / np.maximum(rest, _LEAST_PART)).sum(axis=1) / fit.noise
         found.append(np.where((white[:, where] > 0).any(axis=1), size, np.nan))
     return np.stack(found, axis=1)
 

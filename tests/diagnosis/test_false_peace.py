@@ -145,7 +145,7 @@ def test_efforts_alone_are_no_peace(clean_bench):
     """Efforts that are all one newton, whatever the load: they are compared, and nothing explains them."""
     diagnosis = diagnose(prup_pin.load("3prup"), without_pose(read_recording(clean_bench.path)))
     finding = the_unknown(diagnosis)
-    assert "of the efforts are left" in finding.statement
+    assert "no law of the library takes" in finding.statement
     markers = [f"p.elbow.{axis}" for axis in "xyz"]
     assert set(diagnosis.unused_columns) == {*markers, "qdd.leg1_slide", "qd.leg1_slide"}
     assert any(text.startswith("not used: ") for text in diagnosis.remarks)
@@ -185,9 +185,9 @@ def test_columns_without_a_use_are_named(clean_bench, tmp_path):
     """Those that the format does not know too; the verdict does not depend on them."""
     with clean_bench.path.open(encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)
-    extra = ["tau.leg2_slide", "a.z", "r.elbow.x", "humidity", "p.elbow.x", "qd.leg1_slide"]
+    extra = ["a.z", "r.elbow.x", "humidity", "p.elbow.x", "qd.leg1_slide"]
     path = tmp_path / "more.csv"
-    lines = [",".join([*head, *extra]), *(",".join([*row, *"123456"]) for row in rows)]
+    lines = [",".join([*head, *extra]), *(",".join([*row, *"12356"]) for row in rows)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     path.with_suffix(".json").write_text(clean_bench.path.with_suffix(".json").read_text(encoding="utf-8"))
     robot = prup_pin.load("3prup")
