@@ -128,6 +128,7 @@ def test_springs_of_a_five_bar_cost_what_is_said():
     assert found.mass == found.mass_before
 
 
+@pytest.mark.slow
 def test_a_length_may_be_free():
     """The base's radius: redrawn robots at the same coordinates, by bisection."""
     poses = [{"z": 0.35, "theta": 0.15, "phi": -0.1}]

@@ -35,7 +35,10 @@ def named(found):
     return [(finding.physics, finding.location) for finding in found.findings if finding.physics != "self_weight"]
 
 
-@pytest.mark.parametrize(("joint", "aspect"), [("bend", "about"), ("left_swing", "about"), ("turn", "across")])
+@pytest.mark.parametrize(
+    ("joint", "aspect"),
+    [("bend", "about"), pytest.param("left_swing", "about", marks=pytest.mark.slow), ("turn", "across")],
+)
 def test_the_joint_that_yields_is_named(joint, aspect):
     tree = PosedTree(TORSO, **{aspect: {joint: 4e-4}})
     found = diagnose(prup_pin.load(TORSO), bench(tree))

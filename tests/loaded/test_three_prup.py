@@ -66,7 +66,7 @@ def test_a_tenth_of_the_load_leaves_a_hundredth_of_the_difference(robot):
         assert (np.abs(found - expected) < 0.01 * CHOICE).all()
 
 
-@pytest.mark.parametrize("pose", POSES[:2])
+@pytest.mark.parametrize("pose", [POSES[0], pytest.param(POSES[1], marks=pytest.mark.slow)])
 def test_against_opensees_with_corotational_beams(opensees, robot, pose):
     z, theta, phi = pose
     wrench = np.array(WRENCHES[0])

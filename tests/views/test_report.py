@@ -225,6 +225,7 @@ def test_it_holds_everything_and_is_small(page):
     assert "<script>" in scene_of(page)
 
 
+@pytest.mark.slow
 def test_a_heavy_scene_leaves_the_deflection_out_or_is_left_out(robot, pose, page, monkeypatch):
     packed = len(base64.b64encode(gzip.compress(scene_of(page).encode(), mtime=0)))
     monkeypatch.setattr("prup_pin.views.report.pose_report.SCENE_LIMIT", packed - 5000)
