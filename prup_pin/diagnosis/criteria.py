@@ -325,6 +325,8 @@ EFFORT_SURE = 2.5
 #: What is left of a unit column beside those that are there, squared, below which it adds nothing of its own.
 EFFORT_INDISTINCT = 1e-4
 MOST_EFFORT_TERMS = 60
+#: Share of the squared strain of parameters beyond tolerance that one law must take off to stand for them.
+EFFORT_RELIEF = 0.5
 #: Columns that follow from what is known are made anew where what is left has fallen below this share of what it was.
 EFFORT_STALE = 0.5
 #: What is left of a unit column of inertial parameters beside the others, squared, below which the motion does not tell

@@ -27,7 +27,7 @@ from ..laws import Effect, Place
 from ..laws.deviations import Calibration, amounts_of, deviations_of
 from ..laws.joint_compliance import JointCompliance, way_of
 from ..mechanism import Mechanism
-from ..recordings import ARM, SENSORS, Group, Recording, Together
+from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording, Together
 from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Toleranced, changes_per_tolerance
@@ -367,6 +367,9 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
         for name in names:
             if name in ARM.declared:
                 kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * ARM.declared[name]
+        # further off than a drawing can be: it is something else, for the laws to name
+        if any(kinds.get(kind.name, 0.0) > kind.largest for kind in KINDS_OF_TOLERANCE):
+            kinds = {}
     yielding = tuple(name.removeprefix(_YIELDS) for name in names if name.startswith(_YIELDS))
     own = seen.parameters.toleranced.law.deviations
     silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}

@@ -29,7 +29,7 @@ from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 
-__all__ = ["Score", "held_out", "scores", "searched", "threshold"]
+__all__ = ["Score", "can_be", "excluded", "held_out", "scores", "searched", "threshold"]
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
 _TRIED = 24
@@ -200,7 +200,7 @@ def _entering(
         if score.possible
         and score.log_chance < limit
         and refused.get(_key(score.candidate), 0) < _ENTRIES
-        and not any(_excludes(term, score.candidate) for term in chosen.terms)
+        and not any(excluded(term, score.candidate) for term in chosen.terms)
     ]
     touched = {id(score): _joints(given, score.candidate) for score in likely}
     likely = sorted(likely, key=lambda score: -score.gain)
@@ -220,7 +220,7 @@ def _entering(
         joints = _joints(given, one)
         if new and len(joints) > 1:
             break
-        if _can_be(given, _with_all(chosen, [*new, one]), one):
+        if can_be(given, _with_all(chosen, [*new, one]), one):
             new.append(one)
             taken |= joints
             tried = [item for item in tried if not taken & _joints(given, item[2]) or len(_joints(given, item[2])) > 1]
@@ -363,14 +363,14 @@ def _joints(given: Gathered, term: EffortCandidate) -> frozenset[int]:
     return frozenset(np.flatnonzero(given.columns.touched[term.where].any(axis=0)).tolist())
 
 
-def _can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
+def can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
     """Return whether a term's values can be, fitted together with all others."""
     x, _ = fit(given, chosen)
     values = term.law.fitted(term.place, x[chosen.own(term)], term.values)
     return term.law.plausible(term.place, values, given.mechanism)
 
 
-def _excludes(term: EffortCandidate, other: EffortCandidate) -> bool:
+def excluded(term: EffortCandidate, other: EffortCandidate) -> bool:
     """Return whether one is the other with other values, or the same delay told by another signal."""
     if _key(term) == _key(other):
         return True

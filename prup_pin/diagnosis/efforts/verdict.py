@@ -41,6 +41,7 @@ from .chosen import Chosen, fit, saved
 from .columns import EffortCandidate, Gathered
 from .gather import Efforts
 from .plausible import check_efforts
+from .relief import relieved, strain
 from .search import held_out, scores, searched, threshold, worth
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
@@ -132,7 +133,7 @@ def diagnose_efforts(
     tell("laws compete for the efforts", 0.1)
     efforts, given, chosen = _found(efforts, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share))
     tell("what no law explains", 0.75)
-    given, chosen, free = _with_curves(efforts, given, chosen)
+    given, chosen, free = _with_curves(efforts, given, relieved(given, chosen))
     tell("the verdict", 0.9)
     found = _Verdict(robot, recording, efforts, given, chosen, free).whole()
     return replace(found, remarks=(*doubts, *found.remarks))
@@ -369,10 +370,7 @@ class _Verdict:
         effect = self._effect(term, values)
         rest = self.named.without(term)
         without = held_out(self.given, rest)
-        # beside the squares that are left, the strain of what is within tolerance
-        size = len(rest.base)
-        strain = [float((x[:size] ** 2).sum()) for x in (fit(self.given, rest)[0], self.x_named)]
-        left, before = float(self.held.sum()) + strain[1], float(without.sum()) + strain[0]
+        left, before = float(self.held.sum()) + self._strain(self.named), float(without.sum()) + self._strain(rest)
         gain = float(np.clip(1 - left / max(before, np.finfo(float).tiny), 0.0, 1.0))
         places, laws = self._rivals(term, without)
         return Finding(
@@ -450,13 +448,18 @@ class _Verdict:
             out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))
         return out
 
+    def _strain(self, chosen: Chosen) -> float:
+        """Return the squared strain of what is within tolerance, in tolerances: it counts beside squares left over."""
+        return float((strain(chosen, fit(self.given, chosen)[0]) ** 2).sum())
+
     def _rivals(self, term: EffortCandidate, without: Array) -> tuple[list[str], list[str]]:
         """Return other places and other laws that explain as well as a term what it explains."""
         rest = self.named.without(term)
         places = list(term.law.same_places(term.place, self.mechanism))
         laws: list[str] = []
         ranked, _ = scores(self.given.without_curves(), rest)
-        gain = float((without - self.held).sum())
+        strained = self._strain(self.named)
+        gain = float((without - self.held).sum()) + self._strain(rest) - strained
         others = [
             score.candidate
             for score in sorted(ranked, key=lambda item: -item.gain)[:_RIVALS]
@@ -466,7 +469,8 @@ class _Verdict:
         for other, after in zip(others, Beside(self.given, rest).with_each(others), strict=True):
             apart = after - self.held
             error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
-            if float(apart.sum()) > min(max(EFFORT_ALIKE * error, EFFORT_CLASS * gain), 0.2 * gain):
+            worse = float(apart.sum()) + self._strain(rest.with_term(other)) - strained
+            if worse > min(max(EFFORT_ALIKE * error, EFFORT_CLASS * gain), 0.2 * gain):
                 continue
             if other.law.physics == term.law.physics:
                 places += [other.place.name, *other.law.same_places(other.place, self.mechanism)]
