@@ -354,10 +354,16 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     labels = seen.parameters.kinds
     x = np.zeros(len(labels))
     exists = problem.stack.exists
-    x, robust, _, distances = seen.settled(x, exists, True)
+    first = seen.settled(x, exists, True)
+    if first is None:
+        return None
+    x, robust, _, distances = first
     outliers = seen.outliers(distances, robust)
     exists = _less(exists, outliers, problem.stack)
-    x, fit, data, _ = seen.settled(x, exists, False)
+    last = seen.settled(x, exists, False)
+    if last is None:
+        return None
+    _, fit, data, _ = last
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
@@ -398,11 +404,14 @@ class _Seen:
                 return replace(self, parameters=parameters)
         return None
 
-    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array]:
-        """Return x (p,), the fit about it, its data, and distances (n, channels) of what was measured."""
+    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array] | None:
+        """Return x (p,), the fit about it, its data, and distances (n, channels) of what was measured.
+
+        None where it leads to parameters of which no sample can be simulated.
+        """
         problem, parameters = self.problem, self.parameters
         noise, variances = 1e6, np.ones(len(x))
-        weights = None
+        known: Array | None = None
         run: Run | None = None
         for _ in range(SPREAD_ROUNDS):
             acting = [*parameters.effects(x), *self.weight]
@@ -413,7 +422,10 @@ class _Seen:
             columns = parameters.columns(problem.simulator, influence, x, self.weight) * white[..., None]
             target = residual + columns @ x
             good = np.isfinite(target).all(axis=1) & np.isfinite(columns).all(axis=(1, 2))
+            if not good.any():
+                return None
             white, target, columns, samples = white[good], target[good], columns[good], run.samples[good]
+            weights = None if known is None else known[samples]
             for _ in range(2 if robust else 1):
                 data = _linear(target, columns, white, weights, problem.stack)
                 fit = self.fitted(data, variances, noise)
@@ -421,6 +433,9 @@ class _Seen:
                 distances = _distances(target, columns, white, weights, fit, problem.stack)
                 if robust:
                     weights = _weights(distances)
+            if weights is not None:
+                known = np.ones((len(exists), weights.shape[1]))
+                known[samples] = weights
             new = parameters.clipped(fit.mean)
             step = new - x
             x = new
