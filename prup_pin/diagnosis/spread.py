@@ -252,6 +252,10 @@ class _Linear:
     square: float
     count: int
 
+    def left(self, x: Array) -> float:
+        """Return the squares that parameters x (p,) leave."""
+        return self.square - 2 * float(self.right @ x) + float(x @ self.normal @ x)
+
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
@@ -279,9 +283,7 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
             here = labels == name
             size = float((found.mean[here] ** 2).sum()) / max(float(told[here].sum()), 1e-9)
             new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
-        mean = found.mean
-        left = data.square - 2 * float(data.right @ mean) + float(mean @ data.normal @ mean)
-        quiet = max(left / max(data.count - float(told.sum()), 1.0), least, 1e-300)
+        quiet = max(data.left(found.mean) / max(data.count - float(told.sum()), 1.0), least, 1e-300)
         moved = max(np.abs(np.log(new / variances)).max(initial=0.0), abs(np.log(quiet / noise)))
         variances, noise = new, quiet
         found = _posterior(data, variances, noise)
@@ -292,9 +294,7 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
 
 def _left(data: _Linear, fit: _Fit) -> float:
     """Return the squares that are left of what was measured and of the parameters, these in multiples of the noise."""
-    mean = fit.mean
-    left = data.square - 2 * float(data.right @ mean) + float(mean @ data.normal @ mean)
-    return left + fit.noise * float((mean**2 / fit.variances).sum())
+    return data.left(fit.mean) + fit.noise * float((fit.mean**2 / fit.variances).sum())
 
 
 def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:

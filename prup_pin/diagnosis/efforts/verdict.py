@@ -219,6 +219,7 @@ class _Verdict:
         self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not isinstance(term.law, FreeCurve)))
         self.x_named, _ = fit(given, self.named)
         self.held = held_out(given, self.named)
+        self.strained = _squared(strain(self.named, self.x_named))
 
     def whole(self) -> EffortDiagnosis:
         """Return the diagnosis."""
@@ -370,7 +371,7 @@ class _Verdict:
         effect = self._effect(term, values)
         rest = self.named.without(term)
         without = held_out(self.given, rest)
-        left, before = float(self.held.sum()) + self._strain(self.named), float(without.sum()) + self._strain(rest)
+        left, before = float(self.held.sum()) + self.strained, float(without.sum()) + self._strain(rest)
         gain = float(np.clip(1 - left / max(before, np.finfo(float).tiny), 0.0, 1.0))
         places, laws = self._rivals(term, without)
         return Finding(
@@ -450,7 +451,7 @@ class _Verdict:
 
     def _strain(self, chosen: Chosen) -> float:
         """Return the squared strain of what is within tolerance, in tolerances: it counts beside squares left over."""
-        return float((strain(chosen, fit(self.given, chosen)[0]) ** 2).sum())
+        return _squared(strain(chosen, fit(self.given, chosen)[0]))
 
     def _rivals(self, term: EffortCandidate, without: Array) -> tuple[list[str], list[str]]:
         """Return other places and other laws that explain as well as a term what it explains."""
@@ -458,8 +459,7 @@ class _Verdict:
         places = list(term.law.same_places(term.place, self.mechanism))
         laws: list[str] = []
         ranked, _ = scores(self.given.without_curves(), rest)
-        strained = self._strain(self.named)
-        gain = float((without - self.held).sum()) + self._strain(rest) - strained
+        gain = float((without - self.held).sum()) + self._strain(rest) - self.strained
         others = [
             score.candidate
             for score in sorted(ranked, key=lambda item: -item.gain)[:_RIVALS]
@@ -469,7 +469,7 @@ class _Verdict:
         for other, after in zip(others, Beside(self.given, rest).with_each(others), strict=True):
             apart = after - self.held
             error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
-            worse = float(apart.sum()) + self._strain(rest.with_term(other)) - strained
+            worse = float(apart.sum()) + self._strain(rest.with_term(other)) - self.strained
             if worse > min(max(EFFORT_ALIKE * error, EFFORT_CLASS * gain), 0.2 * gain):
                 continue
             if other.law.physics == term.law.physics:
@@ -682,6 +682,10 @@ def _by_link(names: Sequence[str]) -> str:
         link, _, what = name.rpartition(".")
         links.setdefault(link, []).append(what)
     return "; ".join(f"{link}: {', '.join(what)}" for link, what in links.items())
+
+
+def _squared(values: Array) -> float:
+    return float((values**2).sum())
 
 
 def _rms(values: Array) -> float:

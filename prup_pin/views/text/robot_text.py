@@ -194,10 +194,11 @@ def print_robots(out: Console) -> None:
     if examples is None:
         paragraph(out, "not installed: pip install 'prup_pin[robots]'")
     # a column says which are here only where some are not
-    missing = examples is None or not all((examples / file).is_file() for file in robots.example_files().values())
+    files = robots.example_files()
+    missing = examples is None or not all((examples / file).is_file() for file in files.values())
     here = [("here", "left")] if missing else []
     table = make_table(("name", "left"), ("file", "left"), *here, ("tool", "left"))
-    for name, file in robots.example_files().items():
+    for name, file in files.items():
         present = examples is not None and (examples / file).is_file()
         known = "known" if name in robots.EXAMPLE_TOOLS else "--tool"
         table.add_row(name, file.rpartition("/")[2], *(["yes" if present else "no"] if missing else []), known)
