@@ -222,7 +222,8 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
         recording = together.recording
     if noise.source == "assumed":
         noise = replace(noise, source="estimated")
-    problem = Problem.of(simulator, stack, noise, nominal)
+    if noise is not problem.noise or stack is not problem.stack:
+        problem = Problem.of(simulator, stack, noise, nominal)
     raw_linear = (measured if placed.found else stack).residual_of_start(linear)[problem.first.samples]
     toleranced = toleranced_of(placed.open(recording), robot.mechanism, together.groups)
     remarks += without_effect(recording.tolerances.declared)

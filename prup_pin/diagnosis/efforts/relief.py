@@ -14,7 +14,7 @@ from ..criteria import EFFORT_RELIEF, EFFORT_SURE, beyond_tolerance
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
-from .search import can_be, excluded
+from .search import can_be, excluded, uncertainty
 
 __all__ = ["relieved", "strain"]
 
@@ -51,7 +51,7 @@ def _relief(given: Gathered, chosen: Chosen, before: Array, limit: float) -> Eff
         if not fewer or relief < EFFORT_RELIEF * float((before[before > limit] ** 2).sum()):
             continue
         apart = Beside(given, tried).left - left
-        error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
+        error = uncertainty(apart)
         if float(apart.sum()) < EFFORT_SURE * error and can_be(given, tried, law):
             found.append((relief, law))
     if not found:

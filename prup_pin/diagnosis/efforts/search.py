@@ -29,7 +29,7 @@ from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 
-__all__ = ["Score", "can_be", "excluded", "held_out", "scores", "searched", "threshold"]
+__all__ = ["Score", "can_be", "excluded", "held_out", "scores", "searched", "threshold", "uncertainty"]
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
 _TRIED = 24
@@ -142,11 +142,16 @@ def threshold(best: Array) -> float:
     return float(np.quantile(best, EFFORT_CHANCE))
 
 
+def uncertainty(saving: Array) -> float:
+    """Return the standard error of a sum over blocks (B,), by their scatter."""
+    return float(np.std(saving, ddof=1) * np.sqrt(len(saving)))
+
+
 def worth(before: Array, after: Array) -> tuple[float, float]:
     """Return the share of held-out squares that a term saves, and how sure that is, in standard errors."""
     saving = before - after
     share = float(saving.sum() / max(before.sum(), np.finfo(float).tiny))
-    error = float(np.std(saving, ddof=1) * np.sqrt(len(saving))) if len(saving) > 1 else np.inf
+    error = uncertainty(saving) if len(saving) > 1 else np.inf
     return share, float(saving.sum()) / max(error, np.finfo(float).tiny)
 
 
@@ -267,7 +272,7 @@ def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
         return chosen
     tried = Chosen(chosen.base, (*(term for term in chosen.terms if not _replaces(every, term)), every))
     apart = Beside(given, tried).left - Beside(given, chosen).left
-    error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
+    error = uncertainty(apart)
     return tried if float(apart.sum()) < EFFORT_SURE * error else chosen
 
 
@@ -290,7 +295,7 @@ def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
     rest, left = chosen.without(every), Beside(given, chosen).left
     apart = Beside(given, rest).with_each(single) - left
     best = int(np.argmin(apart.sum(axis=1)))
-    error = float(np.std(apart[best], ddof=1) * np.sqrt(len(left)))
+    error = uncertainty(apart[best])
     if float(apart[best].sum()) < max(EFFORT_SURE * error, EFFORT_GAIN * float(left.sum())):
         one = rest.with_term(single[best])
         return chosen if len(_others(given, one)) > 1 else one
@@ -392,7 +397,7 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
     chosen = best
     for _gain, after, candidate in tried:
         apart = after - best_after
-        error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
+        error = uncertainty(apart)
         if float(apart.sum()) < max(EFFORT_SURE * error, 0.02 * best_gain) and candidate.size < chosen.size:
             chosen = candidate
     for _gain, after, candidate in tried:

@@ -42,7 +42,7 @@ from .columns import EffortCandidate, Gathered
 from .gather import Efforts
 from .plausible import check_efforts
 from .relief import relieved, strain
-from .search import held_out, scores, searched, threshold, worth
+from .search import held_out, scores, searched, threshold, uncertainty, worth
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
 
@@ -468,7 +468,7 @@ class _Verdict:
         others = [other for other in others if other.law is not term.law or other.place != term.place]
         for other, after in zip(others, Beside(self.given, rest).with_each(others), strict=True):
             apart = after - self.held
-            error = float(np.std(apart, ddof=1) * np.sqrt(len(apart)))
+            error = uncertainty(apart)
             worse = float(apart.sum()) + self._strain(rest.with_term(other)) - self.strained
             if worse > min(max(EFFORT_ALIKE * error, EFFORT_CLASS * gain), 0.2 * gain):
                 continue

@@ -12,7 +12,7 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw
 
-__all__ = ["LATE", "Delay", "DelayOfAll"]
+__all__ = ["Delay", "DelayOfAll", "Late"]
 
 #: A delay imitates a little of whatever is wrong with accelerations: it must save this share of the squares.
 LATE = 0.1
@@ -21,16 +21,21 @@ _AGES = (2e-3, 8e-3, 16e-3, 28e-3, 40e-3, 60e-3)
 _YOUNGEST = 1e-5
 
 
-class Delay(EffortLaw):
-    """A signal of a little ago: `efforts` shifts what is known in time, and its chord is the column of a fit."""
+class Late(EffortLaw):
+    """A signal of a little ago, by one coefficient, which is its age."""
 
     of_motion = True
-    of_what_is_known = True
     linear = ("delay",)
     least_gain = LATE
     one_sided = True
     quantities = (Quantity("delay", "s", "age of the reported signal", 1e-3, upper=0.2),)
     neutral: ClassVar = {"delay": 0.0}
+
+
+class Delay(Late):
+    """A signal of a little ago: `efforts` shifts what is known in time, and its chord is the column of a fit."""
+
+    of_what_is_known = True
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         return [{"age": age} for age in _AGES]

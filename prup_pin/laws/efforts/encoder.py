@@ -11,7 +11,7 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .delay import LATE, DelayOfAll
+from .delay import DelayOfAll, Late
 from .effort_law import DrivenEffortLaw, in_units
 
 
@@ -38,17 +38,12 @@ class OffsetEncoder(DrivenEffortLaw):
         return f"the encoder of {place.name} is off by {number(1e3 * values['offset'], 3, signed=True)} {unit}"
 
 
-class DelayedEncoder(DrivenEffortLaw):
+class DelayedEncoder(Late, DrivenEffortLaw):
     """The encoder reports where the joint was a little ago."""
 
     physics = "encoder_delay"
     summary = "an encoder that reports late"
-    of_motion = True
-    linear = ("delay",)
-    least_gain = LATE
-    one_sided = True
     quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, upper=0.2),)
-    neutral: ClassVar = {"delay": 0.0}
 
     def acts(self, place: Place, at: InMotion) -> bool:
         return place.name in at.motion.names and at.moves(place.name)
