@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import nnls
 
 from ...spatial import Array
 from .chosen import Chosen
 from .columns import EffortCandidate, Gathered
+from .normal import Normal, unit_lengths
 
 __all__ = ["Beside"]
 
@@ -134,7 +134,7 @@ class Beside:
     def _solved(self, number: int, where: np.ndarray) -> _Fold:
         own = self._others(number, where, where) + np.diag(self.given.prior[where])
         # by what all blocks say: a column may live in this fold alone
-        scale = 1 / np.sqrt(np.maximum(np.diag(self._total)[where] + self.given.prior[where], np.finfo(float).tiny))
+        scale = unit_lengths(np.diag(self._total)[where] + self.given.prior[where])
         scaled = own * scale[:, None] * scale
         scaled[np.diag_indices_from(scaled)] += _ROUNDING * max(len(where), 1)
         factor = cho_factor(scaled) if len(where) else (np.zeros((0, 0)), False)
@@ -154,13 +154,10 @@ class Beside:
 
 def _least(matrix: Array, moment: Array, whole: Array, one_sided: bool) -> Array:
     """Return the solution of a small system (p, p) whose columns were `whole` (p,) large before others were fitted."""
-    scale = 1 / np.sqrt(np.maximum(whole, np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-    kept = values > _NOTHING
-    x = scale * (vectors[:, kept] @ ((vectors[:, kept].T @ (scale * moment)) / values[kept]))
+    normal = Normal.of(matrix, whole, _NOTHING)
+    x = normal.solve(moment)
     if one_sided and (x < 0).any():
-        if len(x) == 1 or not kept.any():
+        if len(x) == 1 or not len(normal.values):
             return np.zeros(len(x))
-        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-        return scale * nnls(root, (vectors[:, kept].T @ (scale * moment)) / np.sqrt(values[kept]))[0]
+        return normal.bounded(moment, np.ones(len(x), bool))
     return x

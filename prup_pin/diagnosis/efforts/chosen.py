@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from ...spatial import Array
 from .columns import EffortCandidate, Gathered
+from .normal import Normal
 
 __all__ = ["Chosen", "fit", "saved"]
-
-#: Of a coefficient, as a share of what the data say of it, below which it counts as told by the prior alone.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,34 +59,15 @@ def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> 
     blocks = np.flatnonzero(kept)
     matrix = given.columns.gram[np.ix_(blocks, where, where)].sum(axis=0) + np.diag(given.prior[where])
     moment = given.columns.moment[np.ix_(blocks, where)].sum(axis=0)
-    x = _solve(matrix, moment)
+    normal = Normal.of(matrix)
+    x = normal.solve(moment)
     bounded = np.zeros(len(where), bool)
     for term in chosen.terms:
         if term.law.one_sided:
             bounded[chosen.own(term)] = True
     if (x[bounded] < 0).any():
-        x = _bounded(matrix, moment, bounded)
+        x = normal.bounded(moment, bounded)
     return x, matrix
-
-
-def _solve(matrix: Array, moment: Array) -> Array:
-    """Return the least solution of a semidefinite system whose columns have any units."""
-    if not len(moment):
-        return np.zeros(0)
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-    kept = values > _ROUNDING * values.max(initial=0.0)
-    return scale * (vectors[:, kept] @ ((vectors[:, kept].T @ (scale * moment)) / values[kept]))
-
-
-def _bounded(matrix: Array, moment: Array, bounded: np.ndarray) -> Array:
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-    kept = values > _ROUNDING * values.max(initial=0.0)
-    root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-    target = (vectors[:, kept].T @ (scale * moment)) / np.sqrt(values[kept])
-    lower = np.where(bounded, 0.0, -np.inf)
-    return scale * lsq_linear(root, target, (lower, np.full(len(moment), np.inf)), method="bvls", tol=1e-12).x
 
 
 def saved(given: Gathered, chosen: Chosen, x: Array) -> Array:

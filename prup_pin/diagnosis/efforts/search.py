@@ -28,6 +28,7 @@ from ..criteria import (
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
+from .normal import Normal
 
 __all__ = ["Score", "can_be", "excluded", "held_out", "scores", "searched", "threshold", "uncertainty"]
 
@@ -35,8 +36,6 @@ __all__ = ["Score", "can_be", "excluded", "held_out", "scores", "searched", "thr
 _TRIED = 24
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
-#: Of a coefficient, as a share of what the data say of it, below which it counts as told by the prior alone.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,20 +61,10 @@ def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
     gram = given.columns.gram
     total = gram.sum(axis=0)
     pull = given.columns.moment - gram[:, :, where] @ x
-    cross = _solve_many(matrix, total[where])  # (p, P)
+    cross = Normal.of(matrix).solve(total[where])  # (p, P)
     pull = pull - pull[:, where] @ cross
     rest = total - total[:, where] @ cross + np.diag(given.prior)
     return pull, rest, x
-
-
-def _solve_many(matrix: Array, right: Array) -> Array:
-    if not len(matrix):
-        return np.zeros((0, right.shape[1]))
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-    kept = values > _ROUNDING * values.max(initial=0.0)
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    return scale[:, None] * (inverse @ (scale[:, None] * right))
 
 
 def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:

@@ -40,6 +40,7 @@ from .beside import Beside
 from .chosen import Chosen, fit, saved
 from .columns import EffortCandidate, Gathered
 from .gather import Efforts
+from .normal import Normal
 from .plausible import check_efforts
 from .relief import relieved, strain
 from .search import held_out, scores, searched, threshold, uncertainty, worth
@@ -356,9 +357,7 @@ class _Verdict:
         gram = self.given.columns.gram[:, where][:, :, where]
         pulls = self.given.columns.moment[:, where] - gram @ x
         middle = pulls.T @ pulls
-        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-        inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-12, hermitian=True)
-        inverse = scale[:, None] * inverse * scale
+        inverse = Normal.of(matrix, least=1e-12).solve(np.eye(len(matrix)))
         count = self.given.columns.count
         degrees = max(count - 1, 1)
         # beside the scatter of blocks the least that white noise of the whitened size gives
