@@ -374,6 +374,13 @@ SPREAD_ROUNDS: Final = 12
 SPREAD_SETTLED: Final = 0.1
 #: Freedom of Student's t, with which numbers far off weigh little while nothing is known: few, since some may be gross.
 SPREAD_FREEDOM: Final = 3.0
+
+
+def trusted(squares: np.ndarray) -> np.ndarray:
+    """Return weights of three numbers that are off by these squares together, in multiples of their variance."""
+    return (SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + squares)
+
+
 #: A number so many standard deviations off, by the middle half of all, is gross and left out: normal numbers never are.
 OUTLIER: Final = 6.0
 #: ... unless they are more than this share: then they are the machine, not its sensor.

@@ -30,8 +30,8 @@ from .criteria import (
     OPEN_FRAME,
     OPEN_TARGET,
     REGISTERED,
-    SPREAD_FREEDOM,
     TURNED,
+    trusted,
 )
 
 __all__ = ["Registered", "registered"]
@@ -187,7 +187,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
         turn, shift = fit
         if moved < _STILL:
             break
-        weights = _trusted(np.linalg.norm(measured - own @ turn.T - shift, axis=1))
+        weights = _trust(np.linalg.norm(measured - own @ turn.T - shift, axis=1))
         ends = np.cumsum([len(part[0]) for part in parts])[:-1]
         for index, ((at, turned, seen), trust) in enumerate(zip(parts, np.split(weights, ends), strict=True)):
             left = (seen - shift) @ turn - at  # in the base's axes
@@ -202,10 +202,10 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
     return _Motion(turn, shift, deviation, float(before), float(after), aside)
 
 
-def _trusted(distances: Array) -> Array:
+def _trust(distances: Array) -> Array:
     """Return weights (n,) of points so far from where they should be: gross ones weigh little (Student's t)."""
     size = max(float(np.median(distances**2)) / float(chi_squared.median(3)), _NEAREST**2)
-    return (SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + distances**2 / size)
+    return trusted(distances**2 / size)
 
 
 def _rigid(points: Array, measured: Array, weights: Array) -> tuple[Array, Array] | None:

@@ -38,11 +38,11 @@ from .criteria import (
     MOST_OUTLIERS,
     MOST_TERMS,
     OUTLIER,
-    SPREAD_FREEDOM,
     SPREAD_ROUNDS,
     SPREAD_SETTLED,
     USUAL_COMPLIANCE,
     USUAL_COMPLIANCE_SLIDE,
+    trusted,
 )
 from .fit import Problem
 from .influence import Influence
@@ -432,7 +432,7 @@ class _Seen:
                 variances, noise = fit.variances, fit.noise
                 distances = _distances(target, columns, white, weights, fit, problem.stack)
                 if robust:
-                    weights = _weights(distances)
+                    weights = np.nan_to_num(trusted(distances), nan=1.0)
             if weights is not None:
                 known = np.ones((len(exists), weights.shape[1]))
                 known[samples] = weights
@@ -507,11 +507,6 @@ def _distances(target: Array, columns: Array, white: Array, weights: Array | Non
         size = (along**2 / np.maximum(rest, _LEAST_PART)).sum(axis=1) / fit.noise
         found.append(np.where((white[:, where] > 0).any(axis=1), size, np.nan))
     return np.stack(found, axis=1)
-
-
-def _weights(distances: Array) -> Array:
-    """Return the weights of Student's t for squared distances of three numbers each."""
-    return np.nan_to_num((SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + distances), nan=1.0)
 
 
 def _less(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.ndarray:
