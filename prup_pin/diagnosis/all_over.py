@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.stats import norm
 
+from ..numbers import number, quantity
 from .calibrate import CalibratedParameter
 from .compete import cross_validated
 from .criteria import FALSE_ALARM
@@ -26,7 +27,6 @@ _TOLD = {
 }
 #: Places that a statement lists.
 _MOST_LISTED = 4
-_SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "1": (100.0, "%")}
 
 
 def all_over(
@@ -82,8 +82,7 @@ def _sizes(items: Sequence[CalibratedParameter]) -> str:
     """Return root mean squares over all of a kind, for people."""
     found = []
     for unit in dict.fromkeys(item.deviation.unit for item in items):
-        factor, name = _SMALL.get(unit, (1.0, unit))
         here = [item for item in items if item.deviation.unit == unit]
-        values = [item.deviation.amount(item.value) for item in here]
-        found.append(f"{factor * float(np.sqrt(np.mean(np.square(values)))):.3g} {name}")
+        size = float(np.sqrt(np.mean(np.square([item.deviation.amount(item.value) for item in here]))))
+        found.append(f"{number(100 * size, 3)} %" if unit == "1" else quantity(size, unit))
     return f"{' and '.join(found)} in the root mean square of {len(items)}"

@@ -195,7 +195,7 @@ def _check_positions(
     for factor, unit in ((1e3, "mm"), (1e-3, "km"), (1e6, "um")):
         if 1 / NEAR_POSITION < ratio / factor < NEAR_POSITION:
             raise InputError(
-                f"measured positions{of} are about {factor:g} times those of the simulation "
+                f"measured positions{of} are about {number(factor)} times those of the simulation "
                 f"({number(ratio * size, 4)} against {number(size, 4)} m): they seem to be in {unit}; expected metres"
             )
     raise InputError(

@@ -27,6 +27,7 @@ from ..laws import Effect, Place
 from ..laws.deviations import Calibration, amounts_of, deviations_of
 from ..laws.joint_compliance import JointCompliance, way_of
 from ..mechanism import Mechanism
+from ..numbers import number, quantity
 from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording, Together
 from ..simulation import Run, Simulator
 from ..spatial import Array
@@ -72,8 +73,7 @@ class Outlier:
     @property
     def size(self) -> str:
         """By how much, for people."""
-        small = {"m": "mm", "rad": "mrad"}[self.unit]
-        return f"{1e3 * self.by:.3g} {small}"
+        return quantity(self.by, self.unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,14 +145,14 @@ class Spread:
         if noise.source == "assumed":
             found = self.noise(noise)
             yield (
-                f"the noise is not declared, and no pose repeats: {1e6 * found.position:.3g} µm is what is left beside "
-                "all that may be off. What is smaller does not show"
+                f"the noise is not declared, and no pose repeats: {quantity(found.position, 'm')} is what is left "
+                "beside all that may be off. What is smaller does not show"
             )
         if self.kinds:
             yield (
                 "everything is off at once, at more places than can be named one by one. It was calibrated, each kind "
                 "by as much as these data ask for (one standard deviation): "
-                + ", ".join(f"{name} {size:.2g}" for name, size in self.kinds.items())
+                + ", ".join(f"{name} {number(size, 2)}" for name, size in self.kinds.items())
             )
 
 

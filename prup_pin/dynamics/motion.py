@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..mechanism import Mechanism
+from ..numbers import number
 from ..recordings import Recording
 from ..recordings.thinning import PIECES, Thinning
 from ..spatial import Array
@@ -186,8 +187,8 @@ def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] 
     slow = np.maximum(slow, np.finfo(float).tiny)
     still = _standing(np.abs(speed) < slow, clock.piece, rate, cutoff)
     remarks.append(
-        f"efforts, measured and predicted, are compared up to {cutoff:.3g} Hz, where the motion stands above its noise"
-        + ("" if speeds else "; speeds and accelerations are those of the positions")
+        f"efforts, measured and predicted, are compared up to {number(cutoff, 3)} Hz, where the motion stands above "
+        "its noise" + ("" if speeds else "; speeds and accelerations are those of the positions")
     )
     every = max(1, int(rate / (_KEPT * cutoff)), min(len(clock) // _LONG, int(rate / (4 * cutoff))))
     keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(clock.piece)])
@@ -322,7 +323,7 @@ def _strange_speeds(names: tuple[str, ...], position: Array, logged: dict[str, A
         if alike > 0.9 and abs(ratio - 1) > _STRANGE:
             seems = next((text for factor, text in _OTHER_UNITS if abs(ratio / factor - 1) < 0.1), "")
             raise InputError(
-                f"column qd.{name}: the recorded speeds are {ratio:.4g} times those of q.{name}"
+                f"column qd.{name}: the recorded speeds are {number(ratio)} times those of q.{name}"
                 f"{seems and ': '}{seems}; expected rad and rad/s, or m and m/s"
             )
 

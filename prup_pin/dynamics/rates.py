@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..numbers import quantity
 from ..recordings import Recording
 from ..recordings.columns import JOINT_GROUPS
 from ..spatial import Array
@@ -79,8 +80,8 @@ def one_rate(recording: Recording) -> OneRate:
     slowest = max(every.values())
     names = ", ".join(told[:_SHOWN]) + (", …" if len(told) > _SHOWN else "")
     remark = (
-        f"{names} came only every {slowest * usual * 1e3:.3g} ms, rows every {usual * 1e3:.3g} ms, with empty cells or "
-        "repeated values between: they were drawn through their samples"
+        f"{names} came only every {quantity(slowest * usual, 's')}, rows every {quantity(usual, 's')}, with empty "
+        "cells or repeated values between: they were drawn through their samples"
     )
     return OneRate(replace(recording, **changes), every, (remark,))
 

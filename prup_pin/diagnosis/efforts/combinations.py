@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...numbers import number
 from ...spatial import Array
 from ..criteria import EFFORT_TOLD
 
@@ -74,4 +75,4 @@ def _called(row: Array, lead: int, share: Array, names: Sequence[str]) -> str:
 
 
 def _factor(value: float) -> str:
-    return "" if abs(value - 1) < _NAMED else f"{value:.3g} "
+    return "" if abs(value - 1) < _NAMED else f"{number(value, 3)} "

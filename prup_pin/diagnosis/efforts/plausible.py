@@ -15,6 +15,7 @@ import numpy as np
 
 from ...dynamics import InMotion, Motion
 from ...errors import InputError
+from ...numbers import number
 from ...recordings.columns import LARGEST_NUMBER
 from ...spatial import Array
 from ..criteria import (
@@ -64,7 +65,7 @@ def check_efforts(at: InMotion) -> list[str]:
     apart = np.abs(np.log(list(gains.values())))
     if len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT):
         return []
-    told = ", ".join(f"tau.{name} {gain:.3g}" for name, gain in list(gains.items())[:_SHOWN])
+    told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:_SHOWN])
     return [
         f"the efforts follow the rigid robot's, but are other multiples of them at each joint ({told}): are they in "
         "per cent or A? Expected N m or N"
@@ -221,7 +222,7 @@ def _check_units(motion: Motion, gains: dict[str, float]) -> None:
     far = {name: gain for name, gain in gains.items() if not 1 / EFFORT_UNIT < gain < EFFORT_UNIT}
     if not far or 2 * len(far) < len(motion.driven):
         return
-    told = ", ".join(f"tau.{name} {gain:.3g} times" for name, gain in list(far.items())[:_SHOWN])
+    told = ", ".join(f"tau.{name} {number(gain, 3)} times" for name, gain in list(far.items())[:_SHOWN])
     seems = "per cent or A, or of the motors before their gears"
     if all(1 / 2 < gain / 1e3 < 2 for gain in far.values()):
         seems = "mN m or N mm"
@@ -241,12 +242,13 @@ def _check_limits(at: InMotion, motion: Motion, first: float) -> None:
         most = max(abs(low), abs(high))
         if joint.nq == 1 and 0 < most < LARGEST_NUMBER and reached > FAR_BEYOND * most:
             unit = "rad" if joint.turns else "m"
+            allowed = f"{number(low)} to {number(high)} {unit}"
             raise InputError(
-                f"column q.{name} reaches {reached:.4g}, but the robot file allows {low:.4g} to {high:.4g} {unit}, and "
+                f"column q.{name} reaches {number(reached)}, but the robot file allows {allowed}, and "
                 f"{_share(first)} of the efforts are unexplained: are these positions of the motor before its gear, or "
                 f"in another unit? Expected the joint's, in {unit}"
             )
 
 
 def _share(value: float) -> str:
-    return f"{100 * value:.3g} %" if value < 10 else "more than 1000 %"
+    return f"{number(100 * value, 3)} %" if value < 10 else "more than 1000 %"
