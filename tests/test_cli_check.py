@@ -47,6 +47,11 @@ def test_parts_that_carry_nothing_and_redundancy_are_named(run, tmp_path):
     [
         ('value="0.02" unit="m"', 'value="20" unit="m"', "beam 'left/arm' is thicker (20 m) than long (250 mm)"),
         ('value="206000000000"', 'value="206"', "beam 'left/arm': youngs_modulus 206 Pa: is it in GPa?"),
+        (
+            'type="joint_spring" joint="left_motor">\n      <parameter name="stiffness"',
+            'type="bearing" axis="0 1 0" joint="left_motor">\n      <parameter name="rotational_stiffness"',
+            "bearing 'left/motor': its axle lies 90 deg beside the axis of joint 'left_motor'",
+        ),
         ('name="y" component="y"', 'name="z" component="z"', "cannot be changed alone, beginning at home: z"),
     ],
 )

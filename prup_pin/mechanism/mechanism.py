@@ -16,7 +16,7 @@ import pinocchio as pin
 from lxml import etree
 
 from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownNameError, named, shortened
-from ..modules import CompliantModule, WrenchModule
+from ..modules import CompliantModule, DriveModule, WrenchModule
 from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement, rotation_exp
 from .description import (
@@ -151,6 +151,8 @@ def _rotation_rows(free: frozenset[str]) -> Array:
 
 #: Of a joint, to see what it moves [m or rad].
 _SMALL_MOTION = 1e-4
+#: Axes that are meant to be one differ by no more than what a file's digits leave [rad].
+_PARALLEL = 1e-3
 
 
 class Mechanism:
@@ -294,9 +296,32 @@ class Mechanism:
         for name in (*self.actuated, *self.locked):
             held[self.joint(name).dofs] = True
         for module in self.modules:
-            if module.kind.holds_joint(module.values):
+            if self.holds(module):
                 held[self.joint(module.joint).dofs] = True
         return np.flatnonzero(~held)
+
+    def holds(self, module: Module) -> bool:
+        """Return True where a module carries a load along its joint's own motion, so that the joint is not free.
+
+        What gives way about its own axis holds a joint that turns about that axis, and no other: the guide of a slide
+        may twist, and the slide runs on.
+        """
+        joint = self.joint(module.joint)
+        if not module.kind.holds_joint(module.values):
+            return False
+        if isinstance(module.kind, DriveModule) or joint.nv != 1:
+            return True
+        return not joint.slides and self.askew(module) < _PARALLEL
+
+    def askew(self, module: Module) -> float:
+        """Return the angle [rad] between a module's axis and that of its joint at the file's home, 0 to pi/2."""
+        data, joint = self.model.createData(), self.joint(module.joint)
+        pin.forwardKinematics(self.model, data, self.home_configuration())
+        axes = (
+            data.oMi[joint.id].rotation @ joint.axis,
+            data.oMi[module.frame.joint].rotation @ module.frame.placement[:3, 2],
+        )
+        return float(np.arctan2(np.linalg.norm(np.cross(*axes)), abs(axes[0] @ axes[1])))
 
     # -- building blocks -----------------------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from ...errors import MissingExtraError, NoStiffnessError, PrupPinError
 from ...mechanism.second_reader import second_opinion
+from ...modules import WrenchModule
 from ...numbers import number, quantity
 from ...robot import Robot
 from ...statics import Compliance
@@ -23,6 +24,8 @@ __all__ = ["print_check", "print_remarks", "robot_remarks"]
 _NOTHING = 1e-9
 #: How far a coordinate is moved to see whether it can be [m, rad].
 _STEP = 1e-4
+#: An axle that is more beside its joint's axis than this was not meant to be [rad].
+_ASKEW = 0.01
 #: No beam is softer [Pa].
 _SOFT = 1e6
 
@@ -46,6 +49,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         )
     yield from _fixed_coordinates(robot)
     yield from _odd_beams(robot)
+    yield from _odd_axles(robot)
     if found.idle_joints:
         yield f"joints that turn idly, holding nothing: {', '.join(found.idle_joints)}"
     if found.redundant:
@@ -100,6 +104,21 @@ def _odd_beams(robot: Robot) -> Iterator[str]:
         modulus = float(np.min(module.values.get("youngs_modulus", np.inf)))
         if modulus < _SOFT:
             yield f"beam '{module.name}': youngs_modulus {number(modulus)} Pa: is it in GPa? Steel has 2.1e11 Pa"
+
+
+def _odd_axles(robot: Robot) -> Iterator[str]:
+    """Yield bearings whose axle is not what their joint turns about."""
+    mechanism = robot.mechanism
+    for module in mechanism.modules:
+        joint = mechanism.joint(module.joint)
+        if not isinstance(module.kind, WrenchModule) or module.kind.is_body or not joint.turns:
+            continue
+        if (angle := mechanism.askew(module)) > _ASKEW:
+            yield (
+                f"bearing '{module.name}': its axle lies {number(np.degrees(angle), 3)} deg beside the axis of joint "
+                f"'{joint.name}', so that along and across are not those of that joint; its axis is given "
+                f"in the axes of '{module.frame.name}', and is 0 0 1 where the file says nothing"
+            )
 
 
 def _tool_of_a_walker(robot: Robot) -> Iterator[str]:

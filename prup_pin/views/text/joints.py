@@ -52,7 +52,7 @@ def limits(mechanism: Mechanism, name: str) -> tuple[float, float] | None:
 def joint_role(mechanism: Mechanism, name: str) -> str:
     """Return 'actuated', 'locked', 'sprung' or 'passive', or two of them."""
     index = mechanism.joint_id(name)
-    sprung = any(module.joint == index and module.kind.holds_joint(module.values) for module in mechanism.modules)
+    sprung = any(module.joint == index and mechanism.holds(module) for module in mechanism.modules)
     roles = [
         word
         for word, holds in (
