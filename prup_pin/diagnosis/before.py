@@ -87,7 +87,7 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
     at = InMotion.of(mechanism, motion_of(recording, mechanism))
     doubts = check_efforts(at)
     motion = at.motion
-    efforts = Efforts(at, {}, recording.noise.effort)
+    efforts = Efforts(at, {}, None)
     remarks = [*doubts, *motion.remarks]
     joints = []
     for column, name in enumerate(motion.names):

@@ -359,9 +359,15 @@ EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02
 EFFORT_STRANGE, EFFORT_MEANT, EFFORT_FEWEST = 0.35, 0.5, 50
 #: What each column that is read otherwise must leave of what was left before: one of several that are wrong saves less.
 EFFORT_STEP = 0.85
-#: Efforts that are so many times those of the rigid robot are in another unit, where their shapes are so much alike;
-#: by so much less they are suspected where no joint's is right, for masses and torque constants may be off as well.
-EFFORT_UNIT, EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 5.0, 0.8, 1.4, 1.15
+#: Efforts follow those of the rigid robot where their shapes are so much alike. They are suspected to be in another
+#: unit where they are so many times larger or smaller at most joints and right at none, for masses may be off as well.
+EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 0.8, 1.4, 1.15
+#: Drives report in units of their own where free gains save this share of the held-out squares, and at least two of
+#: them are so many times beside the others; one alone is a law of its joint.
+EFFORT_GAINS_SAVE, EFFORT_GAINS_APART = 0.2, 1.1
+#: How far the logarithms of gains scatter about their middle; and robot files' masses about the true ones where nothing
+#: is declared: drawings lack motors, or are of another make.
+EFFORT_GAINS, EFFORT_MASSES = 1.0, 0.3
 #: Efforts at rest of which so little is left without the robot's weight, as a share of what is left with it, are tared.
 EFFORT_TARED = 0.25
 #: Multiples of a joint's limits beyond which its position is not the joint's.

@@ -59,7 +59,14 @@ class InMotion:
 
     def knowing(self, known: Array, left: Array, bodies: Array | None = None) -> InMotion:
         """Return the same motion with more known of its efforts."""
-        other = replace(self, known=known, left=left, bodies=bodies)
+        return self._as_moved(replace(self, known=known, left=left, bodies=bodies))
+
+    def measuring(self, efforts: Array) -> InMotion:
+        """Return the same motion with other measured efforts (N, k)."""
+        return self._as_moved(replace(self, motion=replace(self.motion, efforts=efforts)))
+
+    def _as_moved(self, other: InMotion) -> InMotion:
+        """Return another view of the same motion with what was computed of it."""
         if "regressor" in self.__dict__:
             other.__dict__["regressor"] = self.regressor
         return other

@@ -1,8 +1,9 @@
-"""What drives must give in a recorded motion: inverse dynamics and the laws of the effort channel."""
+"""What drives must give in a recorded motion, and what laws of the effort channel add to what they hold at rest."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,18 +15,22 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..spatial import Array
 
-__all__ = ["efforts_in_motion", "is_of_efforts"]
+__all__ = ["efforts_at_rest", "efforts_in_motion", "is_of_efforts"]
 
 
-def is_of_efforts(recording: Recording, robot: Robot) -> bool:
-    """Return whether a recording is of drives' efforts alone, in motion: no pose is asked for that anything deforms."""
+def is_of_efforts(recording: Recording, robot: Robot, effects: Sequence[Effect] = ()) -> bool:
+    """Return whether a recording is of drives' efforts alone: no pose is asked for that anything deforms.
+
+    In motion; or at rest, where `effects` are what such efforts told of the rigid robot.
+    """
     mechanism = robot.mechanism
     posed = recording.position is not None or recording.rotation is not None
     if posed or any(name in mechanism.frame_names for name in recording.marker_names):
         return False
     driven = [name for name in mechanism.actuated if name in recording.efforts]
     there = [name for name in mechanism.actuated if name in recording.positions]
-    return bool(driven and there) and not is_standing(recording, there)
+    told = any(isinstance(effect.law, EffortLaw) for effect in effects)
+    return bool(driven and there) and (told or not is_standing(recording, there))
 
 
 def efforts_in_motion(robot: Robot, recording: Recording, effects: Sequence[Effect] = ()) -> dict[str, Array]:
@@ -40,15 +45,7 @@ def efforts_in_motion(robot: Robot, recording: Recording, effects: Sequence[Effe
         raise InputError("no column tau.<joint> of an actuated joint says which efforts are asked for")
     motion = motion_of(recording, mechanism, driven)
     at = InMotion.of(mechanism, motion)
-    added, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
-    for effect in effects:
-        if isinstance(effect.law, EffortLaw):
-            knowing = at.knowing(added.copy(), np.zeros_like(added), bodies.copy())
-            more = effect.law.efforts(effect.place, effect.values, knowing)
-            added += more
-            if effect.law.of_bodies:
-                bodies += more
-    total = at.rigid + added
+    total = at.rigid + _added(at, effects)
     out = np.full((len(recording), len(driven)), np.nan)
     for label in np.unique(motion.piece):
         own = np.flatnonzero(motion.piece == label)
@@ -60,3 +57,36 @@ def efforts_in_motion(robot: Robot, recording: Recording, effects: Sequence[Effe
         for column in range(len(driven)):
             out[rows, column] = np.interp(recording.time[rows], motion.time[own], total[own, column])
     return dict(zip(driven, out.T, strict=True))
+
+
+def efforts_at_rest(robot: Robot, recording: Recording, effects: Sequence[Effect], held: Array) -> Array:
+    """Return what drives that hold (N, k) [N or N m] at rest give with the laws of the effort channel, (N, k).
+
+    `held`: of the joints with a column tau, as these stand in the recording; NaN where it is unknown, and stays so.
+    Laws that need motion add nothing: friction takes any value at rest.
+    """
+    mechanism = robot.mechanism
+    driven = [name for name in recording.efforts if name in mechanism.actuated]
+    there = [name for name in mechanism.actuated if name in recording.positions]
+    rows = np.flatnonzero(np.isfinite(held).all(axis=1))
+    out = held.copy()
+    told = any(isinstance(effect.law, EffortLaw) for effect in effects)
+    if not (told and driven and len(rows)) or not is_standing(recording, there):
+        return out
+    motion = motion_of(recording.select(rows), mechanism, driven)
+    at = replace(InMotion.of(mechanism, motion), rigid=held[rows][motion.rows])
+    out[rows[motion.rows]] += _added(at, effects)
+    return out
+
+
+def _added(at: InMotion, effects: Sequence[Effect]) -> Array:
+    """Return what laws of the effort channel add (N, k), one after the other."""
+    added, bodies = np.zeros_like(at.rigid), np.zeros_like(at.rigid)
+    for effect in effects:
+        if isinstance(effect.law, EffortLaw) and not (effect.law.of_motion and at.motion.standing):
+            knowing = at.knowing(added.copy(), np.zeros_like(added), bodies.copy())
+            more = effect.law.efforts(effect.place, effect.values, knowing)
+            added += more
+            if effect.law.of_bodies:
+                bodies += more
+    return added

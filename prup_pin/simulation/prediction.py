@@ -15,7 +15,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
 from .as_recorded import as_recorded
-from .moving_efforts import efforts_in_motion, is_of_efforts
+from .moving_efforts import efforts_at_rest, efforts_in_motion, is_of_efforts
 from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
 
 __all__ = ["Agreement", "Prediction", "compare", "inputs_of", "simulate"]
@@ -132,7 +132,7 @@ def simulate(
     adapted = as_recorded(robot, recording)
     robot, recording = adapted.robot, adapted.recordings[0]
     mechanism = robot.mechanism
-    if is_of_efforts(recording, robot) and not markers:
+    if is_of_efforts(recording, robot, effects) and not markers:
         return _in_motion(robot, recording, tuple(effect.checked(mechanism) for effect in effects))
     mechanism.need_tool()
     effects = tuple(effect.checked(mechanism) for effect in effects)
@@ -208,6 +208,8 @@ def simulate(
                 )
     finally:
         parts.close()  # type: ignore[attr-defined]
+    if joints:
+        efforts[:] = efforts_at_rest(robot, recording, effects, efforts)
     return result(slice(None))
 
 

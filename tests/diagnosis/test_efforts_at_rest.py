@@ -8,7 +8,8 @@ import pytest
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.dynamics import InMotion, motion_of
-from prup_pin.laws import Effect
+from prup_pin.laws import Effect, Place
+from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.laws.efforts.payload import HeldBody
 from prup_pin.laws.self_weight import SelfWeight
 from prup_pin.recordings import Noise, Recording
@@ -75,6 +76,28 @@ def test_a_body_that_no_pose_shows_is_found_by_what_drives_hold(ur5, bench):
     low, high = finding.parameters["mass"].interval
     assert low < 1.5 < high
     assert finding.parameters["mass"].value == pytest.approx(1.5, rel=0.01)
+
+
+def test_a_prediction_at_rest_holds_what_the_laws_of_efforts_add(ur5, bench):
+    gain, spring, slide = (next(law for law in EFFORT_LAWS if law.physics == word and law.variant == aspect)
+                           for word, aspect in (("effort_gain", "effort"), ("counterbalance", "effort of a spring"),
+                                                ("coulomb_friction", "effort")))  # fmt: skip
+    effects = [
+        Effect(spring, Place("elbow_joint", spring.variant), {"stiffness": 3.0, "preload": 1.0}),
+        Effect(gain, Place("shoulder_lift_joint", gain.variant), {"gain": 0.25}),
+        Effect(slide, Place("elbow_joint", slide.variant), {"limit": 5.0, "presliding": 1e-4}),
+    ]
+    expected = at_rest(ur5, bench).rigid
+    lift, elbow = (list(bench.efforts).index(name) for name in ("shoulder_lift_joint", "elbow_joint"))
+    expected[:, lift] *= 1.25
+    # friction takes any value at rest
+    expected[:, elbow] += 3.0 * bench.positions["elbow_joint"] + 1.0
+    alone = replace(bench, position=None, rotation=None)
+    predicted = np.column_stack(list(simulate(ur5, alone, effects).efforts.values()))
+    assert predicted == pytest.approx(expected, abs=1e-9)
+    weight = [Effect(SelfWeight(), place, {"scale": 1.0}) for place in SelfWeight().places(ur5.mechanism)]
+    posed = np.column_stack(list(simulate(ur5, bench, [*weight, *effects]).efforts.values()))
+    assert posed == pytest.approx(expected, abs=0.02)
 
 
 def test_efforts_without_the_robot_s_weight_are_taken_so(ur5, bench):

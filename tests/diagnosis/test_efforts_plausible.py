@@ -83,11 +83,12 @@ def test_efforts_in_another_unit_are_told_by_their_sizes(ur5, recording):
     names = list(recording.efforts)
     with pytest.raises(InputError, match=r"tau\.shoulder_lift_joint \d{3,4} times.*seem to be in mN m or N mm"):
         checked(ur5, changed(recording, "efforts", dict.fromkeys(names, 1e3)))
-    amperes = changed(
-        recording, "efforts", dict(zip(names, (1 / 12, 1 / 12, 1 / 12, 1 / 8, 1 / 8, 1 / 8), strict=True))
-    )
-    with pytest.raises(InputError, match=r"0\.08\d* times.*seem to be in per cent or A"):
-        checked(ur5, amperes)
+    amperes = dict(zip(names, (1 / 12, 1 / 12, 1 / 12, 1 / 8, 1 / 8, 1 / 8), strict=True))
+    (doubt,) = checked(ur5, changed(recording, "efforts", amperes))
+    assert "tau.elbow_joint 0.08" in doubt
+    assert "are they in per cent or A?" in doubt
+    with pytest.raises(InputError, match=r"the sign of tau\.elbow_joint is turned round"):
+        checked(ur5, changed(recording, "efforts", amperes | {"elbow_joint": -1 / 12}))
     per_cent = dict(zip(names, [100 / most for most in (150, 150, 150, 28, 28, 28)], strict=True))
     (doubt,) = checked(ur5, changed(recording, "efforts", per_cent))
     assert "tau.elbow_joint 0.6" in doubt

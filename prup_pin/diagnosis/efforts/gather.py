@@ -62,7 +62,8 @@ class Base:
 class Efforts:
     """The efforts of a robot in one motion, ready to be asked which laws they want."""
 
-    def __init__(self, at: InMotion, tolerances: Mapping[str, float], noise: float | None):
+    def __init__(self, at: InMotion, tolerances: Mapping[str, float], noise: Array | None):
+        """`noise` (k,): declared, of each joint's efforts as they are compared."""
         self.at = at
         self.noise = noise
         motion = at.motion
@@ -77,7 +78,7 @@ class Efforts:
         self._fixed: list[_Seen] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
         for law in EFFORT_LAWS:
-            for place in law.places(at.mechanism):
+            for place in law.places(at.mechanism) if law.competes else ():
                 if (law.of_motion and motion.standing) or not law.acts(place, at):
                     continue
                 if law.of_what_is_known:

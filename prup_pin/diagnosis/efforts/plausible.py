@@ -26,7 +26,6 @@ from ..criteria import (
     EFFORT_RIGHT,
     EFFORT_STEP,
     EFFORT_STRANGE,
-    EFFORT_UNIT,
     FAR_BEYOND,
 )
 
@@ -48,28 +47,46 @@ class _Reading:
     changed: Callable[[Motion, Array], tuple[Motion, Array]]
 
 
-def check_efforts(at: InMotion) -> list[str]:
-    """Return suspicions. Raises InputError where columns are not what they say, with what gave them away."""
+def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
+    """Return suspicions. Raises InputError where columns are not what they say, with what gave them away.
+
+    known (k,): gains of the efforts, where those are in units of their own.
+    """
     rows = np.unique(np.linspace(0, len(at) - 1, _SAMPLES).astype(int))
     motion = at.motion.select(rows)
     efforts = at.motion.low_pass(at.motion.efforts, at.motion.piece)[rows]
     if len(rows) < EFFORT_FEWEST or not np.isfinite(efforts).all() or not efforts.any():
         return []
     rigid = at.rigid[rows]
-    gains = _gains(motion, efforts, rigid)
+    signed = _gains(motion, efforts, rigid)
+    gains = {name: gain for name, gain in signed.items() if gain > 0}
     _check_units(motion, gains)
-    first = _left(motion, efforts, rigid)
-    if first > EFFORT_STRANGE:
-        _read_otherwise(at, motion, efforts, first)
-        _check_limits(at, motion, first)
-    apart = np.abs(np.log(list(gains.values())))
-    if len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT):
+    units = [np.ones(len(motion.driven))]
+    in_units = False
+    if known is not None and not (known == 1).all():
+        in_units = True
+        units.append(known)
+    elif _apart(gains):
+        usual = float(np.median(list(gains.values())))
+        units.append(np.array([abs(signed.get(name, usual)) for name in motion.driven]))
+    for unit in units:
+        first = _left(motion, efforts / unit, rigid)
+        if first > EFFORT_STRANGE:
+            _read_otherwise(at, motion, efforts / unit, first)
+            _check_limits(at, motion, first)
+    if in_units or not _apart(gains):
         return []
     told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:_SHOWN])
     return [
         f"the efforts follow the rigid robot's, but are other multiples of them at each joint ({told}): are they in "
         "per cent or A? Expected N m or N"
     ]
+
+
+def _apart(gains: dict[str, float]) -> bool:
+    """Return whether no joint's effort is in the unit of the rigid robot's."""
+    apart = np.abs(np.log(list(gains.values())))
+    return not (len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT))
 
 
 def _read_otherwise(at: InMotion, motion: Motion, efforts: Array, first: float) -> None:
@@ -207,28 +224,25 @@ def _in_order(words: str, order: tuple[int, ...], of: str) -> _Reading:
 
 
 def _gains(motion: Motion, efforts: Array, rigid: Array) -> dict[str, float]:
-    """Return by how much efforts are larger than the rigid robot's, of joints where they follow them."""
+    """Return by how much efforts are larger than the rigid robot's, of joints where they follow them or minus them."""
     gains: dict[str, float] = {}
     for column, name in enumerate(motion.driven):
         own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
         product, sizes = float(own[:, 0] @ own[:, 1]), np.linalg.norm(own, axis=0)
-        if sizes.all() and product > EFFORT_FOLLOWS * float(sizes[0] * sizes[1]):
+        if sizes.all() and abs(product) > EFFORT_FOLLOWS * float(sizes[0] * sizes[1]):
             gains[name] = product / float(sizes[1] ** 2)
     return gains
 
 
 def _check_units(motion: Motion, gains: dict[str, float]) -> None:
-    """Raise InputError where most efforts are far from the rigid robot's in size but not in shape."""
-    far = {name: gain for name, gain in gains.items() if not 1 / EFFORT_UNIT < gain < EFFORT_UNIT}
-    if not far or 2 * len(far) < len(motion.driven):
+    """Raise InputError where efforts are a thousand times the rigid robot's, and of their shape."""
+    told = {name: gain for name, gain in gains.items() if 1 / 2 < gain / 1e3 < 2}
+    if not told or len(told) < len(gains) or 2 * len(told) < len(motion.driven):
         return
-    told = ", ".join(f"tau.{name} {number(gain, 3)} times" for name, gain in list(far.items())[:_SHOWN])
-    seems = "per cent or A, or of the motors before their gears"
-    if all(1 / 2 < gain / 1e3 < 2 for gain in far.values()):
-        seems = "mN m or N mm"
+    shown = ", ".join(f"tau.{name} {number(gain, 3)} times" for name, gain in list(told.items())[:_SHOWN])
     raise InputError(
-        f"the efforts follow those of the rigid robot, but are {told} as large: they seem to be in {seems}; expected "
-        "N m or N at the joints. `prup-pin import` scales them by its map"
+        f"the efforts follow those of the rigid robot, but are {shown} as large: they seem to be in mN m or N mm; "
+        "expected N m or N at the joints. `prup-pin import` scales them by its map"
     )
 
 

@@ -11,9 +11,10 @@ from scipy.stats import t as student
 
 from ...dynamics import INERTIAL, InMotion, Motion, motion_of
 from ...errors import InputError
-from ...laws import Effect
+from ...laws import Effect, Place
 from ...laws.efforts import EffortLaw
 from ...laws.efforts.all_links import AllLinks
+from ...laws.efforts.effort_sensor import EffortUnit
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
 from ...laws.efforts.inertial_parameters import InertialParameters
 from ...numbers import number
@@ -39,6 +40,7 @@ from ..diagnosis import Detectable, Finding, FittedParameter
 from .beside import Beside
 from .chosen import Chosen, fit, saved
 from .columns import EffortCandidate, Gathered
+from .gains import Gains, gains_of, in_newtons
 from .gather import Efforts
 from .normal import Normal
 from .plausible import check_efforts
@@ -125,18 +127,22 @@ def diagnose_efforts(
     if not motion.driven:
         raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
     at = InMotion.of(mechanism, motion)
-    doubts = check_efforts(at)
     if held is not None:
         known = np.column_stack([held[name][motion.rows] for name in at.driven])
         at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
     tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
-    efforts = Efforts(at, tolerances, recording.noise.effort)
+    gains = gains_of(at, tolerances)
+    scale = np.ones(len(at.driven)) if gains is None else gains.gains
+    doubts = check_efforts(at, scale)
+    at = in_newtons(at, scale)
+    declared = recording.noise.effort
+    efforts = Efforts(at, tolerances, declared / scale if declared else None)
     tell("laws compete for the efforts", 0.1)
     efforts, given, chosen = _found(efforts, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share))
     tell("what no law explains", 0.75)
     given, chosen, free = _with_curves(efforts, given, relieved(given, chosen))
     tell("the verdict", 0.9)
-    found = _Verdict(robot, recording, efforts, given, chosen, free).whole()
+    found = _Verdict(robot, recording, efforts, given, chosen, free, gains).whole()
     return replace(found, remarks=(*doubts, *found.remarks))
 
 
@@ -147,9 +153,10 @@ def _found(efforts: Efforts, tell: Callable[[float], None]) -> tuple[Efforts, Ga
     and not where the efforts are large: then plain weights leave less of the efforts on held-out blocks.
     """
     white, own = searched(efforts.gathered(), efforts.start(), efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
-    left = efforts.held_out_residual(white, own)[efforts.good]
-    if efforts.noise is not None and _rms(left) < EFFORT_LOUD * efforts.noise:
-        return efforts, white, own
+    if efforts.noise is not None:
+        left = efforts.held_out_residual(white, own) / efforts.noise
+        if _rms(left[efforts.good]) < EFFORT_LOUD:
+            return efforts, white, own
     plainly = efforts.plainly()
     given, chosen = searched(
         plainly.gathered(), plainly.start(), plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s)
@@ -210,7 +217,11 @@ class _Verdict:
         given: Gathered,
         chosen: Chosen,
         free: Sequence[EffortCandidate],
+        gains: Gains | None = None,
     ):
+        self.gains = gains
+        # reported per true effort: all figures are in the recording's own unit
+        self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
         self.robot, self.recording, self.efforts = robot, recording, efforts
         self.given, self.chosen, self.free = given, chosen, list(free)
         self.mechanism, self.at = robot.mechanism, efforts.at
@@ -227,11 +238,11 @@ class _Verdict:
         efforts, motion = self.efforts, self.motion
         added = efforts.added(self.named, self.x_named)
         every = efforts.every
-        measured, rigid = efforts.measured[every], efforts.rigid[every]
-        predicted = rigid + efforts.filter(added)[every]
+        measured, rigid = efforts.measured[every] * self.scale, efforts.rigid[every]
+        predicted = (rigid + efforts.filter(added)[every]) * self.scale
         noise, declared = self._noise(added)
         before, after, by_joint = self._residuals(added, noise)
-        findings = [self._finding(term) for term in self.named.terms]
+        findings = [*self._of_gains(), *(self._finding(term) for term in self.named.terms)]
         unknown = [self._unknown(term) for term in self.free]
         beyond = list(self._beyond())
         remarks = self._remarks()
@@ -279,7 +290,7 @@ class _Verdict:
             position=np.column_stack([self.at.position(name)[every] for name in self.at.driven]),
             good=efforts.good,
             cutoff=motion.low_pass.cutoff,
-            noise=noise,
+            noise=noise * self.scale,
             declared=declared,
             before=before,
             after=after,
@@ -305,7 +316,7 @@ class _Verdict:
         """Return the noise of each effort (k,) and whether it was declared; else what no curve takes away."""
         declared = self.recording.noise.effort
         if declared:
-            return np.full(len(self.at.driven), declared), True
+            return np.full(len(self.at.driven), declared) / self.scale, True
         x, _ = fit(self.given, self.chosen)
         rest = (self.motion.efforts - self.at.rigid - self.efforts.added(self.chosen, x))[self.efforts.every]
         sizes = [_rms(rest[self.efforts.good[:, k], k]) for k in range(rest.shape[1])]
@@ -317,7 +328,8 @@ class _Verdict:
         """Return the residual in multiples of the noise before and after, of all and by joint."""
         every, good = self.efforts.every, self.efforts.good
         raw = (self.motion.efforts - self.at.rigid)[every]
-        first, last = raw / noise, (raw - added[every]) / noise
+        told = (self.motion.efforts - self.at.rigid / self.scale)[every]
+        first, last = told / noise, (raw - added[every]) / noise
         ratio = self._held_ratio()
         before = _rms(first[good])
         after = _rms(last[good])
@@ -335,8 +347,8 @@ class _Verdict:
     def _shares(self, predicted: Array) -> dict[str, dict[str, float]]:
         """Return what is left of each joint's effort below the cut-off, as a share of it, and of all together."""
         efforts = self.efforts
-        measured, rigid = efforts.measured[efforts.every], efforts.rigid[efforts.every]
-        held = measured - efforts.held_out_residual(self.given, self.named)
+        measured, rigid = efforts.measured[efforts.every] * self.scale, efforts.rigid[efforts.every]
+        held = measured - efforts.held_out_residual(self.given, self.named) * self.scale
         out: dict[str, dict[str, float]] = {}
         columns = {name: [k] for k, name in enumerate(self.at.driven)}
         for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():
@@ -383,6 +395,38 @@ class _Verdict:
             effect=effect,
             alternatives=tuple(dict.fromkeys(laws)),
         )
+
+    def _of_gains(self) -> Iterator[Finding]:
+        """Yield that the drives report in units of their own."""
+        if self.gains is None:
+            return
+        gains, factor = self.gains.gains, np.exp(1.96 * self.gains.deviation)
+        unit = {name: "N" if self.mechanism.joint(name).slides else "N m" for name in self.at.driven}
+        parameters = {
+            f"{name}.gain": FittedParameter(float(g - 1), "", (float(g / f - 1), float(g * f - 1)))
+            for name, g, f in zip(self.at.driven, gains, factor, strict=True)
+        }
+        told = ", ".join(
+            f"{name} {number(float(g), 3)} per {unit[name]}" for name, g in zip(self.at.driven, gains, strict=True)
+        )
+        yield Finding(
+            physics="effort_gain",
+            location="robot",
+            candidates=("robot", *self.at.driven),
+            parameters=parameters,
+            heldout_gain=self._saved_by_gains(),
+            statement=(
+                f"the drives report in units of their own: {told}; all gains together and all masses together are one "
+                "unknown, which the robot file's masses decide"
+            ),
+        )
+
+    def _saved_by_gains(self) -> float:
+        """Return the share that gains and all that is found take away of what the efforts leave as they are told."""
+        measured, rigid = (values[self.efforts.every] for values in (self.efforts.measured, self.efforts.rigid))
+        told = ((measured - rigid / self.scale)[self.efforts.good] ** 2).sum()
+        left = (self.efforts.held_out_residual(self.given, self.named)[self.efforts.good] ** 2).sum()
+        return float(np.clip(1 - left / max(told, np.finfo(float).tiny), 0.0, 1.0))
 
     def _of_all_links(self, term: EffortCandidate, law: AllLinks) -> Finding:
         """Return what the motion tells of all links' masses: the combinations that are not those of the robot file."""
@@ -525,6 +569,10 @@ class _Verdict:
                     yield Effect(InertialParameters(), link, dict(zip(INERTIAL, map(float, change), strict=True)))
                 continue
             yield self._effect(term, term.law.fitted(term.place, own, term.values))
+        if self.gains is not None:
+            law = EffortUnit()
+            for name, gain in zip(self.at.driven, self.gains.gains, strict=True):
+                yield Effect(law, Place(name, law.variant), {"gain": float(gain - 1)})
 
     # -- pictures and advice ---------------------------------------------------------------------------------------
 
@@ -533,7 +581,7 @@ class _Verdict:
         efforts = self.efforts
         every = efforts.every
         full = efforts.filter(efforts.added(self.named, self.x_named))[every]
-        left = efforts.measured[every] - efforts.rigid[every] - full
+        left = (efforts.measured[every] - efforts.rigid[every] - full) * self.scale
         for term in (*self.named.terms, *self.free):
             joint = term.place.name
             variable = term.law.variable if isinstance(term.law, FreeCurve) else _AGAINST.get(term.law.physics)
@@ -551,7 +599,7 @@ class _Verdict:
                 if same and same[0] is not term:
                     continue  # drawn once, together
                 for other in same:
-                    own = own + self._alone(other)[:, column]
+                    own = own + self._alone(other)[:, column] * self.scale[column]
             x = variable_of(self.at, joint, variable)[every]
             drawn = _means(x[good], (left[:, column] + own)[good], own[good] if own.any() else None)
             slides = self.mechanism.joint(joint).slides

@@ -8,7 +8,7 @@ from .cogging import Cogging
 from .coulomb_friction import LoadedFriction, SlidingFriction
 from .counterbalance import Counterbalance, CounterbalanceSpring
 from .effort_law import EFFORT, EffortLaw
-from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay
+from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
 from .inertial_parameters import InertialParameters, ScaledInertia
 from .mounting import Mounting
@@ -34,6 +34,7 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     Mounting(),
     EffortOffset(),
     EffortGain(),
+    EffortUnit(),
     EffortDelay(),
     EffortsDelay(),
     OffsetEncoder(),

@@ -36,6 +36,8 @@ class EffortLaw(Law):
     one_sided: ClassVar[bool] = False
     #: Share of the held-out squares that it must save, where that is more than of any law.
     least_gain: ClassVar[float] = 0.0
+    #: False where it is told before any law competes.
+    competes: ClassVar[bool] = True
     #: True where its columns follow from what is known of the efforts so far: they are made anew as laws are found.
     of_what_is_known: ClassVar[bool] = False
     #: True where it is a body that weighs and is accelerated: a gain of the effort is told by what bodies ask for.

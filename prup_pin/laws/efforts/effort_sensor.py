@@ -14,7 +14,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .delay import Delay, DelayOfAll
-from .effort_law import DrivenEffortLaw, effort_unit, in_units
+from .effort_law import EFFORT, DrivenEffortLaw, effort_unit, in_units
 
 
 class EffortOffset(DrivenEffortLaw):
@@ -59,6 +59,26 @@ class EffortGain(DrivenEffortLaw):
         return (
             f"the effort reported for {place.name} is {number(100 * values['gain'], 3, signed=True)} % of it too much"
         )
+
+
+class EffortUnit(DrivenEffortLaw):
+    """The effort is reported in a unit of its own, friction and all: a current, or per cent of a rating."""
+
+    physics = "effort_gain"
+    variant = f"{EFFORT} in a unit of its own"
+    competes = False
+    of_what_is_known = True
+    summary = "efforts in a unit of their own"
+    linear = ("gain",)
+    quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-1e6),)
+    neutral: ClassVar = {"gain": 0.0}
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return at.along(place.name, at.effort_of(place.name, at.predicted))[..., None]
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = effort_unit(place, mechanism)
+        return f"{place.name} reports {number(1 + values['gain'], 3)} for each {unit}, friction included"
 
 
 class EffortDelay(Delay, DrivenEffortLaw):

@@ -1,0 +1,248 @@
+"""Efforts in units of their own: motor currents, per cent of a rating, torque constants that were never measured.
+
+What a drive reports is g tau, tau = Y b + friction, with a gain g of its own at every joint and inertial parameters b
+that all joints share. That is bilinear in g and b, and solved by Newton's method under priors: b about the robot
+file's, ln g about that of all joints. All gains k times as large and all masses k times smaller are the same efforts:
+which of them it is, only the robot file's masses decide (Gautier and Venture 2013).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...laws.efforts.effort_law import usual_way
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_FEWEST,
+    EFFORT_GAINS,
+    EFFORT_GAINS_APART,
+    EFFORT_GAINS_SAVE,
+    EFFORT_MASSES,
+    EFFORT_SURE,
+)
+from .columns import column_blocks, kept_samples
+
+__all__ = ["Gains", "gains_of", "in_newtons"]
+
+#: Samples that are looked at, and steps of Newton's method.
+_SAMPLES, _STEPS = 6000, 60
+#: Masses are given so many times their spread while it is asked whether gains are needed beside them.
+_WIDER = 3.0
+#: Blocks of time that are held out in turn.
+_BLOCKS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Reported per true effort, of each driven joint (k,), and the standard deviation of its logarithm (k,).
+
+    `common`: that of the logarithm of all of them together, which the masses of the robot file decide.
+    """
+
+    gains: Array
+    deviation: Array
+    common: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Products:
+    """Of each joint and block of time: products of inertial columns (k, B, p, p), with efforts (k, B, p) and (k, B).
+
+    Freed of the joint's own friction, offset and counterbalance, in multiples of what nothing takes away there.
+    """
+
+    columns: Array
+    moment: Array
+    power: Array
+
+    def without(self, block: int | None) -> tuple[Array, Array, Array]:
+        """Return sums over all blocks but one."""
+        kept = [b for b in range(self.power.shape[1]) if b != block]
+        return self.columns[:, kept].sum(axis=1), self.moment[:, kept].sum(axis=1), self.power[:, kept].sum(axis=1)
+
+
+def in_newtons(at: InMotion, gains: Array) -> InMotion:
+    """Return a motion whose efforts are divided by gains (k,)."""
+    return at.measuring(at.motion.efforts / gains)
+
+
+def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
+    """Return the gains of the drives' efforts, where several are surely not alike; None where they are as told."""
+    if at.motion.standing or len(at.driven) < 2 or not at.rigid.any():
+        return None
+    drawn, spread = _drawn(at, tolerances)
+    products = _products(at)
+    if products is None:
+        return None
+    start = _start(products, drawn)
+    if start is None:
+        return None
+    level = float(np.median(start))
+    free = np.ones(len(start), bool)
+    none, wide = np.zeros_like(free), _WIDER * spread
+    before = [_held_out(products, drawn, wide, 0 * start, none, block, 0.0) for block in range(_BLOCKS)]
+    after = [_held_out(products, drawn, wide, start, free, block, level) for block in range(_BLOCKS)]
+    saving = np.array(before) - np.array(after)
+    sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(_BLOCKS), np.finfo(float).tiny)
+    if not (saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE):
+        return None
+    _, log, covariance = _solved(products.without(None), drawn, spread, start, free, level)
+    own = covariance - covariance.mean(axis=0)
+    own = own - own.mean(axis=1, keepdims=True)
+    deviation = np.sqrt(np.maximum(np.diag(own), 0.0))
+    apart = np.abs(log - np.median(log)) > np.maximum(np.log(EFFORT_GAINS_APART), EFFORT_SURE * deviation)
+    if apart.sum() < 2:
+        return None
+    return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
+
+
+def _drawn(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return the inertial parameters of the robot file (p,) and their standard deviations (p,)."""
+    mass, inertia = (max(float(tolerances.get(key, EFFORT_MASSES)), 1e-3) for key in ("mass", "inertia"))
+    drawn, spread = [], []
+    for body in list(at.mechanism.model.inertias)[1:]:
+        own, m = body.toDynamicParameters(), float(body.mass)
+        drawn.append(own)
+        trace = float(np.trace(body.inertia)) + m * float(body.lever @ body.lever)
+        reach = np.sqrt(trace / m) if m > 0 else 0.0
+        spread.append(np.array([mass * m, *3 * [mass * m * reach], *6 * [inertia * max(trace, 0.0)]]))
+    return np.concatenate(drawn), np.concatenate(spread)
+
+
+def _products(at: InMotion) -> _Products | None:
+    motion = at.motion
+    rows = kept_samples(at)
+    rows = rows[:: max(1, len(rows) // _SAMPLES)]
+    if len(rows) < EFFORT_FEWEST:
+        return None
+    measured = motion.low_pass(motion.efforts, motion.piece)[rows]
+    if not np.isfinite(measured).all():
+        return None
+    whole = at.regressor.reshape(len(at), len(at.driven), -1)
+    size = whole.shape[2]
+    blocks = column_blocks(rows, _BLOCKS)
+    if blocks.max() + 1 < _BLOCKS:
+        return None
+    columns = np.zeros((len(at.driven), _BLOCKS, size, size))
+    moment, power = np.zeros(columns.shape[:3]), np.zeros(columns.shape[:2])
+    for joint, name in enumerate(at.driven):
+        inertial = motion.low_pass(whole[:, joint], motion.piece)[rows]
+        good = np.ones(len(rows), bool)
+        if name in motion.names:
+            good = ~motion.still[rows, motion.names.index(name)]
+        if good.sum() < EFFORT_FEWEST:
+            continue
+        own = motion.low_pass(_own(at, name), motion.piece)[rows]
+        values = np.column_stack((measured[:, joint], inertial))
+        values[good] -= own[good] @ np.linalg.lstsq(own[good], values[good], rcond=1e-9)[0]
+        values[~good] = 0.0
+        left = values[good, 0] - values[good, 1:] @ np.linalg.lstsq(values[good, 1:], values[good, 0], rcond=1e-7)[0]
+        sigma2 = float(left @ left) / good.sum()
+        if not sigma2 > 0:
+            continue
+        # neighbours are alike: as many count as would be independent
+        alike = float(np.clip(left[1:] @ left[:-1] / (left @ left), 0.0, 0.99))
+        values *= np.sqrt((1 - alike) / (1 + alike) / sigma2)
+        for block in range(_BLOCKS):
+            part = values[blocks == block]
+            gram = part.T @ part
+            columns[joint, block], moment[joint, block], power[joint, block] = gram[1:, 1:], gram[1:, 0], gram[0, 0]
+    return _Products(columns, moment, power) if power.any(axis=1).all() else None
+
+
+def _own(at: InMotion, joint: str) -> Array:
+    """Return what a joint's effort may hold beside bodies (N, m): friction, rotor, an offset, a counterbalance."""
+    ones = np.ones(len(at))
+    if joint not in at.motion.names:
+        return ones[:, None]
+    position, speed = at.position(joint), at.speed(joint)
+    turning = at.dragged(joint, usual_way(at, joint))
+    size = max(float(np.sqrt(np.mean(speed**2))), np.finfo(float).tiny)
+    own = [ones, turning, speed, at.acceleration(joint), turning * np.exp(-((speed / (0.25 * size)) ** 2)), position]
+    if at.mechanism.joint(joint).turns:
+        own += [np.cos(position), np.sin(position)]
+    table = np.column_stack(own)
+    return table / np.maximum(np.sqrt((table**2).mean(axis=0)), np.finfo(float).tiny)
+
+
+def _start(products: _Products, drawn: Array) -> Array | None:
+    """Return logarithms of gains (k,) by the robot file's masses; the others' middle where that tells nothing."""
+    columns, moment, power = products.without(None)
+    size = np.einsum("i,kij,j->k", drawn, columns, drawn)
+    along = moment @ drawn
+    follows = along > 0.5 * np.sqrt(size * power)
+    if not follows.any():
+        return None
+    log = np.log(np.where(follows, along, 1.0) / np.where(follows, size, 1.0))
+    return np.where(follows, log, np.median(log[follows]))
+
+
+def _solved(
+    sums: tuple[Array, Array, Array], drawn: Array, spread: Array, start: Array, free: np.ndarray, level: float
+) -> tuple[Array, Array, Array]:
+    """Return the inertial parameters, the gains' logarithms (k,) and their covariance (k, k), by Newton's method."""
+    columns, moment, _ = sums
+    there = np.flatnonzero(spread > 0)
+    unit = spread[there]
+    columns = columns[:, there[:, None], there] * unit[:, None] * unit
+    fixed = drawn.copy()
+    fixed[there] = 0.0
+    moment = moment[:, there] * unit
+    centre, log, which = drawn[there] / unit, start.copy(), np.flatnonzero(free)
+    x = centre.copy()
+    stiff = 1 / EFFORT_GAINS**2
+    p, eased = len(there), 1e-3
+
+    def cost(x: Array, log: Array) -> float:
+        gain = np.exp(log)
+        data = (gain**2 * np.einsum("i,kij,j->k", x, columns, x) - 2 * gain * (moment @ x)).sum()
+        return float(data + ((x - centre) ** 2).sum() + stiff * ((log - level)[which] ** 2).sum())
+
+    now = cost(x, log)
+    covariance = np.zeros((len(log), len(log)))
+    for _ in range(_STEPS):
+        gain = np.exp(log)
+        seen = columns @ x  # (k, p)
+        matrix = np.zeros((p + len(which), p + len(which)))
+        matrix[:p, :p] = np.einsum("k,kij->ij", gain**2, columns) + np.eye(p)
+        matrix[:p, p:] = (gain[which] ** 2)[None, :] * seen[which].T
+        matrix[p:, :p] = matrix[:p, p:].T
+        matrix[p:, p:] = np.diag(gain[which] ** 2 * (seen[which] @ x) + stiff)
+        left = gain[:, None] * (moment - gain[:, None] * seen)
+        pull = np.concatenate((left.sum(axis=0) - (x - centre), left[which] @ x - stiff * (log - level)[which]))
+        if not len(which):
+            x = x + np.linalg.solve(matrix, pull)
+            break
+        inverse = np.linalg.inv(matrix)
+        covariance[np.ix_(which, which)] = inverse[p:, p:]
+        while eased < 1e9:
+            step = np.linalg.solve(matrix + eased * np.diag(np.diag(matrix)), pull)
+            tried = log.copy()
+            tried[which] += np.clip(step[p:], -1.0, 1.0)
+            other = cost(x + step[:p], tried)
+            if other <= now:
+                break
+            eased *= 10
+        else:
+            break
+        done = now - other < 1e-9 * max(abs(now), 1.0)
+        x, log, now, eased = x + step[:p], tried, other, max(eased / 10, 1e-9)
+        if done:
+            break
+    out = fixed
+    out[there] = x * unit
+    return out, log, covariance
+
+
+def _held_out(
+    products: _Products, drawn: Array, spread: Array, start: Array, free: np.ndarray, block: int, level: float
+) -> float:
+    """Return the squares that a block has left when it was not fitted."""
+    x, log, _ = _solved(products.without(block), drawn, spread, start, free, level)
+    gain = np.exp(log)
+    columns, moment, power = products.columns[:, block], products.moment[:, block], products.power[:, block]
+    return float((power - 2 * gain * (moment @ x) + gain**2 * np.einsum("i,kij,j->k", x, columns, x)).sum())

@@ -1,0 +1,78 @@
+"""Drives that report in units of their own: gains and masses are told together, one scale of all by masses alone."""
+
+import numpy as np
+import pytest
+
+from prup_pin import load
+from prup_pin.diagnosis.efforts.gains import gains_of, in_newtons
+from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.laws import Effect, Place
+from prup_pin.laws.efforts.effort_sensor import EffortUnit
+from prup_pin.recordings import Recording
+from prup_pin.simulation.moving_efforts import efforts_in_motion
+
+GAINS = np.array([0.08, 0.09, 0.11, 2.0, 2.4, 1.7])
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load("ur5")
+
+
+@pytest.fixture(scope="module")
+def moving(robot):
+    """A motion whose efforts are those of links that are not as drawn, with friction, rotors and noise."""
+    mechanism = robot.mechanism
+    rng, time = np.random.default_rng(3), np.arange(4000) * 0.005
+    home = np.array([0.0, -1.1, 1.0, -0.3, 0.5, 0.0])
+    rates = rng.uniform(0.8, 4.0, (3, 6))
+    sizes, phases = rng.uniform(0.5, 1.0, (3, 6)) / rates, rng.uniform(0, 6, (3, 6))
+    q = home + (sizes[:, None] * np.sin(rates[:, None] * time[:, None] + phases[:, None])).sum(axis=0)
+    silent = Recording(time=time, positions=dict(zip(mechanism.actuated, q.T, strict=True)))
+    at = InMotion.of(mechanism, motion_of(silent, mechanism, mechanism.actuated))
+    drawn = np.concatenate([body.toDynamicParameters() for body in list(mechanism.model.inertias)[1:]])
+    true = (drawn.reshape(-1, 10) * np.array([1.2, 0.85, 1.1, 0.9, 1.15, 0.8])[:, None]).ravel()
+    efforts = at.regressor.reshape(len(at), 6, -1) @ true
+    efforts = efforts + 0.8 * np.sign(at.motion.speed) + 0.5 * at.motion.acceleration
+    return at.measuring(efforts + 0.1 * rng.normal(size=efforts.shape))
+
+
+def test_gains_of_drives_are_told_beside_each_other_and_with_the_masses_drawn(moving):
+    found = gains_of(moving.measuring(moving.motion.efforts * GAINS), {})
+    apart = np.log(found.gains / GAINS)
+    # the last joint weighs next to nothing
+    assert apart[:5] - apart[:5].mean() == pytest.approx(np.zeros(5), abs=0.05)
+    assert abs(apart[:5].mean()) < 2 * found.common
+    assert 0.02 < found.common < 0.3
+    assert found.deviation[:5] == pytest.approx(np.full(5, found.common), rel=0.05)
+
+
+def test_gains_a_little_off_at_every_joint_are_told_and_taken_out(moving):
+    gains = np.array([0.75, 1.3, 0.9, 1.35, 0.8, 1.2])
+    reported = moving.measuring(moving.motion.efforts * gains)
+    found = gains_of(reported, {})
+    apart = np.log(found.gains / gains)
+    assert apart[:5] - apart[:5].mean() == pytest.approx(np.zeros(5), abs=0.05)
+    back = in_newtons(reported, found.gains).motion.efforts
+    assert back * found.gains == pytest.approx(reported.motion.efforts, rel=1e-12)
+
+
+def test_other_masses_and_one_gain_alone_are_no_other_units(moving):
+    assert gains_of(moving, {}) is None
+    assert gains_of(moving.measuring(moving.motion.efforts * [1, 1, 1.4, 1, 1, 1]), {}) is None
+
+
+def test_a_prediction_is_in_the_drives_own_units(robot, moving):
+    motion = moving.motion
+    recording = Recording(
+        time=motion.time,
+        positions=dict(zip(motion.names, motion.position.T, strict=True)),
+        efforts=dict(zip(motion.driven, motion.efforts.T, strict=True)),
+    )
+    law = EffortUnit()
+    effects = [
+        Effect(law, Place(name, law.variant), {"gain": g - 1}) for name, g in zip(motion.driven, GAINS, strict=True)
+    ]
+    plain, own = (efforts_in_motion(robot, recording, which) for which in ((), effects))
+    for name, gain in zip(motion.driven, GAINS, strict=True):
+        assert own[name] == pytest.approx(gain * plain[name], rel=1e-9)
