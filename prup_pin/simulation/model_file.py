@@ -15,6 +15,7 @@ from ..errors import InputError, ParameterError, PrupPinError, UnknownNameError,
 from ..laws import LAWS, Effect, Law, Place
 from ..laws.deviations import Calibration, calibration_of
 from ..laws.efforts import EFFORT_LAWS
+from ..laws.efforts.free_curve import CURVES
 from ..laws.target import of_markers
 from ..loading import Reading
 from ..mechanism import Mechanism
@@ -39,6 +40,8 @@ __all__ = [
 
 #: Of both channels; where they share a word, the aspect of a place tells.
 EVERY_LAW: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
+#: What a file may hold besides: curves of efforts that no law gives.
+_KNOWN: tuple[Law, ...] = (*EVERY_LAW, *CURVES)
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
@@ -76,7 +79,7 @@ def law_named(physics: str, place: Place | None = None, mechanism: Mechanism | N
     """Return the law of that name; where several share it, the one that acts at `place`. Raises UnknownNameError."""
     if physics == Calibration.physics:
         return Calibration(()) if mechanism is None else calibration_of(mechanism)
-    every = EVERY_LAW if mechanism is None else (*EVERY_LAW, *of_markers(mechanism))
+    every = _KNOWN if mechanism is None else (*_KNOWN, *of_markers(mechanism))
     named = [law for law in every if law.physics == physics]
     if not named:
         raise UnknownNameError("law", physics, sorted({law.physics for law in EVERY_LAW}))
@@ -92,7 +95,7 @@ def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> P
     if physics == Calibration.physics:
         return Place(name, aspect)
     law_named(physics)
-    every = (*EVERY_LAW, *of_markers(mechanism))
+    every = (*_KNOWN, *of_markers(mechanism))
     places = [place for law in every if law.physics == physics for place in law.places(mechanism)]
     if not places:
         raise UnknownNameError(f"place of {physics}", name, [], f"{physics} cannot act on '{mechanism.name}'.")

@@ -185,11 +185,12 @@ class Efforts:
         if there:
             return given, there
         curves: Iterable[_Seen] = (
-            (law, place, {}, self.seen(law.efforts_per(place, {}, self.at)))
+            (law, place, knots, self.seen(law.efforts_per(place, knots, self.at)))
             for law in tried
             for place in law.places(self.at.mechanism)
             if law.acts(place, self.at)
             and not ((law.friction or law.variable in ("speed", "time")) and self.at.motion.standing)
+            for knots in law.scanned(place, self.at)
         )
         new, _ = self._beside(given.columns, whitening or self.whitening, curves)
         # where a block has a stretch of the way for itself, its knots are told by no other: they stay near nothing

@@ -30,7 +30,7 @@ from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .normal import Normal
 
-__all__ = ["Score", "can_be", "excluded", "held_out", "scores", "searched", "threshold", "uncertainty"]
+__all__ = ["Score", "can_be", "excluded", "held_out", "pruned", "scores", "searched", "threshold", "uncertainty"]
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
 _TRIED = 24
@@ -394,6 +394,13 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
         same = candidate.size == chosen.size and candidate.where.start < chosen.where.start
         if same and abs(float((after - best_after).sum())) < 0.005 * best_gain:
             chosen = candidate
+    return chosen
+
+
+def pruned(given: Gathered, chosen: Chosen, newest: int) -> Chosen:
+    """Return what is chosen without terms that the others, the `newest` among them, make needless."""
+    while (worse := _needless(given, chosen, newest)) is not None:
+        chosen = chosen.without(worse)
     return chosen
 
 

@@ -45,7 +45,7 @@ from .gather import Efforts
 from .normal import Normal
 from .plausible import check_efforts
 from .relief import relieved, strain
-from .search import held_out, scores, searched, threshold, uncertainty, worth
+from .search import held_out, pruned, scores, searched, threshold, uncertainty, worth
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
 
@@ -140,9 +140,9 @@ def diagnose_efforts(
     tell("laws compete for the efforts", 0.1)
     efforts, given, chosen = _found(efforts, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share))
     tell("what no law explains", 0.75)
-    given, chosen, free = _with_curves(efforts, given, relieved(given, chosen))
+    given, chosen, free, imitating = _with_curves(efforts, given, relieved(given, chosen))
     tell("the verdict", 0.9)
-    found = _Verdict(robot, recording, efforts, given, chosen, free, gains).whole()
+    found = _Verdict(robot, recording, efforts, given, chosen, free, imitating, gains).whole()
     return replace(found, remarks=(*doubts, *found.remarks))
 
 
@@ -168,12 +168,16 @@ def _found(efforts: Efforts, tell: Callable[[float], None]) -> tuple[Efforts, Ga
     return efforts, white, own
 
 
-def _with_curves(efforts: Efforts, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen, list[EffortCandidate]]:
-    """Return what is chosen, and the curves of no law that the efforts still ask for.
+def _with_curves(
+    efforts: Efforts, given: Gathered, chosen: Chosen
+) -> tuple[Gathered, Chosen, list[EffortCandidate], list[EffortCandidate]]:
+    """Return what is chosen, the curves of no law that the efforts still ask for, and laws that imitate them.
 
-    A law that only imitates what is there leaves its shape behind: it goes.
+    A law that only imitates what is there leaves its shape behind: it is not named. Where it serves beside the curve, a
+    prediction keeps it.
     """
     free: list[EffortCandidate] = []
+    imitating: list[EffortCandidate] = []
     began = held_out(given, Chosen(chosen.base))
     for _ in range(3):
         given, curves = efforts.with_curves(given)
@@ -197,13 +201,14 @@ def _with_curves(efforts: Efforts, given: Gathered, chosen: Chosen) -> tuple[Gat
         free.append(curve)
         shape = float((left - held_out(given, chosen.with_term(curve))).sum())
         for term in chosen.terms:
-            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name:
-                continue
+            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or _of_time(curve):
+                continue  # what changes with time is still what it is
             own = float((held_out(given, chosen.without(term)) - left).sum())
             if shape > EFFORT_IMITATED * own:
-                chosen = chosen.without(term)
-        chosen = chosen.with_term(curve)
-    return given, chosen, free
+                imitating.append(term)
+        # what only made room for that shape elsewhere goes as well
+        chosen = pruned(given, chosen.with_term(curve), len(free))
+    return given, chosen, free, imitating
 
 
 class _Verdict:
@@ -217,6 +222,7 @@ class _Verdict:
         given: Gathered,
         chosen: Chosen,
         free: Sequence[EffortCandidate],
+        imitating: Sequence[EffortCandidate],
         gains: Gains | None = None,
     ):
         self.gains = gains
@@ -228,7 +234,10 @@ class _Verdict:
         self.motion: Motion = efforts.at.motion
         self.x, self.matrix = fit(given, chosen)
         self.base_only = Chosen(chosen.base)
-        self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not isinstance(term.law, FreeCurve)))
+        # what the corrected model holds: another recording has its own time
+        self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not _of_time(term)))
+        kept = [term for term in self.named.terms if not isinstance(term.law, FreeCurve)]
+        self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, _ = fit(given, self.named)
         self.held = held_out(given, self.named)
         self.strained = _squared(strain(self.named, self.x_named))
@@ -242,7 +251,10 @@ class _Verdict:
         predicted = (rigid + efforts.filter(added)[every]) * self.scale
         noise, declared = self._noise(added)
         before, after, by_joint = self._residuals(added, noise)
-        findings = [*self._of_gains(), *(self._finding(term) for term in self.named.terms)]
+        findings = [
+            *self._of_gains(),
+            *(self._finding(term) for term in self.named.terms if not isinstance(term.law, FreeCurve)),
+        ]
         unknown = [self._unknown(term) for term in self.free]
         beyond = list(self._beyond())
         remarks = self._remarks()
@@ -555,7 +567,8 @@ class _Verdict:
             term.place.name,
             f"structure is left over at {term.place.name} that no law of the library takes away; "
             f"{'friction' if law.friction else 'an effort'} that follows the joint's {law.variable} by a curve of its "
-            f"own would take away {100 * share:.0f} % of what is left",
+            f"own would take away {100 * share:.0f} % of what is left"
+            + ("" if _of_time(term) else ", and the corrected model follows it"),
             share,
         )
 
@@ -582,26 +595,23 @@ class _Verdict:
         every = efforts.every
         full = efforts.filter(efforts.added(self.named, self.x_named))[every]
         left = (efforts.measured[every] - efforts.rigid[every] - full) * self.scale
-        for term in (*self.named.terms, *self.free):
-            joint = term.place.name
-            variable = term.law.variable if isinstance(term.law, FreeCurve) else _AGAINST.get(term.law.physics)
+        for term in (*self.laws, *self.free):
+            joint, curve = term.place.name, isinstance(term.law, FreeCurve)
+            variable = term.law.variable if isinstance(term.law, FreeCurve) else _against(term)
             if variable is None or joint not in self.at.driven:
                 continue
             column = self.at.driven.index(joint)
             good = efforts.good[:, column]
-            own = np.zeros(len(left))
-            if not isinstance(term.law, FreeCurve):
-                same = [
-                    other
-                    for other in self.named.terms
-                    if other.place.name == joint and _AGAINST.get(other.law.physics) == variable
-                ]
-                if same and same[0] is not term:
+            same = [] if _of_time(term) else [term]
+            if not curve:
+                same = [other for other in self.laws if other.place.name == joint and _against(other) == variable]
+                if same[0] is not term:
                     continue  # drawn once, together
-                for other in same:
-                    own = own + self._alone(other)[:, column] * self.scale[column]
+            own = np.zeros(len(left))
+            for other in same:
+                own = own + self._alone(other)[:, column] * self.scale[column]
             x = variable_of(self.at, joint, variable)[every]
-            drawn = _means(x[good], (left[:, column] + own)[good], own[good] if own.any() else None)
+            drawn = _means(x[good], (left[:, column] + own)[good], None if curve or not own.any() else own[good])
             slides = self.mechanism.joint(joint).slides
             yield EffortCurve(
                 joint, variable, *drawn, VARIABLES[variable][1 if slides else 0], "N" if slides else "N m"
@@ -679,7 +689,7 @@ class _Verdict:
                 f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links; "
                 "the others stay as drawn"
             )
-        for term in self.named.terms:
+        for term in self.laws:
             if isinstance(term.law, AllLinks):
                 told = efforts.combinations(term.law)
                 remarks.append(f"this motion tells nothing of {_by_link(told.silent)}: they stay as drawn")
@@ -709,6 +719,14 @@ def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> Effort
         return None
     here = [curve for curve in efforts.curves if curve.joint == finding.location]
     return next((curve for curve in here if against in (None, curve.against)), None)
+
+
+def _against(term: EffortCandidate) -> str | None:
+    return _AGAINST.get(term.law.physics)
+
+
+def _of_time(term: EffortCandidate) -> bool:
+    return isinstance(term.law, FreeCurve) and term.law.variable == "time"
 
 
 def _plain_unknown(where: str, statement: str, share: float = 0.0) -> Finding:

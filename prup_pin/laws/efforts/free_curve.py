@@ -10,9 +10,10 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
+from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EffortLaw, usual_way
+from .effort_law import EffortLaw, effort_unit, usual_way
 
 __all__ = ["CURVES", "VARIABLES", "FreeCurve", "variable_of"]
 
@@ -43,7 +44,7 @@ class FreeCurve(EffortLaw):
     """An effort at one joint that follows its speed, position, load or time by a curve through free knots.
 
     Once as it is and once turning round with the motion, so that friction of any kind is among it; or as friction
-    alone, through more knots.
+    alone, through more knots. Between two knots it is straight, and beyond the last ones it stays what it is there.
     """
 
     variable: str
@@ -51,7 +52,6 @@ class FreeCurve(EffortLaw):
     physics: ClassVar[str] = "unknown"
     summary: ClassVar[str] = "an effort that no law of the library gives"
     quantities = ()
-    neutral: ClassVar = {}
 
     @property
     def variant(self) -> str:  # type: ignore[override]
@@ -64,30 +64,56 @@ class FreeCurve(EffortLaw):
         return "friction" if self.friction else "effort"
 
     @property
+    def count(self) -> int:
+        """Knots of the curve."""
+        return _FINE if self.friction else _KNOTS
+
+    @property
     def linear(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of its knots."""
-        return tuple(f"knot {index}" for index in range(_FINE if self.friction else 2 * _KNOTS))
+        """Names of its heights at the knots."""
+        words = ("friction",) if self.friction else ("effort", "friction")
+        return tuple(f"{word} {index}" for word in words for index in range(self.count))
+
+    @property
+    def neutral(self) -> Mapping[str, float]:  # type: ignore[override]
+        """Heights of nothing."""
+        return dict.fromkeys(self.linear, 0.0)
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        slides = mechanism.joint(place.name).slides
+        unit, effort = VARIABLES[self.variable][1 if slides else 0], effort_unit(place, mechanism)
+        knots = [
+            Quantity(f"at {index}", unit, f"{self.variable} at a knot", 0.0, positive=False, lower=-1e12, upper=1e12)
+            for index in range(self.count)
+        ]
+        heights = [
+            Quantity(name, effort, "height at that knot", 0.0, positive=False, lower=-1e12, upper=1e12)
+            for name in self.linear
+        ]
+        return (*knots, *heights)
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place(name, self.variant) for name in mechanism.actuated]
 
     def acts(self, place: Place, at: InMotion) -> bool:
-        return place.name in at.driven and at.moves(place.name)
+        known = place.name in at.driven and at.moves(place.name)
+        return known and bool(np.ptp(variable_of(at, place.name, self.variable)) > 0)
 
-    def knots(self, place: Place, at: InMotion) -> Array:
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         """Return where its knots stand: as many samples between any two of them."""
-        count = _FINE if self.friction else _KNOTS
-        return np.unique(np.quantile(variable_of(at, place.name, self.variable), np.linspace(0, 1, count)))
+        x, shares = variable_of(at, place.name, self.variable), np.linspace(0, 1, self.count)
+        knots = np.quantile(x, shares)
+        if not (np.diff(knots) > 1e-9 * np.ptp(x)).all():  # where the joint often stands
+            knots = x.min() + np.ptp(x) * shares
+        return [{f"at {index}": float(knot) for index, knot in enumerate(knots)}]
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        x, knots = variable_of(at, place.name, self.variable), self.knots(place, at)
+        x = variable_of(at, place.name, self.variable)
+        knots = np.array([values[f"at {index}"] for index in range(self.count)])
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
         both = np.concatenate(([] if self.friction else [hats]) + [hats * turning[:, None]], axis=1)
         return np.stack([at.along(place.name, column) for column in both.T], axis=-1)
-
-    def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
-        return {}  # a shape, no parameters; where positions repeat it has fewer knots
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the {self.word} at {place.name} follows the joint's {self.variable} by no law known here"
