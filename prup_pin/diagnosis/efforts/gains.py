@@ -15,6 +15,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...laws.efforts.effort_law import usual_way
+from ...laws.efforts.transmission_coupling import TransmissionCoupling
 from ...spatial import Array
 from ..criteria import (
     EFFORT_FEWEST,
@@ -165,8 +166,18 @@ def _own(at: InMotion, joint: str) -> Array:
     own = [ones, turning, speed, at.acceleration(joint), turning * np.exp(-((speed / (0.25 * size)) ** 2)), position]
     if at.mechanism.joint(joint).turns:
         own += [np.cos(position), np.sin(position)]
+    for other in _coupled(at, joint):
+        both = [at.dragging(position + sign * at.position(other), usual_way(at, joint)) for sign in (1.0, -1.0)]
+        own += [at.speed(other), *both]
     table = np.column_stack(own)
     return table / np.maximum(np.sqrt((table**2).mean(axis=0)), np.finfo(float).tiny)
+
+
+def _coupled(at: InMotion, joint: str) -> list[str]:
+    """Return the joints whose motors a joint may feel."""
+    law = TransmissionCoupling()
+    here = [place for place in law.places(at.mechanism) if place.name == joint and law.acts(place, at)]
+    return [other for place in here for other in law.same_places(place, at.mechanism)]
 
 
 def _start(products: _Products, drawn: Array) -> Array | None:

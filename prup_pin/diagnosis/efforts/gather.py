@@ -344,7 +344,9 @@ class Efforts:
             term = best.terms[place]
             x, _ = fit(given, best)
             values = term.law.fitted(term.place, x[best.own(term)], term.values)
-            others = term.law.closer(term.place, values, self.at)
+            # what follows from what is known is looked at again with what is known now
+            again = [term.values] if term.law.of_what_is_known else []
+            others = list(term.law.closer(term.place, values, self.at)) or again
             if not others:
                 continue
             at = self.at
@@ -372,9 +374,11 @@ class Efforts:
             given = self._given(columns, given.candidates, np.array(prior)[:end])
         return given, best
 
-    def start(self) -> Chosen:
-        """Return what is there before any law: parameters within their tolerances."""
-        return Chosen(tuple(range(len(self.bases))))
+    def start(self, freed: Gathered | None = None) -> Chosen:
+        """Return what is there before any law: parameters within tolerance, and all masses where they are `freed`."""
+        candidates = () if freed is None else freed.candidates
+        every = [candidate for candidate in candidates if isinstance(candidate.law, AllLinks)]
+        return Chosen(tuple(range(len(self.bases))), tuple(every))
 
 
 #: The law and parameter that stand for a tolerance of a kind.

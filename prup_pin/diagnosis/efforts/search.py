@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.special import gammaincc
@@ -175,10 +176,13 @@ def searched(
             break
         given, chosen = _with_new(given, chosen, new, refused, closer)
         fresh = False
-    if closer is not None and len(chosen.terms) > 1:
+    # bodies first: what follows from what is known acts on them
+    chosen = Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
+    if closer is not None and chosen.terms:
         given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1))
         given, chosen = _with_new(given, chosen, [], refused, None)
         given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
+        chosen = _fewer(given, chosen)
     return given, chosen
 
 
@@ -312,6 +316,31 @@ def _plainer(
     return given, chosen
 
 
+def _fewer(given: Gathered, chosen: Chosen) -> Chosen:
+    """Return what is chosen with one law in the place of two at one joint, where it is as good with fewer columns."""
+    for first, second in combinations(chosen.terms, 2):
+        there = [any(term is other for other in chosen.terms) for term in (first, second)]
+        if first.place.name != second.place.name or not all(there):
+            continue
+        rest = chosen.without(first).without(second)
+        single = [
+            c
+            for c in given.candidates
+            if c.place.name == first.place.name
+            and _key(c) not in (_key(first), _key(second))
+            and c.size < first.size + second.size
+            and not any(excluded(term, c) or _replaces(c, term) for term in rest.terms)
+        ]
+        if not single:
+            continue
+        apart = Beside(given, rest).with_each(single) - Beside(given, chosen).left
+        best = int(np.argmin(apart.sum(axis=1)))
+        one = rest.with_term(single[best])
+        if float(apart[best].sum()) < EFFORT_SURE * uncertainty(apart[best]) and can_be(given, one, single[best]):
+            chosen = one
+    return chosen
+
+
 def _earns_its_place(given: Gathered, before: Chosen, after: Chosen, term: EffortCandidate) -> bool:
     old, new = Beside(given, before), Beside(given, after)
     return _earns(old, term, old.left, new.left)
@@ -367,7 +396,7 @@ def can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
 def excluded(term: EffortCandidate, other: EffortCandidate) -> bool:
     """Return whether one is the other with other values, or the same delay told by another signal."""
     if _key(term) == _key(other):
-        return True
+        return term.law.is_same(term.values, other.values)
     if isinstance(term.law, AllLinks) and other.law.physics in ("inertial_parameters", "payload"):
         return True
     if term.law.family == other.law.family != "" and term.place.name == other.place.name:

@@ -138,7 +138,9 @@ def diagnose_efforts(
     declared = recording.noise.effort
     efforts = Efforts(at, tolerances, declared / scale if declared else None)
     tell("laws compete for the efforts", 0.1)
-    efforts, given, chosen = _found(efforts, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share))
+    efforts, given, chosen = _found(
+        efforts, gains is not None, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share)
+    )
     tell("what no law explains", 0.75)
     given, chosen, free, imitating = _with_curves(efforts, given, relieved(given, chosen))
     tell("the verdict", 0.9)
@@ -146,21 +148,23 @@ def diagnose_efforts(
     return replace(found, remarks=(*doubts, *found.remarks))
 
 
-def _found(efforts: Efforts, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
-    """Return the laws that the efforts ask for, with the weights that they were found by.
+def _found(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
+    """Return the laws that the efforts ask for, with the weights that they were found by; `freed`: beside free masses.
 
     Whitened where what is left is noise. Where it is what the laws lack, a whitened fit is good where that is least
     and not where the efforts are large: then plain weights leave less of the efforts on held-out blocks.
     """
-    white, own = searched(efforts.gathered(), efforts.start(), efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
+    given = efforts.gathered()
+    start = efforts.start(given if freed else None)
+    white, own = searched(given, start, efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
     if efforts.noise is not None:
         left = efforts.held_out_residual(white, own) / efforts.noise
         if _rms(left[efforts.good]) < EFFORT_LOUD:
             return efforts, white, own
     plainly = efforts.plainly()
-    given, chosen = searched(
-        plainly.gathered(), plainly.start(), plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s)
-    )
+    given = plainly.gathered()
+    start = plainly.start(given if freed else None)
+    given, chosen = searched(given, start, plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s))
     before, after = efforts.held_out_plainly(white, own), plainly.held_out_plainly(given, chosen)
     share, sure = worth(before, after)
     if sure > EFFORT_SURE and share > EFFORT_PLAINLY:
@@ -253,7 +257,7 @@ class _Verdict:
         before, after, by_joint = self._residuals(added, noise)
         findings = [
             *self._of_gains(),
-            *(self._finding(term) for term in self.named.terms if not isinstance(term.law, FreeCurve)),
+            *(self._finding(term) for term in self.laws),
         ]
         unknown = [self._unknown(term) for term in self.free]
         beyond = list(self._beyond())

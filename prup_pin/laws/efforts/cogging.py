@@ -19,6 +19,8 @@ from .effort_law import DrivenEffortLaw, effort_unit, in_units
 _FEWEST, _MOST = 2.0, 400.0
 #: Steps between frequencies, as a share of one period over the whole travel.
 _STEP = 0.3
+#: Periods whose logarithms differ by less are one.
+_APART = 0.2
 
 
 class Cogging(DrivenEffortLaw):
@@ -51,6 +53,10 @@ class Cogging(DrivenEffortLaw):
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         count = float(np.ptp(at.position(place.name))) / values["period"]
         return [{"period": values["period"] * count / (count + part * _STEP)} for part in (-0.5, -0.25, 0.25, 0.5)]
+
+    def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
+        # poles, teeth and their harmonics stand side by side
+        return bool(abs(np.log(values["period"] / other["period"])) < _APART)
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         phase = 2 * np.pi * at.position(place.name) / values["period"]

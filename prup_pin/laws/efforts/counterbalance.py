@@ -21,6 +21,7 @@ class Counterbalance(DrivenEffortLaw):
 
     physics = "counterbalance"
     summary = "a counterbalance, by the sine of the joint's angle"
+    family = "counterbalance"
     linear = ("cosine", "sine")
     quantities = tuple(
         Quantity(
@@ -47,6 +48,7 @@ class CounterbalanceSpring(DrivenEffortLaw):
 
     physics = "counterbalance"
     summary = "a spring along the joint"
+    family = "counterbalance"
     variant = f"{EFFORT} of a spring"
     linear = ("stiffness", "preload")
     quantities = (

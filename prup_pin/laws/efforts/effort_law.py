@@ -59,6 +59,10 @@ class EffortLaw(Law):
         """Return scanned values about fitted `values`, where better ones may lie between those that were scanned."""
         return []
 
+    def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
+        """Return whether it is there already where it has `other` scanned values; two may be there where it is not."""
+        return True
+
     def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return all parameters from the coefficients (p,) of a linear fit and the scanned values."""
         return {**values, **dict(zip(self.linear, map(float, coefficients), strict=True))}
