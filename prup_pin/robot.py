@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["Robot"]
 
 #: A loaded robot has answered for home so many times.
-_REHEARSALS = 3
+_REHEARSALS = 12
 
 
 class Robot:

@@ -2,7 +2,7 @@
 
 from .closure import Closure, LoopForces, LoopGaps
 from .columns import Columns
-from .compiled import Configuration, LoopedTree, Passing
+from .compiled import Configuration, FixedFrames, LoopedTree, Passing
 from .machine import Machine
 from .program import Expression, Pipeline, Program, Tape, eliminated, largest, least
 from .rank import (
@@ -25,6 +25,7 @@ __all__ = [
     "Columns",
     "Configuration",
     "Expression",
+    "FixedFrames",
     "LoopForces",
     "LoopGaps",
     "LoopedTree",

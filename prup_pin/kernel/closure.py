@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism import Mechanism
-from ..spatial import Array, rotation_exp, skew
+from ..spatial import Array, product, rotation_exp, skew
 from .program import Expression
 
 __all__ = ["Closure", "LoopForces", "LoopGaps"]
 
+#: Of an entry that is 1 where frames meet as they should, and -1 half a turn off.
+_LEAST_ALIGNED = 0.9
 _GENERATORS = np.stack([skew(axis) for axis in np.eye(3)])
 
 
@@ -79,7 +81,8 @@ class Closure:
             if len(turning) < 2:
                 # E is the identity, or keeps the free axis: these entries are then 1, half a turn off -1.
                 self._aligned[index, turning or range(3), turning or range(3)] = 1.0
-        self._least_aligned = 0.9 * self._aligned
+        self._least_aligned = _LEAST_ALIGNED * self._aligned
+        self._aligned_at = [12 * loop + 4 * row + column for loop, row, column in np.argwhere(self._aligned).tolist()]
         self._rows = np.array(chosen, int)
         self._all_rows = len(chosen) == 6 * self.count
         self.size = len(chosen)
@@ -102,14 +105,15 @@ class Closure:
         constant[[6, 13, 20]] = 1.0
         self._turning = turning.reshape(-1, 9, 9)
         self._linear, self._constant = linear.reshape(self.count, 42, 12), constant
-        # The same of all loops as one product with their [E | d] in a row and a 1: gaps of constraints, twist maps.
+        #: The same of all loops as one product with their [E | d] row by row and a 1, (12 L + 1,): gaps of constraints
+        #: (c,), then twist maps (L, 6, 6).
         width = 12 * self.count + 1
         product = np.zeros((self.count, 42, width))
         for index in range(self.count):
             product[index, :, 12 * index : 12 * (index + 1)] = self._linear[index]
         product[..., -1:] = constant
         gaps = product[:, :6].reshape(-1, width)[self._rows]
-        self._product = np.concatenate((gaps, product[:, 6:].reshape(-1, width)))
+        self.product = np.concatenate((gaps, product[:, 6:].reshape(-1, width)))
         # ... and with two of them, d2(angle r)/d(axis c)d(axis d)
         twice = np.einsum("cae,edf->cdaf", _GENERATORS, _GENERATORS.transpose(1, 0, 2))
         self._bending = np.einsum("lrab,cdaf->lrcdfb", rotations, twice).reshape(self.count, 27, 9)
@@ -158,25 +162,21 @@ class Closure:
         values = (self._linear @ relative.reshape(*lead, 12, 1) + self._constant)[..., 0]
         return values[..., :6], values[..., 6:].reshape(*lead, 6, 6)
 
-    def of_one(self, relative: Array) -> tuple[Array, Array]:
-        """Return gaps (c,) and twist maps (L, 6, 6) of one configuration as `of_relative`, constraints alone.
-
-        relative (12 L + 1,): all loops' [E | d] row by row, and a 1.
-        """
-        values = self._product.dot(relative)
-        return values[: self.size], values[self.size :].reshape(self.count, 6, 6)
-
     def constrained(self, rows: Array) -> Array:
         """Return the rows (c, ...) of all loops' six (6 L, ...) that are constraints."""
         return rows if self._all_rows else rows.take(self._rows, axis=0)
 
     def jacobian(self, wrenches: Array, jacobian: Array) -> Array:
         """Return d(gap)/d(velocities) (..., c, nv) of the joints' base twists `jacobian` (..., 6, nv)."""
-        return (wrenches @ jacobian) * self.sign
+        return product(wrenches, jacobian) * self.sign
 
-    def assembled(self, turn: Array) -> bool:
-        """Return False where an angle vanishes at the wrong root: frames turned by half a turn."""
-        return not np.count_nonzero(turn * self._aligned < self._least_aligned)
+    def assembled(self, relative: Array) -> bool:
+        """Return False where an angle vanishes at the wrong root, frames turned by half a turn; of one configuration.
+
+        relative (12 L + 1,): see `product`.
+        """
+        entries = relative.tolist()
+        return not any(entries[at] < _LEAST_ALIGNED for at in self._aligned_at)
 
     def assembled_each(self, turn: Array) -> NDArray[np.bool_]:
         """Return `assembled` of many configurations, (...) of turn (..., L, 3, 3)."""

@@ -1,4 +1,4 @@
-"""One configuration: joints and loops by Pinocchio's compiled kinematics and constraint Jacobians.
+"""One configuration: joints, frames and loops by Pinocchio's compiled kinematics and constraints.
 
 The equations are those of `closure`. The answers depend on nothing but the configuration: every thread has its own
 working memory.
@@ -7,7 +7,8 @@ working memory.
 from __future__ import annotations
 
 import threading
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,14 +18,14 @@ from ..mechanism import Frame, Mechanism
 from ..spatial import Array
 from .closure import Closure
 
-__all__ = ["Configuration", "LoopedTree", "Passing"]
+__all__ = ["Configuration", "FixedFrames", "LoopedTree", "Passing"]
 
 
 class Passing(NamedTuple):
     """The kinematics of one configuration for a step of Newton's method.
 
-    gap (c,) [m, rad]; twist_map (loops, 6, 6), see `Closure.of_one`. placements (nj, 3, 4), [R | p] of the joints,
-    and jacobian (6, nv), their base twists, are read-only views of working memory that the thread's next question
+    gap (c,) [m, rad]; twist_map (loops, 6, 6), see `Closure.of_relative`; placements (nj, 3, 4), [R | p] of the
+    joints; jacobian (6, nv), their base twists. All are views of working memory that the thread's next question
     overwrites.
     """
 
@@ -38,8 +39,8 @@ class Configuration(NamedTuple):
     """Kinematics at one configuration, on or off closure.
 
     placements (nj, 4, 4), base_from_joint; jacobian (6, nv), base twists of unit velocities; residual (c,) [m, rad];
-    wrenches (c, 6) of unit closure forces about the base's origin; closure (c, nv), the residual's Jacobian; turn
-    (loops, 3, 3), R_1^T R_2 of each loop.
+    wrenches (c, 6) of unit closure forces about the base's origin; closure (c, nv), the residual's Jacobian;
+    assembled, see `Closure.assembled`.
     """
 
     placements: Array
@@ -47,7 +48,7 @@ class Configuration(NamedTuple):
     residual: Array
     wrenches: Array
     closure: Array
-    turn: Array
+    assembled: bool
 
 
 class LoopedTree:
@@ -57,7 +58,7 @@ class LoopedTree:
         self._mechanism = mechanism
         self.model = mechanism.model
         self.closure = Closure(mechanism)
-        self._of_thread = _OfThread(mechanism)
+        self._of_thread = _OfThread(lambda: _Memory(mechanism, self.closure))
         # Joints turn in the plane or slide, unless a position takes more numbers than a velocity.
         self._straight = self.model.nq == self.model.nv
 
@@ -72,6 +73,10 @@ class LoopedTree:
         """Return the configuration (nq,) that a motion (nv,) leads to."""
         return q + motion if self._straight else pin.integrate(self.model, q, motion)
 
+    def moved_back(self, q: Array, motion: Array) -> Array:
+        """Return the configuration (nq,) that the reverse of a motion (nv,) leads to."""
+        return q - motion if self._straight else pin.integrate(self.model, q, -motion)
+
     def passing(self, q: Array) -> Passing:
         """Return what a step of Newton's method needs at a configuration (nq,)."""
         model, memory = self.model, self._of_thread.memory
@@ -81,61 +86,103 @@ class LoopedTree:
             constraint.calc(model, data, held)
         for into, view in memory.relatives:
             into[...] = view
-        gap, twist_map = self.closure.of_one(memory.row)
-        return Passing(gap, twist_map, memory.placements, memory.jacobian)
+        self.closure.product.dot(memory.row, memory.values)
+        return memory.passing
 
-    def closure_jacobian(self, passing: Passing) -> Array:
-        """Return the gap's Jacobian (c, nv) at the configuration of this thread's last `passing`."""
-        memory, count, nv = self._of_thread.memory, self.closure.count, self.model.nv
-        if not count:
-            return np.zeros((0, nv))
-        twists = pin.getConstraintsJacobian(self.model, memory.data, memory.models, memory.held)
-        rows = passing.twist_map @ twists.reshape(count, 6, nv)
-        return self.closure.constrained(rows.reshape(6 * count, nv))
+    def wrenches(self, passing: Passing) -> Array:
+        """Return the base wrenches (c, 6) of unit closure forces, where this thread's last `passing` was."""
+        memory, closure = self._of_thread.memory, self.closure
+        for into, view in memory.actions:
+            into[...] = view
+        return closure.constrained((passing.twist_map @ memory.action).reshape(6 * closure.count, 6))
 
     def completed(self, passing: Passing) -> Configuration:
         """Return all kinematics at the configuration of this thread's last `passing`."""
         memory, closure = self._of_thread.memory, self.closure
-        placements = memory.empty.copy()
+        placements, jacobian = memory.empty.copy(), passing.jacobian.copy()
         placements[:, :3] = passing.placements
-        for into, view in memory.actions:
-            into[...] = view
-        wrenches = closure.constrained((passing.twist_map @ memory.action).reshape(6 * closure.count, 6))
+        wrenches = self.wrenches(passing)
         return Configuration(
             placements,
-            passing.jacobian.copy(),
-            passing.gap,
+            jacobian,
+            passing.gap.copy(),
             wrenches,
-            self.closure_jacobian(passing),
-            memory.relative[..., :3].copy(),
+            closure.jacobian(wrenches, jacobian),
+            closure.assembled(memory.row),
         )
+
+
+class FixedFrames:
+    """Frames on the joints of one mechanism: where they are, by one compiled pass for all."""
+
+    def __init__(self, mechanism: Mechanism, frames: Sequence[Frame]):
+        self._given = mechanism, tuple(frames)
+        # Of the mechanism's model the joints alone: frames of links would be placed as well.
+        tree, self.model = mechanism.model, pin.Model()
+        for joint in range(1, tree.njoints):
+            placed = tree.jointPlacements[joint]
+            self.model.addJoint(int(tree.parents[joint]), tree.joints[joint], placed, tree.names[joint])
+        for index, frame in enumerate(frames):
+            placed = pin.SE3(frame.placement)
+            self.model.addFrame(pin.Frame(f"{index}", frame.joint, 0, placed, pin.FrameType.OP_FRAME))
+        # By frame and axis a: p_1 a_2, p_2 a_0, p_0 a_1 less p_2 a_1, p_0 a_2, p_1 a_0 is p x a.
+        first = 12 * np.arange(len(frames))[:, None, None]
+        point, axis = first + 9, first + 3 * np.arange(3)[:, None]
+        one, two = np.array([1, 2, 0]), np.array([2, 0, 1])
+        places = (point + one, axis + two), (point + two, axis + one)
+        shape = (len(frames), 3, 3)
+        self._crossed = np.array([[np.broadcast_to(at, shape).ravel() for at in pair] for pair in places], int)
+        self._of_thread = _OfThread(lambda: _FrameMemory(self.model))
+
+    def __reduce__(self):
+        return FixedFrames, self._given
+
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Return the columns x, y, z, p of all frames, (12 n,), and p x x, p x y, p x z, (9 n,).
+
+        At a configuration (nq,). The columns are a view of memory that this thread's next question overwrites.
+        """
+        memory = self._of_thread.memory
+        pin.framesForwardKinematics(self.model, memory.data, q)
+        p, a, r, b = memory.columns.take(self._crossed).reshape(4, -1)
+        return memory.columns, p * a - r * b
 
 
 class _OfThread(threading.local):
     """The working memory of the thread that asks."""
 
-    def __init__(self, mechanism: Mechanism):
-        self.memory = _Memory(mechanism)
+    def __init__(self, make: Callable[[], Any]):
+        self.memory = make()
+
+
+class _FrameMemory:
+    """Pinocchio's working memory for frames, in one thread."""
+
+    def __init__(self, model: pin.Model):
+        self.data = model.createData()
+        placements = _stacked([at.rotation for at in self.data.oMf])[1:]  # the first is the base
+        self.columns = placements.mT.reshape(-1)
 
 
 class _Memory:
     """Pinocchio's working memory for one thread, and views of it that every pass refreshes."""
 
-    def __init__(self, mechanism: Mechanism):
+    def __init__(self, mechanism: Mechanism, closure: Closure):
         model, loops = mechanism.model, mechanism.loops
         self.data = model.createData()
-        self.placements = _stacked([at.rotation for at in self.data.oMi])
-        self.jacobian = self.data.J.reshape(6, -1)  # one joint alone comes as a vector
-        self.jacobian.setflags(write=False)
+        placements = _stacked([at.rotation for at in self.data.oMi])
+        jacobian = self.data.J.reshape(6, -1)  # one joint alone comes as a vector
+        jacobian.setflags(write=False)
+        self.values = np.empty(len(closure.product))
+        twist_map = self.values[closure.size :].reshape(closure.count, 6, 6)
+        self.passing = Passing(self.values[: closure.size], twist_map, placements, jacobian)
         self.empty = np.zeros((model.njoints, 4, 4))
         self.empty[:, 3, 3] = 1.0
-        self.models, self.held = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+        self.constraints = []
         for loop in loops:
-            self.models.append(pin.ConstraintModel(_anchor(model, loop.first, loop.second)))
-        for constraint in self.models:
-            self.held.append(constraint.createData())
-        self.constraints = list(zip(self.models, self.held, strict=True))
-        found = [held.extract() for held in self.held]
+            constraint = pin.ConstraintModel(_anchor(model, loop.first, loop.second))
+            self.constraints.append((constraint, constraint.createData()))
+        found = [held.extract() for _, held in self.constraints]
         # [E | d], the second end as the first sees it, and a 1; and base twists as the first end sees them.
         self.row = np.ones(12 * len(loops) + 1)
         self.relative, self.action = self.row[:-1].reshape(-1, 3, 4), np.zeros((len(loops), 6, 6))

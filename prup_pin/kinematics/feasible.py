@@ -39,7 +39,7 @@ def nearest_feasible(
     def distance(q):
         evaluation = evaluate(q)
         error, rows_of = goal(q, evaluation.placements)
-        rows = rows_of(evaluation.jacobian)
+        rows, error = rows_of(evaluation.jacobian), np.array(error)
         return float(((error * scale) ** 2).sum()), 2 * (error * scale**2) @ rows
 
     best = None

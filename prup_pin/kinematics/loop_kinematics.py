@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from math import hypot, inf
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,7 +23,7 @@ from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
 from .start import NoPlaceError, PolynomialStart
-from .task import TaskFrame, is_finite
+from .task import TaskFrame, TaskRows, is_finite
 
 #: Residual at which the loops must be closed [m, rad].
 TOLERANCE = 1e-12
@@ -48,21 +47,13 @@ _SAME = 3e-4
 LONGEST = 1e3
 
 
-class _Closed(NamedTuple):
-    """What Newton's method ends with: a configuration, its kinematics, and the sum of its steps [m, rad]."""
-
-    q: Array
-    at: Configuration
-    way: float
-
-
 class _NotConvergedError(Exception):
     def __init__(self, q: Array, residual: tuple[float, float]):
         self.q, self.residual = q, residual
 
 
 #: From (q, placements) to the residual of what is wanted, and to its rows as a function of the Jacobian.
-Goal = Callable[[Array, Array], tuple[Array, Callable[[Array], Array]]]
+Goal = Callable[[Array, Array], tuple[Sequence[float], Callable[[Array], Array]]]
 
 
 class LoopKinematics:
@@ -76,8 +67,11 @@ class LoopKinematics:
             mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
         )
         self.closure = self._tree.closure
+        # Which velocities move what: loops, then task coordinates.
+        self._signs = np.concatenate((self.closure.sign, self.task.moves))
         self.lower, self.upper = mechanism.limits
         self._least, self._most = self.lower - _AT_LIMIT, self.upper + _AT_LIMIT
+        self._limits = self._least.tolist(), self._most.tolist()
 
     def of(self, mechanism: Mechanism) -> LoopKinematics:
         """Return the kinematics of a mechanism that differs in its modules or brakes alone; what is known is kept."""
@@ -106,36 +100,43 @@ class LoopKinematics:
     def _split(self, residual: Array) -> tuple[float, float]:
         return split_residual(self.mechanism, residual)
 
-    def _newton(self, q: Array, goal: Goal) -> _Closed:
-        """Return the solution and its kinematics. Raises _NotConvergedError."""
+    def _newton(self, q: Array, goal: Goal) -> tuple[Array, Configuration, float]:
+        """Return the solution, its kinematics, and the sum of the steps [m, rad]. Raises _NotConvergedError."""
         tree, solve, longest, before, way = self._tree, None, inf, inf, 0.0
         for _ in range(ITERATIONS):
             at = tree.passing(q)
             wanted, wanted_rows = goal(q, at.placements)
-            error = np.concatenate((at.gap, wanted))
-            size = hypot(*error.tolist())
+            error = [*at.gap.tolist(), *wanted]
+            size = hypot(*error)
             if size < ROUNDING or (size < TOLERANCE and longest < LAST_STEP):
-                return _Closed(q, tree.completed(at), way)
+                return q, tree.completed(at), way
             if longest < LAST_STEP and self._as_drawn(at.gap, wanted):
-                return _Closed(q, tree.completed(at), way)
+                return q, tree.completed(at), way
             if not size < inf:
                 break
             if solve is None or longest > _SAME or longest > 0.1 * before:
-                matrix = np.concatenate((tree.closure_jacobian(at), wanted_rows(at.jacobian)))
-                step, solve = self._solved(matrix, error)
+                matrix = self._matrix(tree.wrenches(at), at.jacobian, wanted_rows)
+                step, solve, length = self._solved(matrix, np.array(error))
             else:
-                step = solve(error)
-            before, longest = longest, hypot(*step.tolist())
+                step = solve(np.array(error))
+                length = hypot(*step.tolist())
+            before, longest = longest, length
             if longest > SHORT:
                 longest = np.abs(step).max(initial=0.0)
                 step *= min(1.0, SHORT / longest)
             way += longest
-            q = tree.moved(q, -step)
+            q = tree.moved_back(q, step)
         raise _NotConvergedError(
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
 
-    def _as_drawn(self, gap: Array, wanted: Array) -> bool:
+    def _matrix(self, wrenches: Array, jacobian: Array, wanted_rows: Callable[[Array], Array]) -> Array:
+        """Return the Jacobian of gaps and what is wanted (c + t, nv), from closure wrenches (c, 6)."""
+        if isinstance(wanted_rows, TaskRows):
+            return np.concatenate((wrenches, wanted_rows.rates)).dot(jacobian) * self._signs
+        return np.concatenate((self.closure.jacobian(wrenches, jacobian), wanted_rows(jacobian)))
+
+    def _as_drawn(self, gap: Array, wanted: Sequence[float]) -> bool:
         """Return True where all that is left open is what the drawing of frames makes of redundant closures.
 
         Seven digits tell a hinge's axis to 1e-7: parallel ones then say the same thing a little differently, and no
@@ -144,15 +145,17 @@ class LoopKinematics:
         rows, _ = self.newton_scales
         return bool(np.abs(gap * rows).max(initial=0.0) < NEGLIGIBLE and np.abs(wanted).max(initial=0.0) < TOLERANCE)
 
-    def _solved(self, matrix: Array, right: Array) -> tuple[Array, Callable[[Array], Array]]:
-        """Return the solution, least where rows are redundant or motions free, and what solves for another `right`."""
+    def _solved(self, matrix: Array, right: Array) -> tuple[Array, Callable[[Array], Array], float]:
+        """Return the solution, least where rows are redundant or motions free, what solves for another `right`, and
+        the solution's length."""
         if matrix.shape[0] == matrix.shape[1]:
             solve = PartialPivLU(matrix).solve
             solution = solve(right)
-            if hypot(*solution.ravel().tolist()) < LONGEST:
-                return solution, solve
+            if (length := hypot(*(solution if solution.ndim == 1 else solution.ravel()).tolist())) < LONGEST:
+                return solution, solve, length
         inverse = self._least_inverse(matrix)
-        return inverse @ right, inverse.__matmul__
+        solution = inverse @ right
+        return solution, inverse.__matmul__, hypot(*solution.ravel().tolist())
 
     def _least_inverse(self, matrix: Array) -> Array:
         """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
@@ -161,9 +164,9 @@ class LoopKinematics:
         rows = np.concatenate((rows, 1 / np.where(wanted > 0, wanted, 1.0)))
         return rank_of(matrix, rows, columns).inverse
 
-    def _nothing(self, q: Array, placements: Array) -> tuple[Array, Callable[[Array], Array]]:
+    def _nothing(self, q: Array, placements: Array) -> tuple[Sequence[float], Callable[[Array], Array]]:
         """The goal of closing the loops and nothing else."""
-        return np.zeros(0), lambda jacobian: np.zeros((0, self.model.nv))
+        return (), lambda jacobian: np.zeros((0, self.model.nv))
 
     # -- home ------------------------------------------------------------------------------------------------------
 
@@ -179,7 +182,8 @@ class LoopKinematics:
         given = q.copy()
 
         def hold_actuators(q, placements):
-            return pin.difference(self.model, given, q)[held], lambda jacobian: np.eye(self.model.nv)[held]
+            away = pin.difference(self.model, given, q)[held]
+            return away.tolist(), lambda jacobian: np.eye(self.model.nv)[held]
 
         # Near the file's home first, actuators held; then from anywhere, since far off Newton may end in a branch
         # where two frames meet half a turn apart.
@@ -195,7 +199,7 @@ class LoopKinematics:
                 if max(failure.residual) < max(metres, radians):
                     metres, radians = failure.residual
                 continue
-            if self.closure.assembled(evaluation.turn):
+            if evaluation.assembled:
                 return closed
             metres, radians = min((metres, radians), (0.0, np.pi), key=max)
         worst = self._worst_loop(q)
@@ -367,7 +371,7 @@ class LoopKinematics:
                 mechanism.set_joint(at, name, value)
 
             def residual(q, placements):
-                return pin.difference(model, at, q)[dofs], lambda jacobian: rows
+                return pin.difference(model, at, q)[dofs].tolist(), lambda jacobian: rows
 
             return residual
 
@@ -431,7 +435,7 @@ class LoopKinematics:
         """Return Newton's solution where it is assembled and no joint moves far. Raises _NotConvergedError."""
         found, evaluation, way = self._newton(q, goal)
         far = way > within and np.abs(pin.difference(self.model, q, found)).max() > within
-        if far or not self.closure.assembled(evaluation.turn):
+        if far or not evaluation.assembled:
             raise _NotConvergedError(found, self._split(evaluation.residual))
         return found, evaluation
 
@@ -502,7 +506,10 @@ class LoopKinematics:
 
     def _outside(self, q: Array) -> tuple[str, float, float, float] | None:
         """Return (joint, value, lower, upper) of the joint farthest outside its limits, or None."""
-        if not np.count_nonzero((q < self._least) | (q > self._most)):
+        for value, least, most in zip(q.tolist(), *self._limits, strict=True):
+            if value < least or value > most:
+                break
+        else:
             return None
         worst = int(np.argmax(np.maximum(self.lower - q, q - self.upper)))
         name = next(joint.name for joint in self.mechanism.joints if joint.first_q <= worst < joint.first_q + joint.nq)

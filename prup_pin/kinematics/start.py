@@ -9,9 +9,9 @@ fixed by the mechanism alone, and it is only a start: Newton closes the loops.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations_with_replacement
-from math import comb, hypot
+from math import acos, comb, hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -64,51 +64,54 @@ class _Places(NamedTuple):
     slopes: Array
 
 
-class _Polynomial(NamedTuple):
+class _Polynomial:
     """Terms T_a(x_1) T_b(x_2) … in Chebyshev's polynomials T_k(x) = cos(k arccos x), x in the unit ball.
 
-    x (t,) are the coordinates from home's, times factor. orders (1, degree + 1) are all k; chosen tells, coordinate by
-    coordinate, each term's factor among the T_k(x_i) of all coordinates, (terms,) each; coefficients (terms, nv).
+    x (t,) are the coordinates from home's, times factor; exponents (t, terms), each term's degree in each coordinate;
+    coefficients (terms, nv).
     """
 
-    factor: Array
-    orders: Array
-    chosen: tuple[NDArray[np.int_], ...]
-    coefficients: Array
+    def __init__(self, factor: Array, exponents: NDArray[np.int_], coefficients: Array):
+        self.factor, self._exponents, self._coefficients = factor, exponents, coefficients
+        self._factors: list[float] = factor.tolist()
+        # cos a cos b = (cos(a + b) + cos(a - b)) / 2: a sum of waves in the angles arccos x.
+        waves, shares = [], []
+        for degrees, coefficient in zip(exponents.T, coefficients, strict=True):
+            some = np.flatnonzero(degrees)
+            signs = list(itertools.product((1.0, -1.0), repeat=max(len(some) - 1, 0)))
+            for sign in signs:
+                wave = degrees.astype(float)
+                wave[some[1:]] *= sign
+                waves.append(wave)
+                shares.append(coefficient / len(signs))
+        self._waves, self._shares = np.array(waves).T, np.array(shares)
 
-    def __call__(self, away: Array) -> Array | None:
+    def __call__(self, away: Sequence[float]) -> Array | None:
         """Return the motion (nv,) from home to coordinates (t,) from home's, or None where they lie outside."""
-        x = away * self.factor
-        if hypot(*x.tolist()) > 1.0:
+        x = [value * factor for value, factor in zip(away, self._factors, strict=True)]
+        if hypot(*x) > 1.0:
             return None
-        return self._terms(x).dot(self.coefficients)
-
-    def written(self, away: Array) -> tuple[Array, Expression]:
-        """Return the motion (nv,) to coordinates (t,), expressions, and the square of their distance in the ball."""
-        x = away * self.factor
-        return self._terms(x) @ np.where(np.abs(self.coefficients) < _SMALL, 0.0, self.coefficients), (x * x).sum()
+        return np.cos(np.array([acos(value) for value in x]).dot(self._waves)).dot(self._shares)
 
     def of_many(self, away: Array) -> tuple[Array, Mask]:
         """Return the motions (n, nv) to coordinates (n, t), and which of them lie inside, (n,)."""
         x = away * self.factor
         within = np.sqrt((x * x).sum(axis=-1)) <= 1.0
-        terms = self._terms(np.where(within[:, None], x, 0.0))
-        return (terms[:, None] @ self.coefficients)[:, 0], within
+        angles = np.arccos(np.where(within[:, None], x, 0.0))
+        return (np.cos(angles[:, None] @ self._waves) @ self._shares)[:, 0], within
 
-    def _terms(self, x: Array) -> Array:
-        """Return all terms (..., terms) at places (..., t) of the ball."""
-        if x.dtype == object:  # written down by their recurrence, T_k = 2 x T_{k-1} - T_{k-2}, which needs no cosine
-            rising = [1.0 + 0.0 * x, x]
-            for _ in range(2, self.orders.size):
-                rising.append(2.0 * x * rising[-1] - rising[-2])
-            factors = np.stack(rising, axis=-1).reshape(-1)
-        else:
-            factors = np.cos(np.arccos(x)[..., None] * self.orders).reshape(*x.shape[:-1], -1)
-        first, *others = self.chosen
-        terms = factors.take(first, axis=-1)
-        for chosen in others:
-            terms *= factors.take(chosen, axis=-1)
-        return terms
+    def written(self, away: Array) -> tuple[Array, Expression]:
+        """Return the motion (nv,) to coordinates (t,), expressions, and the square of their distance in the ball."""
+        x = away * self.factor
+        # By their recurrence, T_k = 2 x T_{k-1} - T_{k-2}, which needs no cosine.
+        rising = [1.0 + 0.0 * x, x]
+        for _ in range(2, int(self._exponents.max()) + 1):
+            rising.append(2.0 * x * rising[-1] - rising[-2])
+        first, *others = (column[degrees] for column, degrees in zip(np.stack(rising).T, self._exponents, strict=True))
+        terms = first.copy()
+        for other in others:
+            terms *= other
+        return terms @ np.where(np.abs(self._coefficients) < _SMALL, 0.0, self._coefficients), (x * x).sum()
 
 
 class PolynomialStart:
@@ -117,6 +120,7 @@ class PolynomialStart:
     def __init__(self, tree: LoopedTree, home: Array, coordinates: Array, scale: Array, solve: Solve, costly: bool):
         """`coordinates` (t,) are home's. What `solve` finds is asked here and never again, more seldom if `costly`."""
         self._tree, self._home, self._coordinates = tree, home, coordinates
+        self._at_home: list[float] = coordinates.tolist()
         self._polynomials: list[_Polynomial] = []
 
         def place(u: Array, start: Array) -> tuple[Array, Array]:
@@ -138,14 +142,14 @@ class PolynomialStart:
                 radius = _HOLDS * reached
                 continue
             for size in (_INNER * radius, radius):
-                polynomial, missed = _fitted(places, size, linear, terms)
+                polynomial, missed = _fitted(places, size, linear, terms, scale)
                 if missed < _MISSED:
-                    self._polynomials.append(polynomial._replace(factor=polynomial.factor / scale))
+                    self._polynomials.append(polynomial)
             radius *= _INNER
 
     def __call__(self, target: Array) -> Array | None:
         """Return a configuration (nq,) near the one at `target` (t,), or None where the polynomials do not tell."""
-        away = target - self._coordinates
+        away = [value - home for value, home in zip(target.tolist(), self._at_home, strict=True)]
         for polynomial in self._polynomials:
             motion = polynomial(away)
             if motion is not None:
@@ -231,10 +235,12 @@ def _terms(linear: Mask, most: int) -> NDArray[np.int_]:
     return np.array([np.bincount(word, minlength=len(linear)) for word in words], int).T
 
 
-def _fitted(places: _Places, size: float, linear: Mask, exponents: NDArray[np.int_]) -> tuple[_Polynomial, float]:
+def _fitted(
+    places: _Places, size: float, linear: Mask, exponents: NDArray[np.int_], scale: Array
+) -> tuple[_Polynomial, float]:
     """Return the polynomial that fits the places in a ball of radius `size` best, and the most that it misses.
 
-    `exponents` (t, terms), see `_terms`.
+    `exponents` (t, terms), see `_terms`; the polynomial takes coordinates that `scale` makes dimensionless.
     """
     within = np.linalg.norm(places.u * ~linear, axis=1) <= size
     u, motions, slopes = (part[within] for part in places)
@@ -257,6 +263,5 @@ def _fitted(places: _Places, size: float, linear: Mask, exponents: NDArray[np.in
         some = equations[first : first + step]
         normal += some[:, :terms].T @ some
     coefficients = PartialPivLU(normal[:, :terms]).solve(normal[:, terms:])
-    chosen = tuple(exponents + len(orders) * each)
-    polynomial = _Polynomial(factor, orders[None].astype(float), chosen, coefficients)
+    polynomial = _Polynomial(factor / scale, exponents, coefficients)
     return polynomial, float(np.abs(rows[0] @ coefficients - motions).max())

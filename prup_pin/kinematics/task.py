@@ -25,10 +25,11 @@ class TaskFrame:
         self.rotation = rotation
         self._joint = tool.joint if tool else 0
         self._placement = tool.placement if tool else np.eye(4)
+        self._offset = not np.array_equal(self._placement, np.eye(4))
         self.names = tuple(task.name for task in tasks)
         self.components = tuple(TASK_COMPONENTS.index(task.component) for task in tasks)
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
-        self._moves = support[dof_joint, self._joint]
+        self._moves = np.repeat(support[dof_joint, self._joint][None], len(self.names), axis=0)
 
     def target(self, wanted: Mapping[str, float]) -> Array:
         """Return the wanted values in order. Raises on unknown, missing or non-finite ones."""
@@ -59,7 +60,8 @@ class TaskFrame:
 
     def pose_vector(self, placements: Array) -> tuple[float, ...]:
         """Return (x, y, z, rx, ry, rz) of the tool; of placements (nj, 4, 4), their upper three rows will do."""
-        return self._pose_of(placements[self._joint].dot(self._placement).tolist(), atan2, hypot)
+        placed = placements[self._joint]
+        return self._pose_of((placed.dot(self._placement) if self._offset else placed).tolist(), atan2, hypot)
 
     def _pose_of(self, placed, atan2: Callable, hypot: Callable) -> tuple:
         """Return (x, y, z, rx, ry, rz) of the rows of a placement, numbers or arrays."""
@@ -70,7 +72,7 @@ class TaskFrame:
 
     @property
     def moves(self) -> Array:
-        """1 for each velocity that moves the tool, else 0, (nv,)."""
+        """1 for each velocity that moves the tool, else 0, alike for all coordinates, (t, nv)."""
         return self._moves
 
     def values(self, placements: Array) -> Array:
@@ -88,10 +90,11 @@ class TaskFrame:
     def by_motion(self, base_from_tool: Array) -> Array:
         """Return d(task)/d(translation of the tool point and turn, base axes), (t, 6)."""
         angles = self._pose_of(base_from_tool.tolist(), atan2, hypot)[3:]
-        return self._rates((0.0, 0.0, 0.0, *angles))
+        return self.rates((0.0, 0.0, 0.0, *angles))
 
     def goal(self, target: Array) -> Callable:
-        """Return a function of (q, placements) that gives the residual, and its rows as a function of the Jacobian."""
+        """Return a function of (q, placements) that gives the residual, t numbers, and its rows as a function of the
+        Jacobian."""
         wanted = [*zip(self.components, target.tolist(), strict=True)]
 
         def residual(q, placements):
@@ -100,7 +103,7 @@ class TaskFrame:
                 pose[component] - value if component < 3 else remainder(pose[component] - value, tau)
                 for component, value in wanted
             ]
-            return np.array(error), lambda jacobian: self._rates(pose).dot(jacobian) * self._moves
+            return error, TaskRows(self, pose)
 
         return residual
 
@@ -120,10 +123,10 @@ class TaskFrame:
         turning = np.array([component >= 3 for component in self.components])
         return error - np.where(turning, tau, 0.0) * np.rint(error * (1 / tau))
 
-    def _rates(self, pose: tuple[float, ...]) -> Array:
+    def rates(self, pose: tuple[float, ...]) -> Array:
         """Return d(task)/d(base twist), (t, 6)."""
         rows = self._rate_rows(pose, sin, cos, tan)
-        return np.array([rows[component] for component in self.components])
+        return np.array([rate for component in self.components for rate in rows[component]]).reshape(-1, 6)
 
     def _rate_rows(self, pose: tuple, sin: Callable, cos: Callable, tan: Callable) -> list:
         """Return the rates of all six components, of numbers or arrays."""
@@ -142,6 +145,24 @@ class TaskFrame:
             rows += [0.0, 0.0, 0.0, c * secant, s * secant, 0.0], [0.0, 0.0, 0.0, -s, c, 0.0]
             rows += ([0.0, 0.0, 0.0, c * t, s * t, 1.0],)
         return rows
+
+
+class TaskRows:
+    """How the task coordinates at a pose (x, y, z, rx, ry, rz) change."""
+
+    __slots__ = ("_frame", "_pose")
+
+    def __init__(self, frame: TaskFrame, pose: tuple[float, ...]):
+        self._frame, self._pose = frame, pose
+
+    def __call__(self, jacobian: Array) -> Array:
+        """Return d(task)/d(velocities), (t, nv), of the joints' base twists (6, nv)."""
+        return self.rates.dot(jacobian) * self._frame.moves
+
+    @property
+    def rates(self) -> Array:
+        """d(task)/d(base twist of the tool), (t, 6)."""
+        return self._frame.rates(self._pose)
 
 
 def is_finite(value: object) -> bool:

@@ -26,8 +26,8 @@ _LOAD_ITERATIONS = 50
 
 
 def _counting(loads: Array, self_stress: Array) -> Array:
-    """Return loads (..., n, k, h), zero where they are negligible beside the closure forces (..., c, h) behind them."""
-    least = NEGLIGIBLE * np.abs(self_stress).max(axis=(-1, -2))[..., None, None, None]
+    """Return loads (..., n, h), zero where they are negligible beside the closure forces (..., c, h) behind them."""
+    least = NEGLIGIBLE * np.abs(self_stress).max(axis=(-1, -2))[..., None, None]
     return np.where(np.abs(loads) > least, loads, 0.0)
 
 
@@ -52,32 +52,42 @@ class Statics(NamedTuple):
     """The solved statics of a pose: loads and compliances of all modules, wrench modules and drive modules apart.
 
     Of many poses, all but the layout has their leading axis; compliances that are the same at all of them need not.
-    jacobians: (n, 6, 6) and (m, 1, 6), compatible where the mechanism is overconstrained; lambdas: (n, 6, 6) and
-    (m, 1, 1); stress: module loads per unit self-stress, or None; frames: (n, 4, 4), base_from_module; maps
-    (rows, 6), see `load_maps`.
+    loads: (load rows, 6), compatible where the mechanism is overconstrained; jacobians, views of them: (n, 6, 6) and
+    (m, 1, 6); lambdas: (n, 6, 6) and (m, 1, 1); stress: module loads per unit self-stress (load rows, h), or None;
+    maps (rows, 6), see `load_maps`.
     """
 
     layout: StaticsLayout
     pose: ClosedPose
-    frames: Array
     maps: Array
     geometries: list[ModuleGeometry]
+    loads: Array
     jacobians: tuple[Array, Array]
     lambdas: tuple[Array, Array]
-    stress: tuple[Array, Array] | None
+    stress: Array | None
 
     @property
-    def deformations(self) -> tuple[Array, Array]:
-        """Deformations of the modules under unit wrenches on the tool, (n, 6, 6) and (m, 1, 6)."""
-        return self.lambdas[0] @ self.jacobians[0], self.lambdas[1] * self.jacobians[1]
+    def frames(self) -> Array:
+        """base_from_module of all wrench modules, (n, 4, 4)."""
+        return self.layout.frames(self.pose)
 
-    def compliance(self, deformations: tuple[Array, Array]) -> Array:
-        """Return C (..., 6, 6), the sum over modules of J^T (Lambda J), as one product of all their rows."""
-        lead = self.jacobians[0].shape[:-3]
-        c = np.zeros(())
-        for jacobian, deformation in zip(self.jacobians, deformations, strict=True):
-            c = c + product(jacobian.reshape(*lead, -1, 6).mT, deformation.reshape(*lead, -1, 6))
-        return (c + c.mT) / 2
+    @property
+    def deformations(self) -> tuple[Array, Array, Array]:
+        """Deformations of the modules under unit wrenches on the tool, (load rows, 6); views by module, (n, 6, 6) and
+        (m, 1, 6)."""
+        plain, others = self.layout.plain_compliances
+        rows = self.loads * plain
+        into = self.layout.split(rows)
+        for half, slots in others:
+            lam, jacobian = self.lambdas[half][..., slots, :, :], self.jacobians[half][..., slots, :, :]
+            into[half][..., slots, :, :] = lam * jacobian if half else lam @ jacobian
+        return rows, *into
+
+    def compliance(self, deformations: Array) -> Array:
+        """Return C (..., 6, 6), the sum over modules of J^T (Lambda J), as one product of all their rows, of the
+        deformations (load rows, 6)."""
+        c = product(self.loads.mT, deformations)
+        return (c + c.mT) * 0.5
 
     def displacement(self, strains, frame: str | None) -> Array:
         """Return the displacement (..., 6) of the tool, or of a named frame, when modules deform by `strains`.
@@ -100,10 +110,10 @@ class Statics(NamedTuple):
         """Return the modules' loads under unit wrenches on the tool, or on a named frame."""
         if frame is None:
             return self.jacobians
-        virtual = self.layout.split(
-            loads_from_frame(self.layout, self.pose, self.maps, self.pose.mechanism.frame(frame))
-        )
-        return virtual if self.stress is None else _least_energy(virtual, self.stress, self.lambdas)
+        virtual = loads_from_frame(self.layout, self.pose, self.maps, self.pose.mechanism.frame(frame))
+        if self.stress is not None:
+            virtual = _least_energy(self.layout, virtual, self.stress, self.lambdas)
+        return self.layout.split(virtual)
 
 
 def solve_statics(
@@ -122,71 +132,77 @@ def solve_statics(
             f"'{mechanism.name}' has no compliant module: give joint stiffnesses, "
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the file"
         )
-    frames, geometries = layout.placed(pose)
-    maps = load_maps(layout, pose, frames)
-    jacobians = layout.split(loads_from_frame(layout, pose, maps, mechanism.need_tool()))
+    tool, point = mechanism.need_tool(), None
     if pose.q.ndim == 1 and pose.q.dtype != object:
+        maps, geometries, point = layout.at_one(pose)
         for index, group in layout.varying:
             if fault := group.fault(geometries[index]):
                 raise UnreachablePoseError(f"at this pose, {fault}", pose.coordinates)
-    stress: tuple[Array, Array] | None = None
+    else:
+        frames, geometries = layout.placed(pose)
+        maps = load_maps(layout, pose, frames)
+    unit = loads_from_frame(layout, pose, maps, tool, point)
+    stress: Array | None = None
     if pose.balance.self_stress.shape[-1]:
         # Forces that cancel between closures leave in the modules what the drawing of frames and rounding leave; it
         # must not pass for a load.
-        wrench, drive = layout.split(self_stress_loads(layout, pose, maps))
-        forces = pose.balance.self_stress
-        stress = energies.counting(wrench, forces), energies.counting(drive, forces)
+        stress = energies.counting(self_stress_loads(layout, pose, maps), pose.balance.self_stress)
     loads = None
     if load is not None and any(group.kind.nonlinear for group in layout.groups):
-        loads = _loads_under(layout, geometries, [jacobian @ load for jacobian in jacobians], stress)
+        loads = _loads_under(layout, geometries, unit @ load, stress)
     lambdas = compliances(layout, geometries, loads, pose.q.shape[:-1])
     if stress is not None:
-        jacobians = _least_energy(jacobians, stress, lambdas, energies.solved)
-    return Statics(layout, pose, frames, maps, geometries, jacobians, lambdas, stress)
+        unit = _least_energy(layout, unit, stress, lambdas, energies.solved)
+    return Statics(layout, pose, maps, geometries, unit, layout.split(unit), lambdas, stress)
 
 
-def _loads_under(layout: StaticsLayout, geometries, loads: list[Array], stress) -> list[Array]:
-    """Return the modules' loads with the self-stress of least complementary energy, nonlinear modules included.
+def _loads_under(layout: StaticsLayout, geometries, loads: Array, stress: Array | None) -> tuple[Array, Array]:
+    """Return the modules' loads (n, 6) and (m, 1) with the self-stress of least complementary energy, nonlinear modules
+    included.
 
     The energy's gradient over the self-stress x is sum B^T e(s), its Hessian sum B^T Lambda(s) B: Newton, with steps
     halved where they overshoot (a nut that lifts off has a kink in its compliance).
     """
     if stress is None:
-        return loads
+        return _by_module(layout, loads)
     gradient = _gap(layout, geometries, loads, stress)
     for _ in range(_LOAD_ITERATIONS):
-        lambdas = compliances(layout, geometries, loads)
-        hessian = np.zeros((len(gradient), len(gradient)))
-        for unit, lam in zip(stress, lambdas, strict=True):
-            hessian += (unit.mT @ lam @ unit).sum(axis=0)
+        at = _by_module(layout, loads)
+        hessian = _energies(layout, stress, compliances(layout, geometries, at), stress)
         step = -semidefinite_inverse(hessian) @ gradient
         slope, share = abs(gradient @ step), 1.0
         if slope == 0.0:
-            return loads
+            return at
         while True:
-            trial = [load + share * (unit @ step) for load, unit in zip(loads, stress, strict=True)]
+            trial = loads + share * (stress @ step)
             ahead = _gap(layout, geometries, trial, stress)
             if abs(ahead @ step) <= slope or share < 1e-6:
                 break
             share /= 2
-        change = max(np.abs(new - old).max(initial=0.0) for new, old in zip(trial, loads, strict=True))
+        change = np.abs(trial - loads).max(initial=0.0)
         loads, gradient = trial, ahead
-        if change <= 1e-12 * max(np.abs(load).max(initial=0.0) for load in loads):
-            return loads
+        if change <= 1e-12 * np.abs(loads).max(initial=0.0):
+            return _by_module(layout, loads)
     raise PrupPinError(
         f"the self-stress of nonlinear modules did not settle in {_LOAD_ITERATIONS} steps; try a smaller load"
     )
 
 
-def _gap(layout: StaticsLayout, geometries, loads, stress) -> Array:
+def _by_module(layout: StaticsLayout, loads: Array) -> tuple[Array, Array]:
+    """Return loads (load rows,) of wrench modules (n, 6) and drive modules (m, 1)."""
+    wrench, drive = layout.split(loads[:, None])
+    return wrench[..., 0], drive[..., 0]
+
+
+def _gap(layout: StaticsLayout, geometries, loads: Array, stress: Array) -> Array:
     """Return sum B^T e(s): how far the modules' deformations are from fitting together, (h,)."""
-    count = len(layout.wrench_groups)
-    total = np.zeros(stress[0].shape[-1])
-    for index, (group, at) in enumerate(zip(layout.groups, geometries, strict=True)):
+    count, at = len(layout.wrench_groups), _by_module(layout, loads)
+    deformed = np.empty_like(loads)
+    into = _by_module(layout, deformed)
+    for index, (group, geometry) in enumerate(zip(layout.groups, geometries, strict=True)):
         half = int(index >= count)
-        deformation = group.kind.deformation(group.values, at, loads[half][group.slots])
-        total += (stress[half][group.slots].mT @ deformation[..., None])[..., 0].sum(axis=0)
-    return total
+        into[half][group.slots] = group.kind.deformation(group.values, geometry, at[half][group.slots])
+    return stress.T @ deformed
 
 
 def compliances(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] = ()) -> tuple[Array, Array]:
@@ -194,15 +210,18 @@ def compliances(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] 
 
     Those that pose or load change have the leading axes `lead` of the poses.
     """
-    wrench, drive = layout.constant_compliances
-    stacks = [wrench, drive]
+    constant = layout.constant_compliances
+    stacks = [*constant]
     for index, group in layout.varying:
         half = int(index >= len(layout.wrench_groups))
         load = None if loads is None else loads[half][group.slots]
         compliance = group.kind.compliance(group.values, geometries[index], load)
-        if stacks[half] is (wrench, drive)[half]:
-            stacks[half] = np.empty((*lead, *stacks[half].shape), compliance.dtype)
-            stacks[half][...] = (wrench, drive)[half]
+        if stacks[half] is constant[half]:
+            if lead or compliance.dtype == object:
+                stacks[half] = np.empty((*lead, *constant[half].shape), compliance.dtype)
+                stacks[half][...] = constant[half]
+            else:
+                stacks[half] = constant[half].copy()
         stacks[half][..., group.slots, :, :] = compliance
     return stacks[0], stacks[1]
 
@@ -221,18 +240,20 @@ def invalid(statics: Statics) -> NDArray[np.bool_]:
     return bad
 
 
-def _least_energy(jacobians, stress, lambdas, solved=_least_solution) -> tuple[Array, Array]:
-    """Return the wrench Jacobians with the self-stress of least complementary energy added.
+def _least_energy(layout: StaticsLayout, loads: Array, stress: Array, lambdas, solved=_least_solution) -> Array:
+    """Return loads (..., load rows, 6) with the self-stress of least complementary energy added.
 
     Minimising 1/2 sum (J w + B x)^T Lambda (J w + B x) over x gives x = -D^+ (sum B^T Lambda J) w with
     D = sum B^T Lambda B.
     Self-stress that only rigid modules carry has no energy: it stays undetermined, and C does not depend on it.
     """
-    d, g = np.zeros(()), np.zeros(())
-    for jacobian, unit, lam in zip(jacobians, stress, lambdas, strict=True):
-        weighted = unit.mT @ lam
-        d = d + (weighted @ unit).sum(axis=-3)
-        g = g + (weighted @ jacobian).sum(axis=-3)
-    x = -solved(d, g)
-    x = x[..., None, :, :]
-    return jacobians[0] + stress[0] @ x, jacobians[1] + stress[1] @ x
+    x = -solved(_energies(layout, stress, lambdas, stress), _energies(layout, stress, lambdas, loads))
+    return loads + stress @ x
+
+
+def _energies(layout: StaticsLayout, left: Array, lambdas: tuple[Array, Array], right: Array) -> Array:
+    """Return the sum over modules of B^T Lambda J, of loads B (..., load rows, h) and J (..., load rows, c)."""
+    total = np.zeros(())
+    for one, lam, other in zip(layout.split(left), lambdas, layout.split(right), strict=True):
+        total = total + (one.mT @ lam @ other).sum(axis=-3)
+    return total

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from eigenpy import PartialPivLU
@@ -30,6 +30,26 @@ def dimensionless(length: float) -> Array:
     """Return the factors (6, 6) that make C dimensionless with a characteristic length [m]: 1, L or L^2."""
     scale = np.array([1.0, 1.0, 1.0] + 3 * [length])
     return np.outer(scale, scale)
+
+
+Found = TypeVar("Found")
+
+
+class _Once(Generic[Found]):
+    """A cached_property without its lock, which takes Python before 3.12 as long as an inverse."""
+
+    def __init__(self, work: Callable[[Any], Found]):
+        self._work = work
+        self.__doc__ = work.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Found:
+        if instance is None:
+            return self  # type: ignore[return-value]
+        found = instance.__dict__[self._name] = self._work(instance)
+        return found
 
 
 class _Named(Mapping):
@@ -95,8 +115,8 @@ class Compliance:
         self.load = load
         self._statics = statics
         self._scaling = scaling
-        self._deformations = statics.deformations
-        self.C: Array = statics.compliance(self._deformations)
+        deformations, *self._deformed = statics.deformations
+        self.C: Array = statics.compliance(deformations)
         self.C.setflags(write=False)
 
     def __reduce__(self):
@@ -121,7 +141,7 @@ class Compliance:
         largest = np.abs(directions).argmax(axis=1)[:, None]
         return directions / np.take_along_axis(directions, largest, axis=1) + 0.0
 
-    @cached_property
+    @_Once
     def K(self) -> Array:  # noqa: N802 - the field's symbol
         """Stiffness, (6, 6). Raises NoStiffnessError where some directions are rigid."""
         scaled = self.C * self._scaling
@@ -137,7 +157,7 @@ class Compliance:
                     rigid,
                 )
         k = inverse * self._scaling
-        k = (k + k.T) / 2
+        k = (k + k.T) * 0.5
         k.setflags(write=False)
         return k
 
@@ -180,14 +200,15 @@ class Compliance:
         """Names of the modules, in the order of the robot file."""
         return tuple(module.name for module in self.pose.mechanism.modules)
 
-    @cached_property
+    @_Once
     def parts(self) -> Mapping[str, Array]:
         """Compliance J_m^T Lambda_m J_m of each module, (6, 6); they sum to C."""
         statics = self._statics
         wrench, drive = statics.jacobians
-        parts = np.empty((len(wrench) + len(drive), 6, 6))
-        np.matmul(wrench.mT, self._deformations[0], out=parts[: len(wrench)])
-        np.multiply(drive.mT, self._deformations[1], out=parts[len(wrench) :])
+        parts, count = np.empty((len(wrench) + len(drive), 6, 6)), len(wrench)
+        deformed, driven = self._deformed
+        np.matmul(wrench.mT, deformed, out=parts[:count])
+        np.multiply(drive.mT, driven, out=parts[count:])
         parts.setflags(write=False)
         return _Named(statics.layout.index, parts.__getitem__)
 

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import InputError, ParameterError
-from ..kernel import Closure
+from ..kernel import Closure, FixedFrames
 from ..kinematics import ClosedPose
 from ..mechanism import Frame, Mechanism, Module
 from ..modules import CompliantModule, DriveModule, ModuleGeometry
@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 
-_ONES = np.ones(3)
+_ONES, _UNITS, _ZERO, _NO_LENGTHS = np.ones(3), np.eye(6), np.zeros(1), np.zeros(0)
 #: The geometry of kinds that need none.
 _NOWHERE = ModuleGeometry(np.zeros(()), np.zeros(()), np.zeros((), bool), np.zeros((), bool))
 
@@ -54,7 +54,7 @@ class ModuleGroup:
     def fault(self, at: ModuleGeometry) -> str | None:
         """Return which module's equation does not hold here and why, or None."""
         bad = self.kind.problems(self.values, at)
-        if bad is None or not np.count_nonzero(bad):
+        if bad is None or True not in bad.ravel().tolist():
             return None
         index = int(np.argmax(bad))
         return f"module '{self.modules[index].name}': {self.kind.problem_text(self.values, at, index)}"
@@ -110,23 +110,33 @@ class StaticsLayout:
         self.row_incidence = closure.incidence[self.row_joints]
         #: The loop of each closure force.
         self.closure_loops = closure.row_loop
-        # The same of six loads on the body of each joint, and of every closure force: (nj, rows, 6 + c).
+        # The same of six loads on the body of each joint, and of every closure force's reaction: (nj, rows, 6 + c).
         loaded = np.repeat(self.row_support.T[..., None], 6, axis=-1)
-        forces = np.broadcast_to(self.row_incidence, (len(loaded), *self.row_incidence.shape))
+        forces = np.broadcast_to(-self.row_incidence, (len(loaded), *self.row_incidence.shape))
         self.row_carries = np.concatenate((loaded, forces), axis=-1)
         #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
         self.closed = bool(len(self.free) and self.row_incidence.shape[1])
+        # Of all frames' columns x, y, z, p: where beams' tips and roots are, and where their tips point.
+        roots = len(wrench) + np.arange(len(self._beams))
+        self._beam_columns = np.concatenate((4 * self._beams + 3, 4 * roots + 3, 4 * self._beams + 2))
         #: Groups that must be evaluated at every pose, with their index.
         self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
         self._nowhere = [_NOWHERE] * len(self.groups)
         self.index = {name: index for index, name in enumerate(self.names)}
-        self._ends = {
-            group: (
-                np.array([module.inboard_is_root for module in group.modules]),
-                np.array([module.anchored_at_tip for module in group.modules]),
+        #: The same with their lengths' places among those of beams, and what their ends are.
+        self._told = [
+            (
+                index,
+                group,
+                self._beam_slots.get(group),
+                (
+                    np.array([module.inboard_is_root for module in group.modules]),
+                    np.array([module.anchored_at_tip for module in group.modules]),
+                ),
             )
-            for group in self.groups
-        }
+            for index, group in self.varying
+        ]
+        self._placed_frames = placed
         self._joints = {group: [mechanism.joint(module.joint) for module in group.modules] for group in self.groups}
         self._plain = {
             group: np.array([joint.first_q for joint in joints], int)
@@ -136,9 +146,28 @@ class StaticsLayout:
 
     def split(self, rows: Array) -> tuple[Array, Array]:
         """Return the loads (..., load rows, c) of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
-        count, lead = 6 * len(self.wrench_names), rows.shape[:-2]
-        wrench = rows[..., :count, :].reshape(*lead, len(self.wrench_names), 6, rows.shape[-1])
-        return wrench, rows[..., count:, None, :]
+        count = len(self.wrench_names)
+        wrench = rows[..., : 6 * count, :].reshape(*rows.shape[:-2], count, 6, rows.shape[-1])
+        return wrench, rows[..., 6 * count :, None, :]
+
+    @cached_property
+    def plain_compliances(self) -> tuple[Array, list[tuple[int, slice]]]:
+        """Compliances of each load row by itself, (load rows, 6), six times the same; and which groups have others.
+
+        Those follow from the pose, or couple several loads: 0 for wrench or 1 for drive modules, and their slots. Their
+        rows are zero.
+        """
+        plain, others = np.zeros((self.load_rows, 6)), []
+        into = self.split(plain)
+        for index, group in enumerate(self.groups):
+            half = int(index >= len(self.wrench_groups))
+            compliance = self.constant_compliances[half][group.slots]
+            diagonal = np.diagonal(compliance, axis1=-2, axis2=-1)[..., None]
+            if group.kind.constant and np.array_equal(compliance, diagonal * np.eye(diagonal.shape[-2])):
+                into[half][group.slots] = diagonal
+            else:
+                others.append((half, group.slots))
+        return plain, others
 
     @cached_property
     def constant_compliances(self) -> tuple[Array, Array]:
@@ -170,24 +199,40 @@ class StaticsLayout:
     def placed(self, pose: ClosedPose) -> tuple[Array, list[ModuleGeometry]]:
         """Return base_from_module of all wrench modules, (..., n, 4, 4), and what the pose tells each group."""
         frames, roots = self._placed(pose)
-        lengths = np.zeros(0)
+        lengths = _NO_LENGTHS
         if len(self._beams):
             tips = frames.take(self._beams, axis=-3)[..., :3, 2:]
             # Along the module's axis: a rod that has been pulled through its clamp has a negative length.
             lengths = ((tips[..., 1] - roots[..., :3, 3]) * tips[..., 0]) @ _ONES
-        return frames, self._geometries(pose, lengths)
+        return frames, self._geometries(pose.q, lengths)
+
+    @cached_property
+    def _at_one(self) -> _LoadMap:
+        tool = self.mechanism.tool
+        return _LoadMap(self, [*self._placed_frames, *([tool] if tool else [])])
+
+    def at_one(self, pose: ClosedPose) -> tuple[Array, list[ModuleGeometry], Array]:
+        """Return `load_maps` (rows, 6), what the pose tells each group, and the tool point (3,), of one pose.
+
+        There must be a tool.
+        """
+        columns, maps = self._at_one(pose)
+        lengths, count = _NO_LENGTHS, len(self._beams)
+        if count:
+            tips, roots, along = columns.take(self._beam_columns, axis=0).reshape(3, count, 3)
+            lengths = ((tips - roots) * along).dot(_ONES)
+        return maps, self._geometries(pose.q, lengths), columns[-1]
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
         """Return what the pose tells each group of modules."""
         return self.placed(pose)[1]
 
-    def _geometries(self, pose: ClosedPose, lengths: Array) -> list[ModuleGeometry]:
+    def _geometries(self, q: Array, lengths: Array) -> list[ModuleGeometry]:
         geometries = list(self._nowhere)
-        for index, group in self.varying:
-            beams = self._beam_slots.get(group)
+        for index, group, beams, ends in self._told:
             length = _NOWHERE.length if beams is None else lengths[..., beams]
-            position = self._positions(group, pose.q) if group.kind.follows_joint else _NOWHERE.position
-            geometries[index] = ModuleGeometry(length, position, *self._ends[group])
+            position = self._positions(group, q) if group.kind.follows_joint else _NOWHERE.position
+            geometries[index] = ModuleGeometry(length, position, *ends)
         return geometries
 
     def check_beams(self, pose: ClosedPose) -> None:
@@ -230,6 +275,31 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
     return tuple(groups), order
 
 
+class _LoadMap:
+    """`load_maps` of one pose: which numbers stand where."""
+
+    def __init__(self, layout: StaticsLayout, frames: list[Frame]):
+        self._frames = FixedFrames(layout.mechanism, frames)
+        count, total = len(layout.wrench_names), len(frames)
+        # Frames' columns, what `FixedFrames` returns with them, the joints' Jacobian row by row, and a zero.
+        columns, crossed = np.arange(12 * total).reshape(-1, 4, 3), np.arange(9 * total).reshape(-1, 3, 3) + 12 * total
+        jacobian = np.arange(6 * layout.mechanism.model.nv).reshape(6, -1) + 21 * total
+        at = np.full((len(layout.row_joints), 6), jacobian.size + 21 * total)
+        block = at[: 6 * count].reshape(-1, 6, 6)
+        block[:, :3, :3] = block[:, 3:, 3:] = columns[:count, :3]
+        block[:, 3:, :3] = crossed[:count]
+        at[6 * count :] = jacobian[:, layout.row_dofs].T
+        self._at = at
+        self._ratios = np.ones(at.shape)
+        self._ratios[6 * count :] *= layout.row_ratios
+
+    def __call__(self, pose: ClosedPose) -> tuple[Array, Array]:
+        """Return all frames' columns x, y, z, p (4 n, 3) and what `load_maps` returns (rows, 6)."""
+        columns, crossed = self._frames.at(pose.q)
+        numbers = np.concatenate((columns, crossed, pose.jacobian.ravel(), _ZERO))
+        return columns.reshape(-1, 3), numbers.take(self._at) * self._ratios
+
+
 def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     """Return what turns the base wrenches that joints transmit into loads along all rows, (..., rows, 6).
 
@@ -245,21 +315,27 @@ def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     return maps
 
 
-def loads_from_frame(layout: StaticsLayout, pose: ClosedPose, maps: Array, frame: Frame) -> Array:
+def loads_from_frame(
+    layout: StaticsLayout, pose: ClosedPose, maps: Array, frame: Frame, point: Array | None = None
+) -> Array:
     """Return the modules' loads under unit wrenches about a frame's origin in base axes, (..., load rows, 6).
 
-    Only what carries the frame's joint is loaded before the loops carry any.
+    Only what carries the frame's joint is loaded before the loops carry any. `point` (..., 3) is the frame's origin,
+    where that is known.
     """
     count = layout.load_rows
-    point = product(pose.placements[..., frame.joint, :3, :], frame.placement[:, 3:])[..., 0]
+    if point is None:
+        point = product(pose.placements[..., frame.joint, :3, :], frame.placement[:, 3:])[..., 0]
     unit = base_wrench_from_point(point)
     if not layout.closed:
         return (maps[..., :count, :] @ unit) * layout.row_support[:count, frame.joint, None]
     # Unit wrenches and unit closure forces side by side, as each row's joint carries them.
-    sources = np.concatenate((unit, pose.closure_wrenches.mT), axis=-1)
-    both = product(maps, sources) * layout.row_carries[frame.joint]
+    sources = np.concatenate((unit.mT, pose.closure_wrenches), axis=-2)
+    both = product(maps, sources.mT) * layout.row_carries[frame.joint]
     forces = product(pose.balance.inverse, both[..., count:, :6])
-    return both[..., :count, :6] - product(both[..., :count, 6:], forces)
+    if both.ndim == 2 and both.dtype != object:
+        return both[:count].dot(np.concatenate((_UNITS, forces)))
+    return both[..., :count, :6] + product(both[..., :count, 6:], forces)
 
 
 def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodies: Array) -> Array:

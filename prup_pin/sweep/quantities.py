@@ -75,13 +75,13 @@ class Solved:
         return solve_statics(self.layout, self.poses)
 
     @cached_property
-    def deformations(self) -> tuple[Array, Array]:
+    def deformations(self) -> tuple[Array, Array, Array]:
         return self.statics.deformations
 
     @cached_property
     def C(self) -> Array:  # noqa: N802 - the field's symbol
         """(n, 6, 6)."""
-        return self.statics.compliance(self.deformations)
+        return self.statics.compliance(self.deformations[0])
 
     @cached_property
     def K(self) -> Array:  # noqa: N802
@@ -163,7 +163,7 @@ class Solved:
     def shares(self) -> Array:
         """Each module's share of the work, in the order of the robot file, (n, modules)."""
         works = []
-        for jacobian, deformation in zip(self.statics.jacobians, self.deformations, strict=True):
+        for jacobian, deformation in zip(self.statics.jacobians, self.deformations[1:], strict=True):
             if self.asked.wrench is None:
                 # The mean over all corners: cross terms cancel.
                 work = ((jacobian * deformation).sum(axis=-2) * self.asked.box**2).sum(axis=-1)

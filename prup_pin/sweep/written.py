@@ -81,9 +81,9 @@ class _Solver:
         return solution
 
     def counting(self, loads: Array, self_stress: Array) -> Array:
-        """Return loads (n, k, h) without those that are negligible beside the closure forces (c, h), at the samples."""
+        """Return loads (n, h) without those that are negligible beside the closure forces (c, h), at the samples."""
         least = NEGLIGIBLE * np.abs(self._tape.sampled(self_stress)).max(axis=(1, 2), initial=0.0)
-        small = np.abs(self._tape.sampled(loads)) <= least[:, None, None, None]
+        small = np.abs(self._tape.sampled(loads)) <= least[:, None, None]
         counting = loads.copy()
         counting[small.all(axis=0)] = self._tape.constant(0.0)
         return counting
@@ -148,7 +148,7 @@ class _WrittenSolved(Solved):
     def _both(self) -> tuple[Array, Array, Expression]:
         """C, K, and the product of their dimensionless traces: a bound of their condition, as both are definite."""
         if self._legs is None:
-            c = self.statics.compliance(self.deformations)
+            c = self.statics.compliance(self.deformations[0])
             k = eliminated(c * self.scaling, np.eye(6).astype(object))[0] * self.scaling
             k = (k + k.T) * 0.5
         else:
@@ -159,7 +159,7 @@ class _WrittenSolved(Solved):
 
     @property
     def C(self) -> Array:  # noqa: N802
-        return self.statics.compliance(self.deformations) if self._legs is None else self._both[0]
+        return self.statics.compliance(self.deformations[0]) if self._legs is None else self._both[0]
 
     @property
     def K(self) -> Array:  # noqa: N802

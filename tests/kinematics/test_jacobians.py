@@ -78,7 +78,7 @@ def test_newton_closes_and_leaves_only_the_free_motions(tmp_path, free):
     closed = kinematics.home
     evaluation = kinematics.evaluate(closed)
     assert np.abs(evaluation.residual).max() < 1e-12
-    assert kinematics.closure.assembled(evaluation.turn)
+    assert evaluation.assembled
     loop = robot.mechanism.loops[0]
     ends = [evaluation.placements[end.joint] @ end.placement for end in (loop.first, loop.second)]
     relative = np.linalg.inv(ends[0]) @ ends[1]
@@ -102,7 +102,7 @@ def test_task_rows(tmp_path, rotation):
 
     def residual(at):
         evaluation = kinematics.evaluate(at)
-        return goal(at, evaluation.placements)[0]
+        return np.array(goal(at, evaluation.placements)[0])
 
     evaluation = kinematics.evaluate(q)
     rows = goal(q, evaluation.placements)[1](evaluation.jacobian)
