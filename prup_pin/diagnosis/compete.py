@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from scipy.stats import chi2 as chi_squared
@@ -52,6 +53,7 @@ from .criteria import (
     NEAR_RIVAL,
     NEEDED,
     ONE_PLACE,
+    PAIRED,
     PARALLEL,
     PARAMETER_COST,
     REFINE_MEMORY_WORK,
@@ -111,6 +113,11 @@ class _Search:
         each = REFINE_MEMORY_WORK if remembers else REFINE_WORK
         self.spent += len(start.samples) * each * (HELD_WORK if len(start.x) else 1.0)
         return self.problem.refine(terms, start, rounds, reach)
+
+    def settled(self, terms: Sequence[Term], like: Fit) -> Fit:
+        """Return what `Problem.fit_at` does."""
+        self.spent += len(like.samples) * REFINE_WORK
+        return self.problem.fit_at(terms, like=like)
 
     def released(self, fit: Fit) -> Fit:
         """Return a fit with its toleranced parameters as far off as they would go."""
@@ -407,6 +414,8 @@ def _forward(
             fit, rivals = taken, []
             continue
         challenged, rivals = _challenged(search, taken, library)
+        if rivals and (paired := _in_pairs(search, challenged, rivals)) is not challenged:
+            challenged, rivals = _challenged(search, paired, library)
         fit = _pruned(search, _merged(search, challenged, library), least)
         if fit is not challenged:
             rivals = []
@@ -595,6 +604,53 @@ def _challenged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> tupl
         if not swapped:
             break
     return fit, rivals if not swapped else []
+
+
+def _in_pairs(search: _Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit:
+    """Return the fit with one law at another place that looks alike, and with it another weight, or a law less.
+
+    Weight acts through what yields. Of places in series, which look alike under the tool's load, one was taken beside a
+    wrong weight, or with a small law to make up for the difference; beside the right place neither is wanted.
+    """
+    problem, scale = search.problem, scale_of(search.problem, fit)
+    best, found = fit, fit.chi2 + scale * sum(map(penalty, fit.terms)) - SWAP_LEAD
+
+    def better(terms: Sequence[Term], chi2: float, start: Fit) -> None:
+        nonlocal best, found
+        if chi2 + scale * sum(map(penalty, terms)) > found:
+            return
+        trial = search.refine(terms, start, rounds=FEW_ROUNDS)
+        cost = trial.chi2 + scale * sum(map(penalty, trial.terms))
+        if cost < found:
+            best, found = trial, cost
+
+    for place, other in permutations(range(len(fit.terms)), 2):
+        physics, far = fit.terms[place].candidate.law.physics, fit.chi2 + RIVAL_MARGIN * scale * INDISTINCT
+        weighs = "gravity" in fit.terms[other].candidate.law.needs
+        alike = [rival for rival in rivals[place] if rival.term.candidate.law.physics == physics and rival.chi2 < far]
+        for twin in _others(alike, fit.terms[place])[:PAIRED]:
+            if search.over:
+                return best
+            terms = [twin.term if index == place else term for index, term in enumerate(fit.terms)]
+            start = search.settled(terms, fit)
+            kept = [index for index in range(len(terms)) if index != other]
+            rest, beside = [terms[index] for index in kept], problem.beside(start, kept)
+            left = without(
+                (problem.target(start) - problem.change(start, [term.effect for term in rest])).ravel(), beside
+            )
+            better(rest, float(left @ left), start)
+            for rival in _others(rivals[other], fit.terms[other])[:PAIRED] if weighs else ():
+                candidate = rival.term.candidate
+                if "gravity" in candidate.law.needs and candidate.name not in {term.candidate.name for term in rest}:
+                    chi2, term, _ = search.quick(start, rest, candidate, limit=LAST_STEPS, beside=beside)
+                    better([*rest, term], chi2, start)
+    return best
+
+
+def _others(rivals: Sequence[Rival], term: Term) -> list[Rival]:
+    """Return rivals other than a term itself, without those that remember: these are dear."""
+    name = term.candidate.name
+    return [rival for rival in rivals if rival.term.candidate.name != name and not rival.term.candidate.remembers]
 
 
 def _merged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:

@@ -140,6 +140,8 @@ SMALL_MISJUDGED: Final = 2.0
 CLEAR_LEAD: Final = 1.0
 #: ... and a rival takes a term's place with a lead of this, so that two equals do not swap for ever.
 SWAP_LEAD: Final = 0.5
+#: So many places that look alike are tried once more, beside so many other weights.
+PAIRED: Final = 3
 #: Rounds of challenges after a law has come in.
 CHALLENGES: Final = 2
 #: Rivals are heard whose chi squared exceeds the fit's by at most this share of the term's effect ...

@@ -1,4 +1,4 @@
-"""The <prup_pin> element of a URDF: loops, tool, task coordinates, modules, lengths and variants.
+"""The <prup_pin> element of a robot file: loops, tool, task coordinates, modules, lengths and variants.
 
 docs/robot_file.md describes it.
 """
@@ -34,6 +34,13 @@ _TOLERANCE = re.compile(r"([^%]+?)\s*(%?)")
 
 class ExtensionDocument(Document):
     """A document that may hold a <prup_pin> element."""
+
+    def only_extension(self) -> etree._Element | None:
+        """Return the <prup_pin> element, or None; a second one is a problem."""
+        found = self.root.findall(EXTENSION)
+        for extra in found[1:]:
+            self.problem(extra, f"a second <{EXTENSION}>; expected one")
+        return found[0] if found else None
 
     def extension(self, extension: etree._Element) -> dict:
         fields: dict = {"loops": [], "modules": [], "lengths": [], "notes": [], "variants": {}}

@@ -24,10 +24,12 @@ from .description import (
     FrameDescription,
     LoopDescription,
     RobotDescription,
+    check_modules,
     check_references,
 )
+from .extension import ExtensionDocument
 from .mesh_paths import mesh_exists, mesh_problem
-from .xml_file import MAX_JOINTS, MAX_NUMBER, Document, parse
+from .xml_file import MAX_JOINTS, MAX_NUMBER, parse
 
 #: Share of the largest moment of inertia that rounding may leave below zero.
 _ROUNDING = 1e-9
@@ -144,7 +146,7 @@ def _joint_model(joint: Joint) -> tuple[Any, Array]:
     return aligned[along[0]]() if len(along) else skewed(joint.axis), drawn
 
 
-class MjcfDocument(Document):
+class MjcfDocument(ExtensionDocument):
     """An MJCF file."""
 
     def __init__(self, root: etree._Element, path: Path, package_folders: Sequence[Path] = ()):
@@ -171,23 +173,29 @@ class MjcfDocument(Document):
         gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
         for option in self.root.findall("option"):
             gravity = self.numbers(option, "gravity", 3, "<option>", gravity) or gravity
+        said: dict = {"gravity": gravity, "actuated": self._driven(notes), "home": self._drawn_home(notes)}
+        extension = self.only_extension()
+        fields = {} if extension is None else self.extension(extension)
+        for length in () if extension is None else extension.findall("length"):
+            name = length.get("name", "")[:60]
+            self.problem(length, f"length '{name}': lengths move the joints of a URDF; expected none in an MJCF file")
+        fields["home"] = {**said["home"], **fields.get("home", {})}
+        fields["loops"] = (*loops, *fields.get("loops", ()))
+        fields["notes"] = (*notes, *fields.get("notes", ()), *self._left_out())
         robot = RobotDescription(
             name=self.root.get("model") or self.path.stem,
             path=self.path,
             source="MJCF",
             content=content,
-            gravity=gravity,
-            actuated=self._actuated(notes),
-            home=self._home(notes),
-            loops=loops,
             coupled=coupled,
-            described=bool(loops),
+            described=extension is not None or bool(loops),
             lines=self.lines,
             meshes_missing=tuple(self.meshes_missing),
-            notes=(*notes, *self._left_out()),
+            **{**said, **fields},
         )
         names = [body.name for body in self.bodies]
         self.problems += check_references(robot, joints, names, sites=[s for body in self.bodies for s in body.sites])
+        self.problems += check_modules(robot, list(self.problems))
         return robot
 
     # -- settings ----------------------------------------------------------------------------------------------------
@@ -587,7 +595,7 @@ class MjcfDocument(Document):
 
     # -- what else it says -------------------------------------------------------------------------------------------
 
-    def _actuated(self, notes: list[str]) -> tuple[str, ...] | None:
+    def _driven(self, notes: list[str]) -> tuple[str, ...] | None:
         """Return the joints that an actuator names, or None where there is none."""
         joints = {joint.name: joint for body in self.bodies for joint in body.joints}
         names: dict[str, None] = {}
@@ -610,7 +618,7 @@ class MjcfDocument(Document):
             notes.append(f"actuators that drive no joint are left out: {', '.join(others[:8])}")
         return tuple(names) or None
 
-    def _home(self, notes: list[str]) -> dict[str, float]:
+    def _drawn_home(self, notes: list[str]) -> dict[str, float]:
         """Return the joint values of the key 'home', else of the first key with a qpos, else the drawn ones."""
         joints = [joint for body in self.bodies for joint in body.joints]
         home = {joint.name: joint.reference for joint in joints if joint.reference}

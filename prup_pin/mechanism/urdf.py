@@ -76,10 +76,8 @@ class UrdfDocument(ExtensionDocument):
         joints, fixed = self._joints(links)
         missing = self._meshes()
         self._shapes()
-        extensions = self.root.findall(EXTENSION)
-        for extra in extensions[1:]:
-            self.problem(extra, f"a second <{EXTENSION}>; expected one")
-        fields = self.extension(extensions[0]) if extensions else {}
+        extension = self.only_extension()
+        fields = {} if extension is None else self.extension(extension)
         loops = (*fields.pop("loops", ()), *self._loop_joints())
         constraints = [loop for element in self.root.findall(CONSTRAINT) if (loop := read_constraint(self, element))]
         described = {loop.name for loop in loops}
@@ -103,7 +101,7 @@ class UrdfDocument(ExtensionDocument):
             coupled=coupled,
             meshes_missing=missing,
             notes=tuple(notes),
-            described=bool(extensions) or bool(loops),
+            described=extension is not None or bool(loops),
             lines=self.lines,
             **fields,
         )

@@ -582,6 +582,48 @@ def test_actuators_and_keys_of_mjcf(mjcf):
     assert "key 'k' is not used as home: it has 2 values, the joints 4" in short.notes
 
 
+MODULES = """
+<prup_pin version="1">
+  <tool frame="left_point"/>
+  <task_coordinates><coordinate name="x" component="x"/><coordinate name="y" component="y"/></task_coordinates>
+  <home left_motor="0.1"/>
+  <module name="left/motor" type="joint_spring" joint="left_motor">
+    <parameter name="stiffness" value="900" unit="N m/rad"/>
+  </module>
+  <module name="right/motor" type="joint_spring" joint="right_motor">
+    <parameter name="stiffness" value="1600" unit="N m/rad"/>
+  </module>
+  <module name="left/rod" type="beam" joint="left_elbow" root="left_rod" tip="left_point">
+    <parameter name="diameter" value="0.01" unit="m"/><parameter name="youngs_modulus" value="2e11" unit="Pa"/>
+  </module>
+</prup_pin>
+</mujoco>"""
+
+
+def test_an_mjcf_describes_what_yields_as_a_urdf_does(mjcf):
+    robot, rigid = prup_pin.load(mjcf(("</mujoco>", MODULES))), five_bar("mjcf")
+    home = robot.home
+    assert home.actuators["left_motor"] == 0.1
+    assert set(home.coordinates) == {"x", "y"}
+    found = robot.compliance(home)
+    rod = rigid.compliance(rigid.pose_from_actuators(list(home.actuators.values())))
+    np.testing.assert_allclose(found.C - found.parts["left/rod"], rod.C, atol=1e-9 * np.abs(rod.C).max())
+    assert found.parts["left/rod"][2, 2] > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (('joint="left_elbow" root', 'joint="elbow" root'), "module 'left/rod': no movable joint named 'elbow'"),
+        (('type="beam"', 'type="baem"'), "no kind of module named 'baem'. Did you mean 'beam'"),
+        (("</prup_pin>", '</prup_pin><prup_pin version="1"/>'), "a second <prup_pin>; expected one"),
+        (("</prup_pin>", '<length name="a" value="1" unit="m"/></prup_pin>'), "expected none in an MJCF file"),
+    ],
+)
+def test_what_an_mjcf_describes_wrongly_is_named(mjcf, change, expected):
+    assert any(expected in found for found in problems(mjcf(("</mujoco>", MODULES), change)))
+
+
 def test_an_inactive_equality_is_left_out_with_a_note(mjcf):
     description = read(mjcf(('anchor="0.23 0.24 0"', 'anchor="0.23 0.24 0" active="false"')))
     assert description.loops == ()
