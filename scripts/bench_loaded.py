@@ -88,8 +88,10 @@ def slopes(run) -> tuple[float, int]:
     mechanism, count = first.chain.mechanism, 0
     for joint in mechanism.joints:
         first.by_joint(joint.id)
-        first.by_mass(joint.id, mechanism.gravity)
-        count += 7
+        count += 6
+    for link in mechanism.links:
+        first.by_mass(link, mechanism.gravity)
+        count += 1
     for loop in range(len(mechanism.loops)):
         for end in (0, 1):
             first.by_loop_end(loop, end)

@@ -34,6 +34,7 @@ from .criteria import (
     SETTLED,
     SETTLED_SHARE,
     TWINS,
+    WEIGHT_ACTS,
     WEIGHT_SHOWS,
     beyond_tolerance,
 )
@@ -201,26 +202,26 @@ def toleranced_of(
 
 
 def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candidate], reach: float):
-    """Return a problem with its parameters calibrated, the robot's weight beside them where it explains more.
+    """Return a problem with its parameters calibrated, the robot's weight beside them unless that makes it worse.
 
-    Whether weight acts has no parameter to be found, and without it others would be bent to take its place. Where
-    nothing else was applied it acts, unless that makes it worse. Weight does nothing to a rigid joint: it is judged by
-    what is left when all joints may yield that can. `reach`: tolerances beyond which none is taken to be off.
+    Whether weight acts has no parameter to be found, and without it others would be bent to take its place: a payload
+    of the robot's own mass. It acts on every robot, at the links' centres or along the beams; a recording made by a
+    simulation may lack it. Weight does nothing to a rigid joint: it is judged by what is left when all joints may yield
+    that can. `reach`: tolerances beyond which none is taken to be off.
     """
-    heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
-    if heavy is None:
-        return problem.within(_begun(problem, toleranced, [], reach))
-    weight = [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
-    begun = [_begun(problem, toleranced, effects, reach) for effects in ([], weight)]
+    heavy = [item for item in library if item.law.physics == "self_weight"]
+    ways = [[], *([item.effect(item.coordinates_of(np.ones(item.size)))] for item in heavy)]
+    begun = [_begun(problem, toleranced, effects, reach) for effects in ways]
+    if not heavy:
+        return problem.within(begun[0])
     hopeful = FAR_BEHIND * min(each.objective for each in begun)
-    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else WEIGHT_SHOWS
+    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -WEIGHT_ACTS
     joints = [item for item in library if item.law.physics in _YIELDS and item.place.name != "robot"]
     if any(item.law.physics == "joint_compliance" for item in joints):
-        light, weighed = (_left_by_joints(problem, each, joints) for each in begun)
+        light, weighed = (_left_by_joints(problem, each, joints) for each in begun[:2])
         return problem.within(begun[1] if weighed < light - shows else begun[0])
     found = [problem.within(each) for each in begun if each.objective <= hopeful]
-    light, weighed = found[0], found[-1]
-    return weighed if weighed.first.chi2 < light.first.chi2 - shows else light
+    return min(found, key=lambda each: each.first.chi2 + (shows if each.tolerances.effects else 0.0))
 
 
 #: Laws that say how soft a joint is.

@@ -292,7 +292,10 @@ TWINS: Final = 0.995
 #: A parameter farther than this many tolerances from the robot file is a finding, or farther where chance takes one of
 #: so many parameters there.
 BEYOND: Final = 3.0
-#: Chi squared by which the robot's own weight must help the calibration to be taken into it: three deviations and more.
+#: Chi squared by which the robot's own weight may make a calibration worse and still be taken to act, as it does on
+#: every real robot: what noise does to it once in two hundred times ...
+WEIGHT_ACTS: Final = 8.0
+#: ... or where nothing else loads the robot, and by which it must show to be told: three deviations and more.
 WEIGHT_SHOWS: Final = 25.0
 #: ... and after the first step: with or without weight, what is this many times worse is not followed to its end.
 FAR_BEHIND: Final = 4.0

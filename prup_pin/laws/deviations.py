@@ -248,16 +248,13 @@ def _other_length(moves, nominal: float, value: float, setup: Setup) -> Iterator
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Deviation]:
-    for joint in mechanism.joints:
-        mass = float(mechanism.model.inertias[joint.id].mass)
-        if mass > 0:
-            body = mechanism.bodies.get(joint.id, joint.name)
-            act = partial(_other_mass, joint.name, mass)
-            yield Deviation(f"{body}.mass", "mass", "kg", mass, True, "inertial_parameters", body, act)
+    for link in mechanism.links:
+        act = partial(_other_mass, link.name, link.mass)
+        yield Deviation(f"{link.name}.mass", "mass", "kg", link.mass, True, "inertial_parameters", link.name, act)
 
 
-def _other_mass(joint: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
-    yield ScaledMass(joint, value / nominal)
+def _other_mass(link: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
+    yield ScaledMass(link, value / nominal)
 
 
 # -- geometry ----------------------------------------------------------------------------------------------------------

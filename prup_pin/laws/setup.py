@@ -35,7 +35,7 @@ class Setup:
     remembered: list[RememberedStrain] = field(default_factory=list)
     offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,)
     loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
-    mass_factors: dict[int, float] = field(default_factory=dict)  # of the joints' bodies
+    mass_factors: dict[str, float] = field(default_factory=dict)  # of links
     yielding: dict[tuple[str, str], float] = field(default_factory=dict)  # compliances of joints, by name and way
     springs: list[ToolSpring] = field(default_factory=list)
     weight: float = 0.0  # share of the links' weight that acts
@@ -117,12 +117,10 @@ class Setup:
         )
 
     def _masses(self) -> Array | None:
-        """Return the factors of all joints' bodies, (joints,); None where the masses are the robot file's."""
+        """Return the factors of all links, (links,); None where the masses are the robot file's."""
         if not self.mass_factors:
             return None
-        factors = np.ones(self.mechanism.model.njoints)
-        factors[list(self.mass_factors)] = list(self.mass_factors.values())
-        return factors
+        return np.array([self.mass_factors.get(link.name, 1.0) for link in self.mechanism.links])
 
     def reported(
         self, position: Array, rotation: Array, frame: str, samples: np.ndarray | None = None

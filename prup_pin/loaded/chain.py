@@ -22,7 +22,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..kinematics import ClosedPose
-from ..mechanism import Frame, Mechanism
+from ..mechanism import Frame, Link, Mechanism
 from ..spatial import Array
 from ..statics import StaticsLayout
 from . import derivative
@@ -120,9 +120,9 @@ class Chain:
         """Return d(residual)/d(wrench on the tool), (N, m, 6)."""
         return derivative.load_columns(self.structure, at)
 
-    def mass_columns(self, at: Evaluation, gravity: Array, bodies: Sequence[int]) -> Array:
-        """Return d(residual)/d(mass of joints' bodies), (N, m, c), under gravity (3,) or (N, 3)."""
-        return derivative.mass_columns(self.structure, at, gravity, bodies)
+    def mass_columns(self, at: Evaluation, gravity: Array, links: Sequence[Link]) -> Array:
+        """Return d(residual)/d(mass of links), (N, m, c), under gravity (3,) or (N, 3)."""
+        return derivative.mass_columns(self.structure, at, gravity, links)
 
     def joint_motions(
         self, state: State, at: Evaluation, conditions: Conditions, joints: Sequence[int]

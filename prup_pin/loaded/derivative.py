@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..mechanism import Frame
+from ..mechanism import Frame, Link
 from ..spatial import Array, base_wrench_from_point, rotation_exp, rotation_tangent, skew
-from .residual import Evaluation, ModuleLoads, masses_of
+from .residual import Evaluation, ModuleLoads
 from .rod import LoadedRod
 from .state import Conditions, State
 from .structure import Structure
@@ -187,11 +187,11 @@ def wrench_columns(structure: Structure, at: Evaluation, bodies: np.ndarray, wre
     return out
 
 
-def mass_columns(structure: Structure, at: Evaluation, gravity: Array, bodies: Sequence[int]) -> Array:
-    """Return d(residual)/d(mass [kg] of joints' bodies, at their centres), (N, m, c), under gravity (3,) or (N, 3)."""
-    joints = list(bodies)
-    placed = at.placements[:, joints]
-    centres = (placed[..., :3, :3] @ structure.levers[joints][:, :, None])[..., 0] + placed[..., :3, 3]
+def mass_columns(structure: Structure, at: Evaluation, gravity: Array, links: Sequence[Link]) -> Array:
+    """Return d(residual)/d(mass [kg] of links, at their centres), (N, m, c), under gravity (3,) or (N, 3)."""
+    joints = [link.joint for link in links]
+    placed, levers = at.placements[:, joints], np.array([link.lever for link in links])
+    centres = (placed[..., :3, :3] @ levers[:, :, None])[..., 0] + placed[..., :3, 3]
     down = np.broadcast_to(np.reshape(gravity, (-1, 1, 3)), centres.shape)
     weights = np.concatenate((down, np.cross(centres, down)), axis=-1)
     return wrench_columns(structure, at, np.array(joints, int), weights.mT)
@@ -276,9 +276,9 @@ def _weight_seen(
 ) -> Array:
     """Return what observers see more of the bodies' weights by motions, (N, k, c)."""
     screws = motions.screws
-    masses = masses_of(structure, conditions)
+    masses, levers = structure.weighed(conditions.mass_factors)
     mass = structure.support @ masses
-    centres = (at.placements[..., :3, :3] @ structure.levers[:, :, None])[..., 0] + at.placements[..., :3, 3]
+    centres = (at.placements[..., :3, :3] @ levers[:, :, None])[..., 0] + at.placements[..., :3, 3]
     first = structure.support @ (masses[:, None] * centres)
     form = np.zeros((len(screws), structure.count, 6, 6))
     assert conditions.gravity is not None

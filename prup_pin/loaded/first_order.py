@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UnknownNameError
-from ..mechanism import Frame
+from ..mechanism import Frame, Link
 from ..spatial import Array, motion_between, rotation_exp, skew
 from .border import left_solved
 from .border import slack as slack_of
@@ -159,9 +159,9 @@ class FirstOrder:
 
         return self.once(("loop end", loop, end), compute)
 
-    def by_mass(self, joint: int, gravity: Array) -> Array:
-        """Return what is watched per mass of a joint's body at its centre, (n, R), under gravity (3,) or (n, 3)."""
-        return -(self.by_row @ self.chain.mass_columns(self.found.evaluation, gravity, [joint]))[..., 0]
+    def by_mass(self, link: Link, gravity: Array) -> Array:
+        """Return what is watched per mass of a link at its centre, (n, R), under gravity (3,) or (n, 3)."""
+        return -(self.by_row @ self.chain.mass_columns(self.found.evaluation, gravity, [link]))[..., 0]
 
     def by_values(self, module: str, ahead: Mapping[str, Any], behind: Mapping[str, Any]) -> Array:
         """Return what is watched, (n, R), between two sets of values of a module, both near the present ones."""

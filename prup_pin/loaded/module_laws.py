@@ -220,7 +220,7 @@ def bent_group(
     if conditions.gravity is not None and conditions.spread_weight:
         frames = np.where(inner[:, None, None], tips[True][:, group.slots], tips[False][:, group.slots])
         gravity = (frames[..., :3, :3].mT @ conditions.gravity[..., None, :, None])[..., 0]
-        if conditions.mass_factors is not None:  # a body that weighs more, weighs more all along its beam
+        if conditions.mass_factors is not None:  # a link that weighs more, weighs more all along its beam
             factors = [_mass_factor(structure, module, conditions.mass_factors) for module in group.modules]
             gravity = gravity * np.array(factors)[:, None]
         tip = tip - _own_weight(structure, group, at, gravity, inner)
@@ -261,8 +261,8 @@ def _beyond_tip(group: ModuleGroup, at: ModuleGeometry, gravity: Array) -> Array
 
 
 def _mass_factor(structure: Structure, module, factors: Array) -> float:
-    """Return what the mass of the body is multiplied by that a beam is."""
-    return float(factors[structure.mechanism.frame(module.body).joint]) if module.body else 1.0
+    """Return what the mass of the link is multiplied by that a beam is."""
+    return next((float(f) for f, link in zip(factors, structure.links, strict=True) if link.name == module.body), 1.0)
 
 
 def _weighs_on_own_joint(structure: Structure, module) -> bool:

@@ -22,7 +22,7 @@ from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "masses_of", "sliding_force"]
+__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "sliding_force"]
 
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
 _UNBALANCED, _OPEN, _JAMMED = 1e-6, 1e-8, 1e-10
@@ -201,16 +201,12 @@ def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopFo
         bodies[:, loop.second.joint] += loops.wrench[:, index]
         bodies[:, loop.first.joint] -= loops.wrench[:, index]
     if conditions.gravity is not None:
-        weight = masses_of(structure, conditions)[:, None] * conditions.gravity[..., None, :]
-        centres = (placements[:, :, :3, :3] @ structure.levers[:, :, None])[..., 0] + placements[:, :, :3, 3]
+        masses, levers = structure.weighed(conditions.mass_factors)
+        weight = masses[:, None] * conditions.gravity[..., None, :]
+        centres = (placements[:, :, :3, :3] @ levers[:, :, None])[..., 0] + placements[:, :, :3, 3]
         bodies[..., :3] += weight
         bodies[..., 3:] += np.cross(centres, weight)
     return (structure.support @ bodies.reshape(n, structure.count, 6)).reshape(n, structure.count, 6)
-
-
-def masses_of(structure: Structure, conditions: Conditions) -> Array:
-    """Return the masses of the joints' bodies [kg], (joints,)."""
-    return structure.masses if conditions.mass_factors is None else structure.masses * conditions.mass_factors
 
 
 def _module_loads(structure: Structure, frames: ModuleFrames, carried: Array) -> ModuleLoads:

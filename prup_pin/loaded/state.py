@@ -24,7 +24,7 @@ class Conditions:
     (N, k, k); `actuators` (N, actuated joints) is added to the positions of the pose; `offsets` moves the place of
     joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;
     `loop_offsets` likewise that of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second
-    end; `mass_factors` (joints,) multiplies the masses of the joints' bodies; `springs` pull the tool point to where
+    end; `mass_factors` (links,) multiplies the masses of `Mechanism.links`; `springs` pull the tool point to where
     they are slack: stiffness (3, 3) [N/m] and that point (3,), base axes.
     """
 

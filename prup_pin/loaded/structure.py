@@ -6,6 +6,7 @@ on the parent's side (orders below 0), the joint's own motion (order 0) and the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,10 +14,9 @@ import numpy as np
 
 from ..kernel import Closure
 from ..kinematics import LoopKinematics
-from ..mechanism import Frame, LoopClosure, Mechanism, Module
+from ..mechanism import Frame, Link, LoopClosure, Mechanism, Module
 from ..spatial import Array
 from ..statics import StaticsLayout
-from ..statics.weight import link_masses
 
 __all__ = ["Pushed", "Sliding", "Structure", "structure_of"]
 
@@ -60,6 +60,8 @@ class Structure:
     first_dof: tuple[int, ...]
     masses: Array  # (joints,) of each joint's body [kg]
     levers: Array  # (joints, 3), their centres in the joint's frame [m]
+    links: tuple[Link, ...]  # with a mass: those that are one body with a joint's
+    body_of: Array  # (joints, links), 1 where a link is part of a joint's body
     closure: Closure
     free: np.ndarray  # velocity indices
     drives: tuple[tuple[int, int], ...]  # (joint, velocity index)
@@ -108,9 +110,24 @@ class Structure:
         """Beams whose tip is the joint's outer side, (n,)."""
         return self.is_beam & self.root_inboard
 
+    def weighed(self, factors: Array | None) -> tuple[Array, Array]:
+        """Return the masses (joints,) and the centres (joints, 3) of joints' bodies.
+
+        factors (links,): by how much heavier the links are; None: as the robot file has them.
+        """
+        return (self.masses, self.levers) if factors is None else _weighed(self.links, self.body_of, factors)
+
     @property
     def sliding_beams(self) -> list[Sliding]:
         return [sliding for sliding in self.sliding if self.is_beam[sliding.slot]]
+
+
+def _weighed(links: Sequence[Link], body_of: Array, factors: Array) -> tuple[Array, Array]:
+    """Return masses (joints,) and centres (joints, 3) of joints' bodies, their links so many times as heavy."""
+    each = factors * np.array([link.mass for link in links])
+    masses = body_of @ each
+    first = body_of @ (each[:, None] * np.array([link.lever for link in links]).reshape(-1, 3))
+    return masses, first / np.where(masses > 0, masses, 1.0)[:, None]
 
 
 def structure_of(layout: StaticsLayout) -> Structure:
@@ -126,10 +143,10 @@ def structure_of(layout: StaticsLayout) -> Structure:
     subspaces = (np.zeros((6, 0)), *(joint.subspace for joint in mechanism.joints))
     sliding, pushed = _changing_lengths(mechanism, layout.free, modules, places, fixed)
     columns = _coordinates(mechanism, layout.free, drives, places)
-    masses, levers = np.zeros(count), np.zeros((count, 3))
-    for joint, mass, lever in link_masses(mechanism, set()):
-        if joint:
-            masses[joint], levers[joint] = mass, lever
+    links = mechanism.links
+    body_of = np.zeros((count, len(links)))
+    body_of[[link.joint for link in links], range(len(links))] = 1.0
+    masses, levers = _weighed(links, body_of, np.ones(len(links)))
     closure = Closure(mechanism)
     return Structure(
         layout=layout,
@@ -142,6 +159,8 @@ def structure_of(layout: StaticsLayout) -> Structure:
         first_dof=(0, *(joint.first_v for joint in mechanism.joints)),
         masses=masses,
         levers=levers,
+        links=links,
+        body_of=body_of,
         closure=closure,
         free=layout.free,
         drives=drives,

@@ -1,7 +1,8 @@
 """A robot file becomes a mechanism: one reader per format, one internal form."""
 
 from .joints import Joint
+from .links import Link
 from .mechanism import Frame, LoopClosure, Mechanism, Module
 from .yielding import WAYS, yielding_module
 
-__all__ = ["WAYS", "Frame", "Joint", "LoopClosure", "Mechanism", "Module", "yielding_module"]
+__all__ = ["WAYS", "Frame", "Joint", "Link", "LoopClosure", "Mechanism", "Module", "yielding_module"]

@@ -30,6 +30,7 @@ from .description import (
     same_description,
 )
 from .joints import Joint, joints_of
+from .links import Link, links_of
 from .load_paths import LoadPaths
 from .yielding import yielding_modules
 
@@ -237,6 +238,15 @@ class Mechanism:
         for name, frame in self._frames.items():
             names.setdefault(frame.joint, name)
         return names
+
+    @cached_property
+    def links(self) -> tuple[Link, ...]:
+        """All links that have a mass, but for those on the base."""
+        return links_of(self.model, self.bodies, self.description.held)
+
+    def link(self, name: str) -> Link:
+        """Return a link that has a mass by its name. Raises UnknownNameError."""
+        return named("link with a mass", name, {link.name: link for link in self.links})
 
     @property
     def frame_names(self) -> tuple[str, ...]:

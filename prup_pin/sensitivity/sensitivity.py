@@ -243,10 +243,6 @@ def _add_masses(table: _Table) -> None:
     gravity = table.first.found.conditions.gravity
     if gravity is None:
         return
-    mechanism, structure = table.pose.mechanism, table.first.chain.structure
-    for joint in mechanism.joints:
-        mass = float(structure.masses[joint.id])
-        if mass > 0:
-            name = f"{mechanism.bodies.get(joint.id, joint.name)}.mass"
-            parameter = Parameter(name, mass, "kg", _DRAWN, "mass of the body, at its centre")
-            table.add(parameter, table.first.by_mass(joint.id, gravity)[0], np.zeros(6), np.zeros((6, 6)))
+    for link in table.pose.mechanism.links:
+        parameter = Parameter(f"{link.name}.mass", link.mass, "kg", _DRAWN, "mass of the link, at its centre")
+        table.add(parameter, table.first.by_mass(link, gravity)[0], np.zeros(6), np.zeros((6, 6)))

@@ -9,7 +9,6 @@ sum J_m^T (Lambda_m s_m + e_m), with e_m the correction for a spread weight.
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from ..mechanism import Mechanism, Module
 from ..spatial import Array, base_wrench_from_point, wrench_in_frame
@@ -66,27 +65,6 @@ def _weight(force: Array, point: Array) -> Array:
 
 def link_masses(mechanism: Mechanism, without: set[str]):
     """Yield (joint id, mass [kg], centre in the joint's frame) of the links that are not in `without`."""
-    model = mechanism.model
-    # Pinocchio merges links on fixed joints into the joint's body and keeps their inertia on the fixed frame.
-    merged = {joint: pin.Inertia(inertia) for joint, inertia in enumerate(model.inertias)}
-    for name in sorted(without):  # in an order that does not depend on the process
-        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
-        parent = model.frames[frame.parentFrame]
-        if parent.type == pin.FrameType.FIXED_JOINT:
-            own = parent.inertia.se3Action(parent.placement)
-        else:
-            others = [
-                f for f in model.frames if f.type == pin.FrameType.FIXED_JOINT and f.parentJoint == frame.parentJoint
-            ]
-            own = _minus(model.inertias[frame.parentJoint], [f.inertia.se3Action(f.placement) for f in others])
-        merged[frame.parentJoint] = _minus(merged[frame.parentJoint], [own])
-    for joint, inertia in merged.items():
-        if inertia.mass > 1e-9:
-            yield joint, inertia.mass, inertia.lever
-
-
-def _minus(whole: pin.Inertia, parts: list[pin.Inertia]) -> pin.Inertia:
-    """Return mass and centre of what is left of a body without some parts."""
-    mass = whole.mass - sum(part.mass for part in parts)
-    first = whole.mass * whole.lever - sum((part.mass * part.lever for part in parts), np.zeros(3))
-    return pin.Inertia(max(mass, 0.0), first / mass if mass > 1e-9 else np.zeros(3), np.zeros((3, 3)))
+    for link in mechanism.links:
+        if link.name not in without:
+            yield link.joint, link.mass, link.lever

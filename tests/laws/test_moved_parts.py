@@ -166,12 +166,12 @@ def test_every_end_of_every_loop_moved_every_way(name):
 @each("five_bar", "delta")
 def test_every_mass(name):
     """The five-bar's gravity is perpendicular to its plane, the delta's file gives no masses."""
-    for joint in joints(name):
+    for link in machine(name)[0].robot.mechanism.links:
 
-        def deed(change, joint=joint):
-            return ScaledMass(joint, 1.0 + change)
+        def deed(change, link=link.name):
+            return ScaledMass(link, 1.0 + change)
 
-        assert far(first_order(name, deed), difference(name, deed, 0.3), 1e-7) < CLOSE, joint
+        assert far(first_order(name, deed), difference(name, deed, 0.3), 1e-7) < CLOSE, link.name
 
 
 @pytest.mark.parametrize(
@@ -216,21 +216,21 @@ def test_a_loop_that_does_not_exist():
 def test_bodies_that_all_weigh_more_are_more_weight_also_along_beams():
     simulator = machine("three_prup")[0]
     mechanism = simulator.robot.mechanism
-    heavier = [ScaledMass(joint.name, 1.3) for joint in mechanism.joints]
+    heavier = [ScaledMass(link.name, 1.3) for link in mechanism.links]
     scaled, whole = (simulated(simulator, deeds) for deeds in ([Weight(1.0, True), *heavier], [Weight(1.3, True)]))
     np.testing.assert_allclose(scaled.position, whole.position, atol=1e-11)
     lumped = simulated(simulator, [Weight(1.3)])
     assert np.abs(lumped.position - whole.position).max() > 1e-7
 
 
-@pytest.mark.parametrize("joint", ["leg1_slide", "leg2_branch", "leg3_R_theta"])
-def test_a_heavier_body_under_spread_weight_is_right_to_first_order(joint):
+@pytest.mark.parametrize("link", ["leg1_rod", "star_2", "leg3_bush"])
+def test_a_heavier_link_under_spread_weight_is_right_to_first_order(link):
     simulator = machine("three_prup")[0]
     deeds = [Weight(1.0, True)]
     run = simulated(simulator, deeds)
     setup = simulator.setup()
-    setup.take([*deeds, ScaledMass(joint, 1.001)])
+    setup.take([*deeds, ScaledMass(link, 1.001)])
     found = Influence(simulator, run).change(setup)
-    after = simulated(simulator, [*deeds, ScaledMass(joint, 1.001)])
+    after = simulated(simulator, [*deeds, ScaledMass(link, 1.001)])
     expected = np.concatenate((after.position - run.position, rotation_log(after.rotation @ run.rotation.mT)), axis=1)
     np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max() + 1e-11)

@@ -97,8 +97,7 @@ def platform_deeds(scatter):
         if place.endswith("_u1"):
             moved.setdefault(place, np.zeros(6))["xyz".find(what)] += amount
         elif what == "mass":
-            body = {"cylinder": f"{place[:4]}_u2", "rod": f"{place[:4]}_slide"}.get(place[5:], "leg1_s3")
-            yield ScaledMass(body, 1 + amount)
+            yield ScaledMass(place, 1 + amount)
     for joint, displacement in moved.items():
         yield MovedJoint(joint, tuple(displacement))
     yield from sensors(scatter)
@@ -130,7 +129,7 @@ def arm_deeds(scatter):
         if what in ("x", "y", "z", "rx", "ry", "rz") and place.startswith("joint"):
             moved.setdefault(place, np.zeros(6))["xyz".find(what[-1]) + 3 * (len(what) > 1)] += amount
         elif what == "mass":
-            yield ScaledMass(place.replace("link", "joint"), 1 + amount)
+            yield ScaledMass(place, 1 + amount)
     for joint, displacement in moved.items():
         yield MovedJoint(joint, tuple(displacement))
     yield from sensors(scatter)

@@ -43,10 +43,8 @@ def deeds(scatter):
         axis = "xyz".find(what[-1])
         if "/" in place:
             yield ChangedValue(place, what, (1 + amount) * ROBOT.mechanism.module(place).values[what])
-        elif what == "mass" and place.endswith("_rod"):
-            yield ScaledMass(place.replace("_rod", "_slide"), 1 + amount)
-        elif what == "mass" and place == "hub":  # star and hub are one body to the package
-            yield ScaledMass("leg1_branch", 1 + amount)
+        elif what == "mass":
+            yield ScaledMass(place, 1 + amount)
         elif what.startswith("encoder"):
             column = int(place[3]) - 1
             yield Travel(column, amount if what == "encoder_offset" else amount * RUN.q[:, column])
@@ -69,13 +67,13 @@ def deeds(scatter):
             yield PoseReport(lambda p, r, shift=shift, rotation=rotation: (p @ rotation.T + shift, rotation @ r))
 
 
-def apart(scatter, ours, *effects, weight=True):
+def apart(scatter, ours, *effects, weight=True, branches="hub"):
     """Return the largest difference of the poses in multiples of noise: `effects` on the device, `ours` on our side."""
-    device = Device([*(WEIGHT,) * weight, *effects], scatter=scatter)
+    device = Device([*(WEIGHT | {"branches": branches},) * weight, *effects], scatter=scatter)
     seen = device.simulate(RUN.q, RUN.w)
     simulator = Simulator(ROBOT, Inputs(RUN.time, RUN.q, device.report_wrench(RUN.w), BLOCKS, RUN.temperature))
     setup = simulator.setup()
-    setup.take([*(Weight(1.0),) * weight, *ours])
+    setup.take([*(Weight(1.0, branches == "distributed"),) * weight, *ours])
     run = simulator.run_setup(setup)
     assert run.solved.all()
     assert seen.residual.max() < 0.2
@@ -89,6 +87,13 @@ def test_a_scattered_device_is_the_package_with_its_parameters_moved(seed):
     scatter |= {f"star_{leg}.mass": scatter["hub.mass"] for leg in (1, 2, 3)}
     assert apart(scatter, []) > 50
     assert apart(scatter, deeds(scatter)) < 0.2
+
+
+def test_a_branch_that_is_heavier_moves_the_centre_of_the_star():
+    scatter = {"star_2.mass": -0.5, "star_3.mass": 0.3}
+    even = {f"star_{leg}.mass": -0.2 / 3 for leg in (1, 2, 3)}
+    assert apart(scatter, deeds(even), branches="distributed") > 1
+    assert apart(scatter, deeds(scatter), branches="distributed") < 0.1
 
 
 @pytest.mark.parametrize("name", [name for name in PARAMETERS if name.startswith(("leg1", "wrench", "target", "pose"))])

@@ -119,14 +119,14 @@ class Weight(Deed):
 
 @dataclass(frozen=True)
 class ScaledMass(Deed):
-    """The body of a joint weighs `factor` times what the robot file says, where weight acts."""
+    """A link weighs `factor` times what the robot file says, where weight acts."""
 
-    joint: str
+    link: str
     factor: float
 
     def enter(self, setup: Setup) -> None:
-        index = setup.mechanism.joint(self.joint).id
-        setup.mass_factors[index] = self.factor * setup.mass_factors.get(index, 1.0)
+        setup.mechanism.link(self.link)
+        setup.mass_factors[self.link] = self.factor * setup.mass_factors.get(self.link, 1.0)
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
@@ -134,23 +134,25 @@ class ScaledMass(Deed):
         if new == old or not at.setup.weight:
             return None
         total: Array | None = None
-        for index in {**new, **old}:
-            step = new.get(index, 1.0) - old.get(index, 1.0)
+        for link in {**new, **old}:
+            step = new.get(link, 1.0) - old.get(link, 1.0)
             if step:
-                change = step * at.first.once(("mass", index), partial(_by_mass, at, index))
+                change = step * at.first.once(("mass", link), partial(_by_mass, at, link))
                 total = change if total is None else total + change
         return total
 
 
-def _by_mass(at: Solved, joint: int) -> Array:
-    """Return what is watched by the whole weight of a joint's body, (n, R): along its beams where weight is spread."""
+def _by_mass(at: Solved, name: str) -> Array:
+    """Return what is watched by the whole weight of a link, (n, R): along its beams where weight is spread."""
+    links = at.first.chain.structure.links
     if at.setup.spread_weight:
         now = at.first.found.conditions
-        factors = np.ones(len(at.first.chain.structure.masses)) if now.mass_factors is None else now.mass_factors
-        more = factors + _LIGHT * (np.arange(len(factors)) == joint)
+        factors = np.ones(len(links)) if now.mass_factors is None else now.mass_factors
+        more = factors + _LIGHT * np.array([link.name == name for link in links])
         return at.first.by_conditions(replace(now, mass_factors=more)) / _LIGHT
     gravity = at.setup.weight * at.setup.gravity(at.samples)
-    return at.first.chain.structure.masses[joint] * at.first.by_mass(joint, gravity)
+    link = at.setup.mechanism.link(name)
+    return link.mass * at.first.by_mass(link, gravity)
 
 
 def _by_weight(at: Solved, spread: bool) -> Array:
