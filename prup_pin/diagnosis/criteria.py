@@ -207,8 +207,10 @@ NO_LOAD: Final = 2e-3
 IMITATED: Final = 10.0
 #: ... all the more where what is left sits in its place.
 IMITATED_HERE: Final = 100.0
-#: What is found beside something unknown is taken where all together fit no worse than this, in chi squared.
+#: What is found beside something unknown is taken where all together fit no worse than this, in chi squared ...
 WORSE: Final = 1.3
+#: ... and where it is no more laws than this: several that have to help each other stand for what is unknown.
+MOST_BESIDE: Final = 1
 
 # -- did equilibrium in the deformed position show? --------------------------------------------------------------------
 
@@ -305,6 +307,10 @@ STALE: Final = 0.5
 CLEARLY: Final = 0.5
 #: Work of a refinement beside toleranced parameters, relative to one without: it is differentiated anew as they move.
 HELD_WORK: Final = 4.0
+#: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
+MISJUDGED_COST: Final = 9.0
+#: ... and by how many times at most: what is farther off is something else.
+MISJUDGED: Final = 3.0
 
 
 def beyond_tolerance(count: int) -> float:

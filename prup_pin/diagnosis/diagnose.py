@@ -32,7 +32,7 @@ from .calibrate import (
     within_tolerances,
 )
 from .candidates import Candidate, candidates
-from .compete import Budget, Selection, cross_validated, needed, penalty, scale_of, select
+from .compete import Budget, Selection, cross_validated, is_clean, needed, penalty, scale_of, select
 from .criteria import (
     BESIDE_WORK,
     CURVE_DEVIATIONS,
@@ -46,6 +46,7 @@ from .criteria import (
     IMITATED_HERE,
     INDISTINCT,
     INDISTINCT_COST,
+    MOST_BESIDE,
     MOST_SAMPLES,
     MUCH_LARGER,
     ROUGH,
@@ -70,6 +71,7 @@ from .fit import Fit, Problem, Term
 from .limits import limits_heard
 from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
+from .misjudged import judged, misjudged, told, widened
 from .next_experiment import next_experiment
 from .plausible import beside_allowed, check_belongs, unused_columns, what_is_missing
 from .recovered import recovered, residuals
@@ -263,11 +265,37 @@ def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: T
             doubt = _too_few(problem, selection, inputs.blocks)
     if given.kinds and compared(problem, problem.first):
         selection = needed(problem, selection, labels)
+    if not given.kinds and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
+        problem, selection = _otherwise(given, problem, selection, labels, tell)
     tell("the verdict", 0.9)
     found = _verdict(problem, selection, given, labels, robot, tell, doubt)
     seen = found.residuals
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
     return replace(found, recordings=by_recording(given.together, problem.noise, found.samples, residuals))
+
+
+def _otherwise(
+    given: Asked, problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell
+) -> tuple[Problem, Selection]:
+    """Return problem and selection within wider tolerances, where these explain better what was found; and tell it."""
+    factors = misjudged(problem, selection.last)
+    wider = {kind: factor for kind, factor in factors.items() if factor > 1}
+    assert problem.tolerances is not None or not factors
+    taken = False
+    if wider and (
+        selection.last.terms
+        or any(item.is_beyond(len(selection.last.x)) for item in calibrated_parameters(problem, selection.last))
+    ):
+        other = replace(given, toleranced=widened(given.toleranced, wider))
+        reach = beyond_tolerance(len(given.toleranced))
+        again = other.within_tolerances(replace(problem, tolerances=None), reach)
+        found = select(again, given.library, labels, again.first, tell)
+        taken = judged(again, found.last, wider) < judged(problem, selection.last)
+        if taken:
+            problem, selection = again, found
+    if factors:
+        given.remarks.append(told(wider if taken else factors, taken))
+    return problem, selection
 
 
 def _fold_labels(given: Asked) -> np.ndarray:
@@ -583,34 +611,12 @@ def _with_unknown(
     """Return the findings that stand, what no law explains (None where it has no place), the fit of those that stand.
 
     A law that takes most of the residual and leaves a shape behind is an imitation, all the more where the shape sits
-    in the same place.
+    in the same place. Beside what is unknown a law stands that leaves noise where the unknown's place may deform as it
+    likes; else only what far outweighs the rest. Laws in a row that together still miss are nobody's faults.
     """
-    kept, fit = list(findings), selection.last
-    found: Located | None = None
-    while True:
-        left = max(fit.chi2 - count, 0.0)
-        found = locate(problem, fit)
-        gains = [_alone(problem, fit, index) for index in range(len(kept))]
-        doubtful = [
-            index
-            for index, gain in enumerate(gains)
-            if gain < (IMITATED_HERE if _same_place(kept[index], found) else IMITATED) * left
-        ]
-        if not doubtful:
-            break
-        kept.pop(min(doubtful, key=lambda index: gains[index]))
-        terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
-        fit = problem.refine(terms, selection.first) if terms else selection.first
-        kept = [
-            replace(
-                finding,
-                effect=term.effect,
-                parameters=_parameters(problem, fit, index),
-                statement=term.effect.statement(robot.mechanism),
-            )
-            for index, (finding, term) in enumerate(zip(kept, fit.terms, strict=True))
-        ]
+    kept, found, fit = _surest(list(findings), selection.last, problem, selection.first, count, robot, IMITATED)
     if found is None:
+        kept, _, fit = _surest(kept, fit, problem, selection.first, count, robot, IMITATED_HERE)
         return kept, None, fit
     # what else there is, whatever happens at that place
     freed = problem.freed(fit.influence, found.module)
@@ -618,10 +624,14 @@ def _with_unknown(
     again = select(freed, selection.library, labels, begin, tell, Budget(BESIDE_WORK))
     beside = problem.fit_at(again.last.terms, again.last.run)
     # else what was freed has taken what the others explain, or they explain what it alone did
-    if beside.chi2 < WORSE * fit.chi2 and _no_worse(problem, selection.first, beside, labels):
+    stands = beside.chi2 < WORSE * fit.chi2 and _no_worse(problem, selection.first, beside, labels)
+    if stands and len(beside.terms) <= MOST_BESIDE and _leaves_noise(problem, again.last, found.module):
         around = cross_validated(freed, again.last, labels[again.last.samples])
         kept = [_finding(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
         fit, found = beside, locate(problem, beside) or found
+    else:
+        kept, other, fit = _surest(kept, fit, problem, selection.first, count, robot, IMITATED_HERE)
+        found = other or found
     statement = (
         "structure is left over that no law of the library takes away; a deformation of "
         f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
@@ -640,6 +650,42 @@ def _with_unknown(
         curve=found.curve,
     )
     return kept, unknown, fit
+
+
+def _surest(
+    kept: list[Finding], fit: Fit, problem: Problem, first: Fit, count: int, robot: Robot, least: float
+) -> tuple[list[Finding], Located | None, Fit]:
+    """Return the findings that each take `least` times what is left, where that sits, and their fit."""
+    while True:
+        left = max(fit.chi2 - count, 0.0)
+        found = locate(problem, fit)
+        gains = [_alone(problem, fit, index) for index in range(len(kept))]
+        doubtful = [
+            index
+            for index, gain in enumerate(gains)
+            if gain < (IMITATED_HERE if _same_place(kept[index], found) else least) * left
+        ]
+        if not doubtful:
+            return kept, found, fit
+        kept.pop(min(doubtful, key=lambda index: gains[index]))
+        terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
+        fit = problem.refine(terms, first) if terms else first
+        kept = [
+            replace(
+                finding,
+                effect=term.effect,
+                parameters=_parameters(problem, fit, index),
+                statement=term.effect.statement(robot.mechanism),
+            )
+            for index, (finding, term) in enumerate(zip(kept, fit.terms, strict=True))
+        ]
+
+
+def _leaves_noise(problem: Problem, fit: Fit, module: str) -> bool:
+    """Return True where a fit leaves noise while a module deforms as it likes, which takes numbers away."""
+    free = np.linalg.norm(problem.reach(fit.influence, module), axis=1) > 0.5
+    count = max(compared(problem, fit) - int(free[fit.run.solved[fit.samples]].sum()), 1)
+    return fit.chi2 <= clean_bound(count) ** 2 * count
 
 
 def _no_worse(problem: Problem, first: Fit, fit: Fit, labels: np.ndarray) -> bool:

@@ -1,0 +1,115 @@
+"""Are parts off by more, or by less, than their tolerances say?
+
+Each kind of parameter is off by numbers of one normal distribution. With J the whitened change per declared tolerance,
+r what is left with all amounts put back, laws projected out of both, and V the kinds' variances,
+
+    -2 log L = log |1 + J V J^T| + r^T (1 + J V J^T)^-1 r
+
+is least where the variance of a kind is sum m^2 / gamma over its members, m the posterior means and gamma how many of
+them the data tell (MacKay, Bayesian interpolation, Neural Computation 4, 1992). One part that is far off is a finding;
+many that are all a little too far off are a tolerance that was declared too narrow, and no finding at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..spatial import Array
+from .calibrate import Toleranced
+from .compete import penalty
+from .criteria import MISJUDGED, MISJUDGED_COST
+from .fit import Fit, Problem
+
+__all__ = ["factors_of_kinds", "judged", "misjudged", "told", "widened"]
+
+_ITERATIONS, _AGREED = 200, 1e-4
+
+
+def misjudged(problem: Problem, fit: Fit) -> dict[str, float]:
+    """Return by how many times as far off as declared parts are, by kinds of which that is sure."""
+    if problem.tolerances is None or not len(fit.x):
+        return {}
+    held, residual = _beside_laws(problem, fit)
+    kinds = [item.kind for item in problem.tolerances.toleranced.law.deviations]
+    return factors_of_kinds(held.T @ held, held.T @ (residual + held @ fit.x), kinds)
+
+
+def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str]) -> dict[str, float]:
+    """Return the likeliest factors of the kinds' tolerances that are sure: J^T J (p, p), J^T r (p,), labels (p,)."""
+    labels = np.array(kinds)
+    free = list(dict.fromkeys(kinds))
+    variances, cost = _likeliest(normal, right, labels, free)
+    while free:
+        others = []
+        for kind in free:
+            fewer = [name for name in free if name != kind]
+            others.append((*_likeliest(normal, right, labels, fewer), fewer))
+        least = min(others, key=lambda each: each[1])
+        if least[1] - cost > MISJUDGED_COST:
+            break
+        variances, cost, free = least
+    return {kind: float(np.sqrt(variances[labels == kind][0])) for kind in free}
+
+
+def widened(toleranced: Toleranced, factors: Mapping[str, float]) -> Toleranced:
+    """Return parameters whose tolerances are as many times as wide."""
+    sizes = np.array([factors.get(item.kind, 1.0) for item in toleranced.law.deviations])
+    return replace(toleranced, tolerances=sizes * toleranced.tolerances)
+
+
+def judged(problem: Problem, fit: Fit, factors: Mapping[str, float] | None = None) -> float:
+    """Return -2 log of the probability of what was measured, with what laws and other tolerances cost."""
+    held, _ = _beside_laws(problem, fit)
+    sign, size = np.linalg.slogdet(np.eye(held.shape[1]) + held.T @ held)
+    assert sign > 0
+    laws = sum(penalty(term) for term in fit.terms)
+    return float(fit.chi2 + size + laws + MISJUDGED_COST * len(factors or ()))
+
+
+def told(factors: Mapping[str, float], taken: bool) -> str:
+    """Return a sentence on tolerances that were declared too narrow or too wide."""
+    each = ", ".join(f"{kind} {factor:.2g} times" for kind, factor in factors.items())
+    what = (
+        "These tolerances were taken instead, for what is within them is no finding"
+        if taken
+        else "The declared ones were kept; what is declared too wide hides effects, too narrow invents them"
+    )
+    return f"parts are off by other amounts than their tolerances say: {each} as far as declared. {what}"
+
+
+def _beside_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+    """Return the change per tolerance (m, p) and the residual (m,) without what the fit's laws may do."""
+    free, residual = problem.jacobian(fit), fit.residual.ravel()
+    size = np.linalg.norm(free, axis=0)
+    basis = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
+    return fit.held - basis @ (basis.T @ fit.held), residual - basis @ (basis.T @ residual)
+
+
+def _likeliest(normal: Array, right: Array, labels: np.ndarray, free: Sequence[str]) -> tuple[Array, float]:
+    """Return the likeliest variances (p,) where only some kinds are not as declared, and -2 log L."""
+    variances = np.ones(len(labels))
+    members = [labels == kind for kind in free]
+    for _ in range(_ITERATIONS):
+        mean, known, _ = _posterior(normal, right, variances)
+        new = variances.copy()
+        for here in members:
+            size = float((mean[here] ** 2).sum()) / max(float(known[here].sum()), 1e-12)
+            new[here] = np.clip(size, MISJUDGED**-2, MISJUDGED**2)
+        moved = np.abs(np.log(new / variances)).max(initial=0.0)
+        variances = new
+        if moved < _AGREED:
+            break
+    return variances, _posterior(normal, right, variances)[2]
+
+
+def _posterior(normal: Array, right: Array, variances: Array) -> tuple[Array, Array, float]:
+    """Return means (p,), how much of each the data tell (p,), and -2 log L but for a constant."""
+    root = np.sqrt(variances)
+    matrix = np.eye(len(root)) + root[:, None] * normal * root
+    inverse = np.linalg.inv(matrix)
+    mean = root * (inverse @ (root * right))
+    cost = float(np.linalg.slogdet(matrix)[1] - right @ mean)
+    return mean, 1 - np.diagonal(inverse), cost

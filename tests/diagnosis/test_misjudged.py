@@ -1,0 +1,38 @@
+"""Tolerances that were declared too narrow or too wide."""
+
+import numpy as np
+import pytest
+
+from prup_pin.diagnosis.criteria import MISJUDGED
+from prup_pin.diagnosis.misjudged import factors_of_kinds
+
+KINDS = ["stiffness"] * 30 + ["position"] * 30 + ["mass"] * 4
+
+
+def seen(seed, factors=None):
+    """Return J^T J and J^T r of 400 numbers that tell most of the parameters well; some kinds off by other amounts."""
+    rng = np.random.default_rng(seed)
+    columns = 5 * rng.normal(size=(400, len(KINDS))) * np.exp(rng.uniform(-4, 0, len(KINDS)))
+    off = rng.normal(size=len(KINDS)) * [(factors or {}).get(kind, 1.0) for kind in KINDS]
+    return columns.T @ columns, columns.T @ (columns @ off + rng.normal(size=400))
+
+
+def test_kinds_as_declared_are_left_alone():
+    assert sum(bool(factors_of_kinds(*seen(seed), KINDS)) for seed in range(30)) <= 1
+
+
+@pytest.mark.parametrize("factor", [0.4, 2.0])
+def test_a_kind_that_is_off_by_another_amount_is_found_with_its_size(factor):
+    found = [factors_of_kinds(*seen(seed, {"position": factor}), KINDS) for seed in range(20)]
+    assert sum(set(each) == {"position"} for each in found) >= 18
+    sizes = [each["position"] for each in found if "position" in each]
+    assert np.mean(sizes) == pytest.approx(factor, rel=0.1)
+
+
+def test_two_kinds_at_once():
+    found = factors_of_kinds(*seen(1, {"position": 2.5, "stiffness": 0.4}), KINDS)
+    assert set(found) == {"position", "stiffness"}
+
+
+def test_nothing_is_off_by_more_than_a_tolerance_can_be_misjudged():
+    assert factors_of_kinds(*seen(2, {"position": 30.0}), KINDS)["position"] == MISJUDGED
