@@ -29,18 +29,25 @@ _ITERATIONS, _AGREED = 200, 1e-4
 
 
 def misjudged(problem: Problem, fit: Fit) -> dict[str, float]:
-    """Return by how many times as far off as declared parts are, by kinds of which that is sure."""
+    """Return by how many times as far off as declared parts are, by kinds of which that is sure.
+
+    Of kinds that many places have: all of a sensor's are one law's, and how far it is off is a finding.
+    """
     if problem.tolerances is None or not len(fit.x):
         return {}
     held, residual = _beside_laws(problem, fit)
-    kinds = [item.kind for item in problem.tolerances.toleranced.law.deviations]
-    return factors_of_kinds(held.T @ held, held.T @ (residual + held @ fit.x), kinds)
+    own = problem.tolerances.toleranced.law.deviations
+    kinds = [item.kind for item in own]
+    many = [kind for kind in dict.fromkeys(kinds) if len({item.place for item in own if item.kind == kind}) > 1]
+    return factors_of_kinds(held.T @ held, held.T @ (residual + held @ fit.x), kinds, many)
 
 
-def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str]) -> dict[str, float]:
-    """Return the likeliest factors of the kinds' tolerances that are sure: J^T J (p, p), J^T r (p,), labels (p,)."""
+def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str], free: Sequence[str]) -> dict[str, float]:
+    """Return the likeliest factors of the `free` kinds' tolerances where they are sure.
+
+    normal, right: J^T J (p, p) and J^T r (p,); kinds (p,) of the parameters.
+    """
     labels = np.array(kinds)
-    free = list(dict.fromkeys(kinds))
     variances, cost = _likeliest(normal, right, labels, free)
     while free:
         others = []

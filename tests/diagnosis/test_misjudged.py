@@ -7,6 +7,7 @@ from prup_pin.diagnosis.criteria import MISJUDGED
 from prup_pin.diagnosis.misjudged import factors_of_kinds
 
 KINDS = ["stiffness"] * 30 + ["position"] * 30 + ["mass"] * 4
+FREE = ["stiffness", "position", "mass"]
 
 
 def seen(seed, factors=None):
@@ -18,21 +19,25 @@ def seen(seed, factors=None):
 
 
 def test_kinds_as_declared_are_left_alone():
-    assert sum(bool(factors_of_kinds(*seen(seed), KINDS)) for seed in range(30)) <= 1
+    assert sum(bool(factors_of_kinds(*seen(seed), KINDS, FREE)) for seed in range(30)) <= 1
 
 
 @pytest.mark.parametrize("factor", [0.4, 2.0])
 def test_a_kind_that_is_off_by_another_amount_is_found_with_its_size(factor):
-    found = [factors_of_kinds(*seen(seed, {"position": factor}), KINDS) for seed in range(20)]
+    found = [factors_of_kinds(*seen(seed, {"position": factor}), KINDS, FREE) for seed in range(20)]
     assert sum(set(each) == {"position"} for each in found) >= 18
     sizes = [each["position"] for each in found if "position" in each]
     assert np.mean(sizes) == pytest.approx(factor, rel=0.1)
 
 
 def test_two_kinds_at_once():
-    found = factors_of_kinds(*seen(1, {"position": 2.5, "stiffness": 0.4}), KINDS)
+    found = factors_of_kinds(*seen(1, {"position": 2.5, "stiffness": 0.4}), KINDS, FREE)
     assert set(found) == {"position", "stiffness"}
 
 
+def test_what_may_not_be_misjudged_is_not():
+    assert not factors_of_kinds(*seen(1, {"position": 2.5}), KINDS, ["stiffness", "mass"]).get("position")
+
+
 def test_nothing_is_off_by_more_than_a_tolerance_can_be_misjudged():
-    assert factors_of_kinds(*seen(2, {"position": 30.0}), KINDS)["position"] == MISJUDGED
+    assert factors_of_kinds(*seen(2, {"position": 30.0}), KINDS, FREE)["position"] == MISJUDGED

@@ -6,6 +6,7 @@ import pytest
 import prup_pin
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.deviations import Calibration, amounts_of, deviations_of, without_effect
+from prup_pin.recordings import KINDS_OF_TOLERANCE, TYPICAL
 from prup_pin.robots import packaged_folder
 from prup_pin.simulation import Simulator
 
@@ -85,3 +86,14 @@ def test_tolerances_that_change_nothing_are_told():
     assert "the tolerance inertia changes nothing here: a robot at rest does not feel its inertia" in told
     assert any("effort_gain and effort_bias" in text for text in told)
     assert without_effect({"mass": 0.1}) == []
+
+
+def test_every_word_of_the_tolerances_is_of_something():
+    """What a pose does not feel is told as such, and is of a motion's efforts."""
+    mechanism = prup_pin.load("3prup").mechanism
+    declared = {kind.name: getattr(TYPICAL, kind.name) for kind in KINDS_OF_TOLERANCE}
+    amounts = amounts_of(deviations_of(mechanism, ["star_2"]), mechanism, declared)
+    seen = {item.kind for item in deviations_of(mechanism, ["star_2"]) if amounts.get(item.name)}
+    felt_in_motion = {kind for kind in declared if without_effect({kind: 1.0})}
+    assert seen | felt_in_motion == set(declared)
+    assert felt_in_motion == {"inertia", "effort_gain", "effort_bias"}

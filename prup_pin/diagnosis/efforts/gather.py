@@ -389,9 +389,21 @@ _OF_KIND: Mapping[str, tuple[EffortLaw, str]] = {
 }
 
 
+def _second(c: Array) -> Array:
+    """Return the moments of inertia of one kilogram at c (3,) [m^2], (6,), in the order of `INERTIAL`."""
+    moved = c @ c * np.eye(3) - np.outer(c, c)
+    return np.array([moved[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
+
+
 def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
     """Return the parameters that tolerances let be a little off, each with what one tolerance adds."""
     mechanism, out = at.mechanism, []
+    for each in mechanism.links if tolerances.get("mass") else ():
+        size, name = tolerances["mass"], f"{each.name}.mass"
+        own = size * np.concatenate(([each.mass], each.mass * each.lever, each.mass * _second(each.lever)))
+        efforts = at.regressor[:, :, each.joint - 1] @ own
+        spread = size * each.mass
+        out.append(Base(name, "mass", "inertial_parameters", each.name, each.mass, spread, "kg", efforts, own))
     for joint in mechanism.joints:
         inertia = mechanism.model.inertias[joint.id]
         link = mechanism.bodies.get(joint.id, joint.name)
@@ -399,25 +411,8 @@ def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
             continue
         drawn = inertia.toDynamicParameters()
         central = np.zeros(10)
-        c, m = np.array(inertia.lever), float(inertia.mass)
-        moved = m * (c @ c * np.eye(3) - np.outer(c, c))
-        central[4:] = drawn[4:] - np.array([moved[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
+        central[4:] = drawn[4:] - inertia.mass * _second(np.array(inertia.lever))
         body = at.regressor[:, :, joint.id - 1]
-        if size := tolerances.get("mass", 0.0):
-            efforts = body @ (drawn - central)
-            out.append(
-                Base(
-                    f"{link}.mass",
-                    "mass",
-                    "inertial_parameters",
-                    link,
-                    m,
-                    size * m,
-                    "kg",
-                    size * efforts,
-                    size * (drawn - central),
-                )
-            )
         if size := tolerances.get("inertia", 0.0):
             for index, name in enumerate(INERTIAL[4:], start=4):
                 if abs(central[index]) > 0:

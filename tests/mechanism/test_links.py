@@ -1,0 +1,53 @@
+"""Links that fixed joints hold together are one body, and each has a mass of its own."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import prup_pin
+from prup_pin.mechanism.links import links_of
+
+LINK = (
+    '<link name="{0}"><inertial><origin xyz="0.1 0 0"/><mass value="{1}"/>'
+    '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>'
+    '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+)
+MASSES = {"a": 1, "a2": 2, "b": 4, "b2": 8, "b3": 16}
+CENTRES = {"a": 0.1, "a2": 1.1, "b": 0.1, "b2": 1.1, "b3": 2.1}
+
+
+@pytest.fixture(scope="module")
+def model():
+    joints = (("ja", "revolute", "base", "a"), ("fa", "fixed", "a", "a2"), ("jb", "revolute", "a2", "b"),
+              ("fb", "fixed", "b", "b2"), ("fb3", "fixed", "b2", "b3"))  # fmt: skip
+    parts = [LINK.format(*each) for each in MASSES.items()] + [JOINT.format(*each) for each in joints]
+    return pin.buildModelFromXML(f'<robot name="r"><link name="base"/>{"".join(parts)}</robot>')
+
+
+def test_each_link_has_its_own_mass_and_centre(model):
+    found = links_of(model, {1: "a", 2: "b"})
+    assert {link.name: link.mass for link in found} == pytest.approx(MASSES)
+    assert {link.name: link.lever[0] for link in found} == pytest.approx(CENTRES)
+    assert {link.name: link.joint for link in found} == {"a": 1, "a2": 1, "b": 2, "b2": 2, "b3": 2}
+
+
+def test_links_beyond_a_joint_that_is_held_count_once(model):
+    still = pin.buildReducedModel(model, [model.getJointId("jb")], pin.neutral(model))
+    found = links_of(still, {1: "a"}, ["jb"])
+    assert {link.name: link.mass for link in found} == pytest.approx(MASSES)
+    beyond = {name: at + 2 * name.startswith("b") for name, at in CENTRES.items()}
+    assert {link.name: link.lever[0] for link in found} == pytest.approx(beyond)
+
+
+def test_links_together_are_the_bodies_of_the_tree():
+    mechanism = prup_pin.load("3prup").mechanism
+    for joint in mechanism.joints:
+        mine = [link for link in mechanism.links if link.joint == joint.id]
+        whole = mechanism.model.inertias[joint.id]
+        assert sum(link.mass for link in mine) == pytest.approx(whole.mass)
+        first = sum((link.mass * link.lever for link in mine), np.zeros(3))
+        assert first == pytest.approx(whole.mass * whole.lever, abs=1e-12)
+    assert {"hub", "star_1", "star_2", "star_3"} <= {link.name for link in mechanism.links}
