@@ -8,7 +8,7 @@ from typing import SupportsFloat
 
 import numpy as np
 
-__all__ = ["fixed", "number", "quantity", "readable_unit"]
+__all__ = ["finer_units", "fixed", "number", "quantity", "readable_unit"]
 
 #: SI values below this are rounding, whatever their unit: a proton is as wide as 1e-15 m.
 _NOTHING = 1e-15
@@ -77,6 +77,11 @@ def readable_unit(largest: float, unit: str) -> tuple[str, float]:
     if not _NOTHING < size < math.inf:
         return ladder[1] if unit in ("m", "rad") else ladder[-1]
     return next((step for step in ladder if round(size * step[1], 9) >= _LEAST.get(step[0], 1.0)), ladder[-1])
+
+
+def finer_units(unit: str) -> tuple[tuple[str, float], ...]:
+    """Return the units finer than an SI unit, from coarse to fine, and how many of each one SI unit is."""
+    return tuple(step for step in _LADDERS[unit] if step[1] > 1)
 
 
 def quantity(value: float, unit: str, digits: int = 3, signed: bool = False) -> str:

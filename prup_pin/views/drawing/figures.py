@@ -25,7 +25,7 @@ from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked, wrench_text
 from ..text.joints import pose_text
 from ..text.quantities import length_text
-from ..text.tables import load_text
+from ..text.tables import load_text, percent_text
 from .drawing import AXES, FAINT, INK, NARROW, WIDE, Drawing, Labels, Layout
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words
@@ -378,13 +378,6 @@ def _draw_scale(figure: Figure, top: float, layout: Layout) -> None:
         spine.set_visible(False)
 
 
-def _percent(share: float) -> str:
-    percent = 100 * share
-    if abs(percent) < 1e-10:
-        return "0"
-    return "<0.01" if 0 < percent < 0.005 else f"{percent:.1f}" if percent >= 1 else f"{percent:.2f}"
-
-
 @plain_words
 def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) -> Figure:
     """Return horizontal bars of each module's share in the work of a wrench, in % and µm, in the colours of the scene.
@@ -422,7 +415,7 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     amounts = fixed([factor * amount for _, _, amount in rows])
     for row, ((name, share, _), amount) in enumerate(zip(rows, amounts, strict=True)):
         axes.barh(row, 100 * share, height=0.68, color=colours.get(name, _PALE), zorder=2)
-        text = f"{_percent(share)} %   {amount} {unit}"
+        text = f"{percent_text(share, coarse=True)} %   {amount} {unit}"
         axes.text(100 * share + 1.2 * largest, row, text, va="center", fontsize=size, color="#222222")
     axes.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=size)
     axes.set_ylim(len(rows) - 0.4, -0.6)
@@ -435,7 +428,8 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     if compliance.legs:
-        legs = [f"{leg}  {_percent(answer.share_of(part) or 0.0)} %" for leg, part in compliance.legs.items()]
+        parts = {leg: answer.share_of(part) or 0.0 for leg, part in compliance.legs.items()}
+        legs = [f"{leg}  {percent_text(share, coarse=True)} %" for leg, share in parts.items()]
         text = "\n".join(["all of a leg", *legs[:12]])
         axes.text(0.98, 0.03, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=size, linespacing=1.5)
     title = f"{answer.mechanism.name}: which part yields"

@@ -26,7 +26,7 @@ from ..text.answer import Answer
 from ..text.joints import coordinate_dimensions, dimension, limits
 from ..text.tables import rigid_texts, stiffness_table
 from .commands import changes, folders, packed, stage
-from .server import Message, Server
+from .server import Message, Served, Server
 from .view import page_html, words
 
 __all__ = ["Explorer"]
@@ -56,7 +56,7 @@ class Control:
         return {"name": self.name, "label": self.name, "unit": unit, "factor": factor, **shown}
 
 
-class Explorer:
+class Explorer(Served):
     """A robot to be played with in a browser: `serve` returns the address.
 
     It begins at `pose` (none: home) under `wrench` (6,), with deflections drawn `scale` times larger (none: a round
@@ -64,6 +64,7 @@ class Explorer:
     """
 
     def __init__(self, robot: Robot, pose: ClosedPose | None = None, wrench=None, scale: float | None = None):
+        super().__init__()
         self.robot = robot
         self.pose = robot.home if pose is None else pose
         self.wrench = np.zeros(6) if wrench is None else as_wrench(wrench)
@@ -74,7 +75,6 @@ class Explorer:
         self.scale = scale if scale is not None else self._usual_scale()
         #: What is shown first; its size and its place in the page hold for all that follows.
         self.first = self.scene(self.pose, self.wrench, self.scale)
-        self._server: Server | None = None
 
     # -- sliders ---------------------------------------------------------------------------------------------------
 
@@ -160,22 +160,6 @@ class Explorer:
             name = self.robot.name
             self._server = Server(lambda host: page_html(name, start, f"ws://{host}"), port, lambda: Session(self))
         return self._server.url
-
-    @property
-    def url(self) -> str | None:
-        """Address of the server, or None where none runs."""
-        return None if self._server is None else self._server.url
-
-    def wait(self) -> None:
-        """Wait while it is served, until `close` or Ctrl-C."""
-        if self._server is not None:
-            self._server.wait()
-
-    def close(self) -> None:
-        """Stop the server, if one runs."""
-        if self._server is not None:
-            self._server.stop()
-            self._server = None
 
 
 class Session:

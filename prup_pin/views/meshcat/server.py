@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from ...errors import InputError, MissingExtraError
 
-__all__ = ["START", "Message", "Server", "Session"]
+__all__ = ["START", "Message", "Served", "Server", "Session"]
 
 #: Binary ones are meshcat's commands, texts are for the page itself.
 Message = bytes | str
@@ -144,3 +144,26 @@ class Server:
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._thread.join(5)
+
+
+class Served:
+    """What may be looked at through a server of its own."""
+
+    def __init__(self) -> None:
+        self._server: Server | None = None
+
+    @property
+    def url(self) -> str | None:
+        """Address of the server, or None where none runs."""
+        return None if self._server is None else self._server.url
+
+    def wait(self) -> None:
+        """Wait while it is served, until `close` or Ctrl-C."""
+        if self._server is not None:
+            self._server.wait()
+
+    def close(self) -> None:
+        """Stop the server, if one runs."""
+        if self._server is not None:
+            self._server.stop()
+            self._server = None

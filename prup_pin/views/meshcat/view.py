@@ -26,7 +26,7 @@ from ..scene.motions import Motion, load_ramp, path_motion, vibration, workspace
 from ..scene.painter import pose_scene
 from ..scene.scene import Scene
 from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
-from .server import START, Server
+from .server import START, Served, Server
 
 __all__ = ["View", "page_html", "script_json", "view", "words"]
 
@@ -104,13 +104,13 @@ def page_html(title: str, start: str, connect: str = "'none'") -> str:
     return re.sub("|".join(fields), lambda match: fields[match.group()], template)
 
 
-class View:
+class View(Served):
     """A scene or a motion, ready to be looked at: a page, a file, a notebook's cell, or a server on this machine."""
 
     def __init__(self, shown: Scene | Motion):
         _viewer_script()  # says now what is missing
         self.shown = shown
-        self._server: Server | None = None
+        super().__init__()
         self._folders: list[str] = []
 
     @property
@@ -160,27 +160,11 @@ class View:
         self._server.show(messages, [packed(command) for command in gone])
         self._folders = folders(self.scene.parts)
 
-    @property
-    def url(self) -> str | None:
-        """Address of the server, or None where none runs."""
-        return None if self._server is None else self._server.url
-
     def update(self, shown: Scene | Motion | View) -> None:
         """Show another scene; browsers that look at the server follow."""
         self.shown = shown.shown if isinstance(shown, View) else shown
         if self._server is not None:
             self._send()
-
-    def wait(self) -> None:
-        """Wait while the scene is served, until `close` or Ctrl-C."""
-        if self._server is not None:
-            self._server.wait()
-
-    def close(self) -> None:
-        """Stop the server, if one runs."""
-        if self._server is not None:
-            self._server.stop()
-            self._server = None
 
     def _repr_html_(self) -> str:
         return (

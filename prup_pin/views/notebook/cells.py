@@ -80,8 +80,9 @@ def compliance_html(compliance: Compliance) -> str:
     if answer.stiffness is None:
         texts = "; ".join(rigid_texts(answer))
         parts.append(_facts([("K does not exist", f"no module yields under {texts}")]))
-    if len(compliance.rigid_directions) < 6:
-        parts.append(_matrix(stiffness_table(answer) or yielding_table(answer)))
+    table = stiffness_table(answer) or yielding_table(answer)
+    if table is not None:
+        parts.append(_matrix(table))
     parts.append(_matrix(compliance_table(answer)))
     if answer.shares is not None:
         amount = quantity(answer.amount, "rad" if answer.load.turns else "m")

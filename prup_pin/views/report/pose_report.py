@@ -29,7 +29,6 @@ from ..text.answer import Answer, ranked
 from ..text.joints import pose_text, position_text
 from ..text.quantities import workshop_text
 from ..text.tables import (
-    MatrixTable,
     assumptions,
     compliance_table,
     default_parameters,
@@ -115,7 +114,7 @@ def report_html(
         script_hashes=_script_hashes(scene),
         script=_LOADER,
         drawing=_drawing(robot, answer, scale),
-        stiffness=stiffness_table(answer) or _yielding(answer),
+        stiffness=stiffness_table(answer) or yielding_table(answer),
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
         why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),
@@ -171,10 +170,6 @@ def _pose(robot: Robot, answer: Answer) -> list[tuple[str, list[str]]]:
         (f"Tool '{answer.tool}'", [f"{axis} {position_text(v)} mm" for axis, v in zip("xyz", at, strict=True)]),
     ]
     return [(label, [text.replace(" deg", "°") for text in texts]) for label, texts in rows if texts]
-
-
-def _yielding(answer: Answer) -> MatrixTable | None:
-    return yielding_table(answer) if len(answer.compliance.rigid_directions) < 6 else None
 
 
 def _facts(answer: Answer) -> list[tuple[str, str, str]]:

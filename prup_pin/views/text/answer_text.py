@@ -91,9 +91,9 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
 
 
 def _print_stiffness(out: Console, robot: Robot, answer: Answer) -> None:
-    table = stiffness_table(answer)
-    if table is not None:
-        _print_matrix(out, table)
+    whole = stiffness_table(answer)
+    if whole is not None:
+        _print_matrix(out, whole)
         return
     directions = rigid_texts(answer)
     some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
@@ -101,8 +101,9 @@ def _print_stiffness(out: Console, robot: Robot, answer: Answer) -> None:
     for direction in directions:
         listed(out, "", [direction])
     paragraph(out, why_rigid(robot, answer))
-    if len(directions) < 6:
-        _print_matrix(out, yielding_table(answer))
+    part = yielding_table(answer)
+    if part is not None:
+        _print_matrix(out, part)
 
 
 def _print_compliance(out: Console, answer: Answer) -> None:

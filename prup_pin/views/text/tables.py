@@ -9,7 +9,7 @@ import numpy as np
 
 from ...kinematics import Mobility
 from ...mechanism import Mechanism, Module
-from ...numbers import fixed, number, readable_unit
+from ...numbers import finer_units, fixed, number, readable_unit
 from ...parameters import Parameter
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array
@@ -62,13 +62,15 @@ def stiffness_table(answer: Answer) -> MatrixTable | None:
     return _stiffness("Stiffness K", answer, answer.stiffness)
 
 
-def yielding_table(answer: Answer) -> MatrixTable:
-    """Return the stiffness in the directions that yield, likewise."""
+def yielding_table(answer: Answer) -> MatrixTable | None:
+    """Return the stiffness in the directions that yield, likewise; None where none does."""
+    if len(answer.compliance.rigid_directions) == 6:
+        return None
     return _stiffness("Stiffness where it yields", answer, answer.compliance.K_yielding)
 
 
 def _stiffness(title: str, answer: Answer, stiffness: Array) -> MatrixTable:
-    moves, turns = _per(stiffness[:3, :3], _MOVES), _per(stiffness[3:, 3:], _TURNS)
+    moves, turns = _per(stiffness[:3, :3], "m"), _per(stiffness[3:, 3:], "rad")
     (far, _), (arc, _) = moves, turns
     return MatrixTable(
         title,
@@ -79,16 +81,12 @@ def _stiffness(title: str, answer: Answer, stiffness: Array) -> MatrixTable:
     )
 
 
-#: Units of small displacements, coarse to fine, and how many of them are one SI unit.
-_MOVES = (("mm", 1e3), ("µm", 1e6), ("nm", 1e9))
-_TURNS = (("mrad", 1e3), ("µrad", 1e6), ("nrad", 1e9))
-
-
-def _per(block: Array, units: tuple[tuple[str, float], ...]) -> tuple[str, float]:
-    """Return the coarsest unit of displacement of which one takes less than 10 000 N (N m) along the softest axis."""
+def _per(block: Array, unit: str) -> tuple[str, float]:
+    """Return the coarsest small unit of which one takes less than 10 000 N (N m) along the softest axis."""
+    units = finer_units(unit)
     sizes = np.abs(np.diagonal(block))
     softest = float(sizes[sizes > 1e-9 * sizes.max()].min(initial=np.inf)) if sizes.max() > 0 else 0.0
-    return next((unit for unit in units if softest / unit[1] < 1e4), units[-1])
+    return next((step for step in units if softest / step[1] < 1e4), units[-1])
 
 
 def compliance_table(answer: Answer) -> MatrixTable:
@@ -218,14 +216,16 @@ def direction_text(direction: Array) -> str:
     return f"({' '.join(number(round(value, 2) + 0.0, 2) for value in direction)})"
 
 
-def percent_text(share: float | None) -> str:
-    """Return a share in percent, without the sign."""
+def percent_text(share: float | None, coarse: bool = False) -> str:
+    """Return a share in percent, without the sign; `coarse`: with one decimal from one percent on."""
     if share is None:
         return "-"
     percent = 100 * share
     if abs(percent) < _NO_PERCENT:
         return "0"
-    return "<0.01" if 0 < percent < 0.005 else f"{percent:.2f}"
+    if 0 < percent < 0.005:
+        return "<0.01"
+    return f"{percent:.{1 if coarse and percent >= 1 else 2}f}"
 
 
 def some(names: Sequence[str], most: int = 8) -> list[str]:
