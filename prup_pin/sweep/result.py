@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,53 @@ if TYPE_CHECKING:
 __all__ = ["SweepFile", "SweepResult"]
 
 
-class SweepResult(Mapping[str, Array]):
+class _Answers(Mapping[str, Array]):
+    """What results of a sweep say alike, wherever their numbers are kept."""
+
+    def __init__(self, engine: Engine, places: Places, remarks: tuple[str, ...]):
+        self._engine, self._places = engine, places
+        #: What went otherwise than planned without changing any number.
+        self.remarks = remarks
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The robot's mechanism."""
+        return self._engine.mechanism
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of poses along each axis."""
+        return self._places.shape
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return self._places.dims
+
+    @property
+    def coordinates(self) -> Array:
+        """All coordinates of every pose, (*shape, t)."""
+        return self._places.rows().reshape(*self.shape, len(self._places.names))
+
+    @property
+    @abstractmethod
+    def status(self) -> NDArray[np.str_]:
+        """'ok', or what is wrong, (*shape)."""
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many poses have each status that occurs."""
+        words, numbers = np.unique(self.status, return_counts=True)
+        found = dict(zip(words.tolist(), numbers.tolist(), strict=True))
+        return {word: found[word] for word in STATUSES if word in found}
+
+    @property
+    def reasons(self) -> Mapping[str, str]:
+        """What each status that occurs means."""
+        return {word: REASONS[word] for word in self.counts}
+
+
+class SweepResult(_Answers):
     """What was asked for at every pose, by name: `s["C"]` is (*shape, 6, 6) over the axes in the order given.
 
     `axes` are the arrays that span the grid, `fixed` the coordinates that were numbers; scattered poses have one axis,
@@ -34,13 +81,11 @@ class SweepResult(Mapping[str, Array]):
     """
 
     def __init__(self, engine: Engine, places: Places, answer: Answer, remarks: tuple[str, ...] = ()):
-        self._engine, self._places = engine, places
+        super().__init__(engine, places, remarks)
         self._values = {
             name: _frozen(values.reshape(*places.shape, *values.shape[1:])) for name, values in answer.values.items()
         }
         self._codes = _frozen(answer.status.reshape(places.shape))
-        #: What went otherwise than planned without changing any number.
-        self.remarks = remarks
 
     # -- as a mapping ----------------------------------------------------------------------------------------------
 
@@ -65,21 +110,6 @@ class SweepResult(Mapping[str, Array]):
     # -- where -----------------------------------------------------------------------------------------------------
 
     @property
-    def mechanism(self) -> Mechanism:
-        """The robot's mechanism."""
-        return self._engine.mechanism
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of poses along each axis."""
-        return self._places.shape
-
-    @property
-    def dims(self) -> tuple[str, ...]:
-        """Names of the axes."""
-        return self._places.dims
-
-    @property
     def axes(self) -> Mapping[str, Array]:
         """The arrays that span the grid, in the order given; none of scattered poses."""
         return dict(self._places.axes)
@@ -93,11 +123,6 @@ class SweepResult(Mapping[str, Array]):
     def names(self) -> tuple[str, ...]:
         """Names of the coordinates, in order."""
         return self._places.names
-
-    @property
-    def coordinates(self) -> Array:
-        """All coordinates of every pose, (*shape, t)."""
-        return self._places.rows().reshape(*self.shape, len(self.names))
 
     # -- status ----------------------------------------------------------------------------------------------------
 
@@ -116,11 +141,6 @@ class SweepResult(Mapping[str, Array]):
         """How many poses have each status that occurs."""
         numbers = np.bincount(self._codes.ravel(), minlength=len(STATUSES)).tolist()
         return {word: number for word, number in zip(STATUSES, numbers, strict=True) if number}
-
-    @property
-    def reasons(self) -> Mapping[str, str]:
-        """What each status that occurs means."""
-        return {word: REASONS[word] for word in self.counts}
 
     def reason(self, *index: int) -> str:
         """Return why one pose has its status, in a sentence that names it; asks the robot again."""
@@ -233,7 +253,7 @@ class SweepResult(Mapping[str, Array]):
         return f"<SweepResult of {self.mechanism.name}: {size}; {', '.join(self._values)}; {said}>"
 
 
-class SweepFile(Mapping[str, Array]):
+class SweepFile(_Answers):
     """The table of a sweep on disk: `s["extremes"]` reads what it names, (*shape, …), and nothing else.
 
     `path` is a Parquet file that any reader of such tables takes; `status`, `counts`, `coordinates` as of a
@@ -241,8 +261,8 @@ class SweepFile(Mapping[str, Array]):
     """
 
     def __init__(self, engine: Engine, places: Places, path: Path, remarks: tuple[str, ...] = ()):
-        self._engine, self._places = engine, places
-        self.path, self.remarks = path, remarks
+        super().__init__(engine, places, remarks)
+        self.path = path
 
     def __getitem__(self, name: str) -> Array:
         if name not in self:
@@ -267,41 +287,9 @@ class SweepFile(Mapping[str, Array]):
         return name in self._engine.asked.quantities
 
     @property
-    def mechanism(self) -> Mechanism:
-        """The robot's mechanism."""
-        return self._engine.mechanism
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of poses along each axis."""
-        return self._places.shape
-
-    @property
-    def dims(self) -> tuple[str, ...]:
-        """Names of the axes."""
-        return self._places.dims
-
-    @property
     def status(self) -> NDArray[np.str_]:
         """'ok', or what is wrong, (*shape)."""
         return np.asarray(read_columns(self.path, ["status"])["status"]).astype(str).reshape(self.shape)
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """How many poses have each status that occurs."""
-        words, numbers = np.unique(self.status, return_counts=True)
-        found = dict(zip(words.tolist(), numbers.tolist(), strict=True))
-        return {word: found[word] for word in STATUSES if word in found}
-
-    @property
-    def reasons(self) -> Mapping[str, str]:
-        """What each status that occurs means."""
-        return {word: REASONS[word] for word in self.counts}
-
-    @property
-    def coordinates(self) -> Array:
-        """All coordinates of every pose, (*shape, t)."""
-        return self._places.rows().reshape(*self.shape, len(self._places.names))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the whole table (needs pandas)."""
