@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from ..recordings import read_recording
 from ..views.text import terminal
 from . import progress
 from .files import check_folder, list_written
@@ -17,8 +16,7 @@ from .options import (
     RobotOption,
     SetParameters,
     TolerancesOption,
-    robot_of_all,
-    with_tolerances,
+    recorded,
 )
 
 __all__ = ["calibrate"]
@@ -40,8 +38,7 @@ def calibrate(
     from ..views.text.calibration_text import print_calibration
 
     check_folder(out, "--out", whole=True)
-    read = [with_tolerances(read_recording(path), tolerances) for path in recordings]
-    name = robot or robot_of_all(read)
+    read, name = recorded(recordings, tolerances, robot)
     loaded, understood = reading.changed(name, set_parameters)
     adapted = as_recorded(loaded, read)
     with progress.stages() as tell:

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from ..recordings import read_recording
 from ..views.text import terminal
 from . import progress
 from .files import list_written
@@ -17,8 +16,7 @@ from .options import (
     RobotOption,
     SetParameters,
     TolerancesOption,
-    robot_of_all,
-    with_tolerances,
+    recorded,
 )
 
 __all__ = ["diagnose"]
@@ -41,8 +39,7 @@ def diagnose(
 
     check_before(out, recordings)
     missing = missing_for_report() if report else ""
-    read = [with_tolerances(read_recording(path), tolerances) for path in recordings]
-    name = robot or robot_of_all(read)
+    read, name = recorded(recordings, tolerances, robot)
     loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, tell=tell)

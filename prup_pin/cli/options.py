@@ -14,7 +14,7 @@ import typer
 
 from .. import loading
 from ..errors import InputError, UnknownNameError, nearest_names
-from ..recordings import ARM, TYPICAL, Recording, Tolerances, read_tolerances
+from ..recordings import ARM, TYPICAL, Recording, Tolerances, read_recording, read_tolerances
 from ..robot import Robot
 from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
@@ -36,11 +36,11 @@ __all__ = [
     "Variant",
     "Workers",
     "changes_of",
+    "recorded",
     "robot_beside",
     "robot_of_all",
     "taken_apart",
     "tolerances_named",
-    "with_tolerances",
 ]
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
@@ -188,6 +188,12 @@ def robot_of_all(recordings: Sequence[Recording]) -> str:
     return robot_beside(named.robot, Path(named.path))
 
 
+def recorded(paths: Sequence[Path], tolerances: str | None, robot: str | None) -> tuple[list[Recording], str]:
+    """Return recordings of one device within the tolerances that were typed, and the robot typed or named by them."""
+    read = [_with_tolerances(read_recording(path), tolerances) for path in paths]
+    return read, robot or robot_of_all(read)
+
+
 def tolerances_named(name: str) -> Tolerances:
     """Return the tolerances of that name or file."""
     named = {"typical": TYPICAL, "arm": ARM, "none": Tolerances()}
@@ -199,7 +205,7 @@ def tolerances_named(name: str) -> Tolerances:
     return read_tolerances(name)
 
 
-def with_tolerances(recording: Recording, name: str | None) -> Recording:
+def _with_tolerances(recording: Recording, name: str | None) -> Recording:
     """Return the recording with the tolerances of that name or file; without a name as it is."""
     if name is None:
         return recording
