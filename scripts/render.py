@@ -47,7 +47,7 @@ def render(page: str, picture: Path, size: tuple[int, int] = (1200, 750), second
     address = page if "://" in page else Path(file).resolve().as_uri() + (f"#{moment}" if moment else "")
     shot = [f"--virtual-time-budget={int(1000 * seconds)}", f"--screenshot={picture.resolve()}", address]
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        done = subprocess.run([*command(chromium, folder, size), *shot], capture_output=True, text=True, timeout=180)
+        done = subprocess.run([*command(chromium, folder, size), *shot], capture_output=True, text=True, timeout=600)
     if done.returncode or not picture.is_file():
         raise SystemExit(f"Chromium made no picture of {address}:\n{done.stderr[-2000:]}")
 

@@ -111,6 +111,20 @@ def answer_strange(once, strange_bench):
     return once("answer_strange", lambda folder: answer_on(strange_bench, folder, "--no-report"))
 
 
+@pytest.fixture(scope="session")
+def diagnosed_clean(once, clean_bench):
+    """(robot, recording, diagnosis) of `clean_bench`."""
+
+    def diagnosed(folder):
+        import prup_pin
+        from prup_pin.recordings import read_recording
+
+        robot, recording = prup_pin.load("3prup"), read_recording(clean_bench.path)
+        return robot, recording, prup_pin.diagnose(robot, recording)
+
+    return once("diagnosed_clean", diagnosed)
+
+
 def diagnosed_of(answer, bench):
     from prup_pin.recordings import read_recording
 

@@ -82,16 +82,6 @@ def test_markers_alone_tell_where_the_play_is(robot):
     assert found.unused_columns == ()
 
 
-def test_a_marker_without_a_frame_is_named(robot):
-    recording = planned(robot, 2)
-    pose = prup_pin.simulate(robot, recording)
-    strange = recording.with_measurements(
-        position=pose.position, rotation=pose.rotation, markers={"elbow": np.zeros((len(recording), 3))}
-    )
-    found = diagnose(robot, strange)
-    assert found.unused_columns == ("p.elbow.x", "p.elbow.y", "p.elbow.z")
-
-
 def test_a_rigid_arm_has_a_channel():
     """Nothing yields: the pose is that of the joints, and an encoder's offset moves it by the Jacobian."""
     arm = prup_pin.load("ur5", tool="tool0")

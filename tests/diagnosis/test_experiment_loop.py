@@ -44,11 +44,9 @@ def test_the_second_recording_leaves_fewer_places_and_names_the_true_one(tmp_pat
     assert set(both.candidates) <= {"leg1/R_theta_P", "leg1/moving_star_branch"}
 
 
-def test_what_is_one_and_the_same_is_not_promised_to_be_told_apart():
+def test_what_is_one_and_the_same_is_not_promised_to_be_told_apart(diagnosed):
     """A nut and a screw carry the same force along one axis: which of them has play no pose tells."""
-    robot = prup_pin.load("3prup")
-    fault = effect_named("backlash", "leg2/ball_nut", "", {"half_gap": 3e-5, "closing_load": 1.0}, robot.mechanism)
-    found = diagnose(robot, recorded(robot, plan(poses=3, cycle=CYCLE), fault, 1))
+    _, _, found = diagnosed
     assert found.findings[0].candidates[:2] == ("leg2/ball_nut", "leg2/ball_screw")
     why = found.next_experiment["why"]
     assert why.startswith(

@@ -181,7 +181,7 @@ def test_it_can_be_written_and_read(rigid, sprung, raised, tmp_path):
 # -- columns without a use ---------------------------------------------------------------------------------------------
 
 
-def test_columns_without_a_use_are_named(clean_bench, tmp_path):
+def test_columns_without_a_use_are_named(clean_bench, diagnosed_clean, tmp_path):
     """Those that the format does not know too; the verdict does not depend on them."""
     with clean_bench.path.open(encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)
@@ -190,8 +190,8 @@ def test_columns_without_a_use_are_named(clean_bench, tmp_path):
     lines = [",".join([*head, *extra]), *(",".join([*row, *"12356"]) for row in rows)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     path.with_suffix(".json").write_text(clean_bench.path.with_suffix(".json").read_text(encoding="utf-8"))
-    robot = prup_pin.load("3prup")
-    more, plain = (diagnose(robot, read_recording(file)) for file in (path, clean_bench.path))
+    robot, _, plain = diagnosed_clean
+    more = diagnose(robot, read_recording(path))
     assert set(more.unused_columns) == set(extra)
     assert plain.unused_columns == ()
     told = " ".join(more.remarks)
@@ -200,10 +200,10 @@ def test_columns_without_a_use_are_named(clean_bench, tmp_path):
     assert {key for key in one if one[key] != other[key]} == {"remarks", "unused_columns"}
 
 
-def test_speeds_of_all_actuators_are_used(clean_bench):
-    recording = read_recording(clean_bench.path)
+def test_speeds_of_all_actuators_are_used(rigid):
+    recording = bench_of(rigid, 4, (0.0,))
     speeds = {name: np.full(len(recording), 1e-3) for name in recording.positions}
-    diagnosis = diagnose(prup_pin.load("3prup"), replace(recording, velocities=speeds))
+    diagnosis = diagnose(rigid, replace(recording, velocities=speeds))
     assert diagnosis.unused_columns == ()
 
 

@@ -54,10 +54,13 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
     ("name", "fault"),
     [
         ("six_ups", ("thermal_growth", "leg3/drive", "", {"expansion": 1.2e-5})),
-        ("six_ups", ("geometric_offset", "leg4_seat", "loop end", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+        pytest.param(
+            *("six_ups", ("geometric_offset", "leg4_seat", "loop end", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+            marks=pytest.mark.slow,
+        ),
         ("six_ups", ("geometric_offset", "leg1_s3", "seat", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
         ("six_ups", ("external_spring", "environment", "", {"stiffness": 4e3, "x": 0.1, "y": -0.1, "z": 0.8})),
-        (
+        pytest.param(
             "3prup",
             (
                 "backlash",
@@ -65,6 +68,7 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
                 "radial by axis",
                 {"half_gap_x": 6e-5, "half_gap_y": 4e-5, "closing_load": 0.5},
             ),
+            marks=pytest.mark.slow,
         ),
         ("five_bar", ("geometric_offset", "right_elbow", "position", {"x": 1e-4, "y": 0.0})),
     ],
@@ -87,8 +91,8 @@ def test_a_fault_is_named_at_its_place(name, fault):
     ("physics", "aspect", "values", "places"),
     [
         ("lead_error", "drive proportional", {"relative": 3e-4}, "leg{}/drive"),
-        ("thermal_growth", "drive", {"expansion": 1.2e-5}, "leg{}/drive"),
-        ("encoder_offset", "leg*_slide", {"offset": 4e-5}, "leg{}_slide"),
+        pytest.param("thermal_growth", "drive", {"expansion": 1.2e-5}, "leg{}/drive", marks=pytest.mark.slow),
+        pytest.param("encoder_offset", "leg*_slide", {"offset": 4e-5}, "leg{}_slide", marks=pytest.mark.slow),
     ],
 )
 def test_what_all_legs_have_alike_is_one_finding(physics, aspect, values, places):

@@ -17,6 +17,15 @@ render = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(render)
 
 
+#: No test asks how fast anything is: this long a machine that does other work may take for any step [s].
+PATIENCE = 600
+#: A promise that is kept when what is due has been drawn.
+DRAWN = (
+    "new Promise(done => { let left = 2; const step = () => left-- ? requestAnimationFrame(step) : done(true); "
+    "step(); })"
+)
+
+
 class Browser:
     """One tab. `requests` holds every address that the page asked for."""
 
@@ -41,20 +50,20 @@ class Browser:
         for domain in ("Page", "Network", "Runtime", "Log"):
             self.call(f"{domain}.enable")
 
-    def _until(self, condition, message, seconds=60):
-        end = time.monotonic() + seconds
+    def _until(self, condition, message):
+        end = time.monotonic() + PATIENCE
         while not condition():
             if time.monotonic() > end:
                 raise TimeoutError(message)
             time.sleep(0.05)
 
-    def _run(self, coroutine, seconds=60):
-        return self._loop.run_until_complete(asyncio.wait_for(coroutine, seconds))
+    def _run(self, coroutine):
+        return self._loop.run_until_complete(asyncio.wait_for(coroutine, PATIENCE))
 
     async def _connect(self):
         from tornado.websocket import websocket_connect
 
-        with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json/list", timeout=30) as answer:
+        with urllib.request.urlopen(f"http://127.0.0.1:{self._port}/json/list", timeout=PATIENCE) as answer:
             tab = next(target for target in json.load(answer) if target["type"] == "page")
         self._socket = await websocket_connect(tab["webSocketDebuggerUrl"], max_message_size=100_000_000)
 
@@ -93,11 +102,8 @@ class Browser:
         return result["result"].get("value")
 
     def settle(self):
-        """Wait until three more pictures have been drawn."""
-        self.evaluate(
-            "new Promise(done => { let left = 3; const step = () => left-- ? requestAnimationFrame(step) : done(true); "
-            "viewer.set_dirty(); step(); })"
-        )
+        """Wait until one more picture has been drawn."""
+        self.evaluate(f"viewer.set_dirty(); {DRAWN}")
 
     def open(self, address):
         self.requests.clear()
@@ -127,5 +133,5 @@ class Browser:
             self.call("Browser.close")
         except Exception:
             self._process.terminate()
-        self._process.wait(20)
+        self._process.wait(PATIENCE)
         self._loop.close()

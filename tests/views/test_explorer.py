@@ -236,10 +236,10 @@ def test_live_is_served_until_interrupted(tmp_path):
     )
     try:
         address = process.stdout.readline().split()[1]
-        with urllib.request.urlopen(address, timeout=20) as answer:
+        with urllib.request.urlopen(address, timeout=600) as answer:
             assert b"explorer" in answer.read()
         process.send_signal(signal.SIGINT)
-        rest, errors = process.communicate(timeout=20)
+        rest, errors = process.communicate(timeout=600)
     finally:
         process.kill()
     assert (process.returncode, errors) == (0, "")
