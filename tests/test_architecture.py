@@ -4,8 +4,6 @@ import inspect
 import subprocess
 import sys
 
-import pytest
-
 import prup_pin
 from prup_pin.compensation import compensate
 from prup_pin.views.meshcat.view import view
@@ -43,11 +41,12 @@ def test_imports_are_read_from_the_source():
     assert ("laws", "deeds") in imported(ROOT / "channels" / "pose.py")
 
 
-@pytest.mark.parametrize("room", sorted(other for _, other in DOORS))
-def test_a_robot_is_loaded_without_what_is_behind_its_doors(room):
-    code = f"import sys, prup_pin; print([name for name in sys.modules if name.startswith('prup_pin.{room}')])"
+def test_a_robot_is_loaded_without_what_is_behind_its_doors():
+    code = "import sys, prup_pin; print(*(name for name in sys.modules if name.startswith('prup_pin.')))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    loaded = {name.split(".")[1] for name in done.stdout.split()}
+    assert "robot" in loaded
+    assert not loaded & {room for _, room in DOORS}
 
 
 def test_a_robot_has_the_arguments_of_its_view():

@@ -316,12 +316,11 @@ def test_bugs_keep_their_traceback(monkeypatch):
     "arguments",
     [
         ["stiffness", "--at", POSE, "--wrench", "fx=300,my=-20", "--frame", "leg1_rod_tip"],
-        ["stiffness", "kinova", "--joint-stiffness", "1e4"],
-        ["info"],
+        *(
+            pytest.param(words.split(), marks=pytest.mark.slow)
+            for words in ("stiffness kinova --joint-stiffness 1e4", "info", "robots", "kinds", "--help")
+        ),
         ["info", "panda"],
-        ["robots"],
-        ["kinds"],
-        ["--help"],
         ["stiffness", "--help"],
     ],
 )

@@ -107,7 +107,13 @@ def test_title_states_pose_load_and_scale(robot, compliance):
 
 
 @pytest.mark.parametrize(
-    ("wrench", "narrow"), [(None, True), (WRENCH, False), ([0, 0, 500, 0, 0, 0], True), ([0, 0, 0, 20, 0, 0], False)]
+    ("wrench", "narrow"),
+    [
+        (None, True),
+        (WRENCH, False),
+        pytest.param([0, 0, 500, 0, 0, 0], True, marks=pytest.mark.slow),
+        pytest.param([0, 0, 0, 20, 0, 0], False, marks=pytest.mark.slow),
+    ],
 )
 def test_labels_do_not_overlap(robot, wrench, narrow):
     for pose in (robot.home, robot.pose(z=0.4, theta=0.436, phi=0.262), robot.pose(z=0.3, theta=-0.3, phi=0.2)):

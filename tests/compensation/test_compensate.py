@@ -102,7 +102,14 @@ LAWS_ALONG = {
 HOLDING = [("friction", True), ("creep", True)]
 
 
-@pytest.mark.parametrize(("name", "holds"), [*((name, False) for name in LAWS_ALONG if name != "creep"), *HOLDING])
+@pytest.mark.parametrize(
+    ("name", "holds"),
+    [
+        *((name, False) for name in LAWS_ALONG if name not in ("creep", "friction")),
+        pytest.param("friction", False, marks=pytest.mark.slow),
+        *HOLDING,
+    ],
+)
 def test_what_laws_do_along_the_path_is_cancelled(name, holds):
     wanted, effects = path(holds=holds), LAWS_ALONG[name]
     found = ROBOT.compensate(wanted, effects=effects)

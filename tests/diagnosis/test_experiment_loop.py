@@ -47,12 +47,27 @@ def test_the_second_recording_leaves_fewer_places_and_names_the_true_one(tmp_pat
 def test_what_is_one_and_the_same_is_not_promised_to_be_told_apart(diagnosed):
     """A nut and a screw carry the same force along one axis: which of them has play no pose tells."""
     _, _, found = diagnosed
+    assert found.findings[0].location == "leg2/ball_nut"
+    assert {"leg2/ball_screw", "leg2/R_lambda"} < set(found.findings[0].candidates)
+    told, _, untold = found.next_experiment["why"].partition("But no pose and load within reach tells apart: ")
+    assert "backlash at leg2/ball_nut against backlash at leg2/R_lambda" in told
+    assert "backlash at leg2/ball_nut against backlash at leg2/ball_screw" in untold
+    alike, apart = (
+        {pair["other"]["location"] for pair in found.next_experiment[key]} for key in ("cannot_separate", "separates")
+    )
+    assert "leg2/ball_screw" in alike
+    assert "leg2/R_lambda" in apart
+    assert not alike & apart
+
+
+@pytest.mark.slow
+def test_where_nothing_can_be_told_apart_no_plan_is_made():
+    robot = prup_pin.load("3prup")
+    fault = effect_named("backlash", "leg2/ball_nut", "", {"half_gap": 3e-5, "closing_load": 1.0}, robot.mechanism)
+    found = diagnose(robot, recorded(robot, plan(poses=3, cycle=CYCLE), fault, 1))
     assert found.findings[0].candidates[:2] == ("leg2/ball_nut", "leg2/ball_screw")
-    why = found.next_experiment["why"]
-    assert why.startswith(
+    assert found.next_experiment["why"].startswith(
         "no pose and load within reach tells apart: backlash at leg2/ball_nut against backlash at leg2/"
     )
     assert found.next_experiment["plan"] == {}
     assert found.next_experiment["separates"] == []
-    alike = [pair["other"] for pair in found.next_experiment["cannot_separate"]]
-    assert {"physics": "backlash", "location": "leg2/ball_screw"} in alike

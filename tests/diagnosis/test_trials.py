@@ -10,7 +10,7 @@ from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed.draw import draw, write
 
-POSES = (9, 3)
+POSES = (7, 3)
 
 
 @pytest.fixture(scope="module")
@@ -43,31 +43,22 @@ def test_nothing_is_found_where_nothing_is_missing(clean_bench, diagnosed_clean)
     assert heldout_residual(robot, clean_bench.held_out, found.effects) < 1.1
 
 
-def test_play_is_placed_named_and_modelled(bench, diagnosed):
-    robot, _, found = diagnosed
-    assert_is_explained(robot, found, bench.held_out, bench.truth["effects"][0])
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "physics"),
     [
         (21, "backlash"),
-        (22, "geometric_offset"),
-        (23, "root_tilt_compliance"),
-        (24, "wrench_sensor_misalignment"),
+        pytest.param(22, "geometric_offset", marks=pytest.mark.slow),
+        pytest.param(23, "root_tilt_compliance", marks=pytest.mark.slow),
+        pytest.param(24, "wrench_sensor_misalignment", marks=pytest.mark.slow),
     ],
 )
 def test_one_effect_is_placed_named_and_modelled(robot, tmp_path, seed, physics):
     recording, heldout, truth = recorded(tmp_path, seed, [physics])
-    assert_is_explained(robot, diagnose(robot, recording), heldout, truth[0])
-
-
-def assert_is_explained(robot, found, heldout, truth):
+    found = diagnose(robot, recording)
     assert found.verdict == "explained"
     (finding,) = findings(found)
-    assert finding.physics == truth["physics"]
-    assert truth["location"] in finding.candidates
+    assert finding.physics == physics
+    assert truth[0]["location"] in finding.candidates
     assert finding.heldout_gain > 0.5
     assert found.after["heldout"] < 1.1 < found.before["heldout"]
     assert heldout_residual(robot, heldout, found.effects) < 1.15

@@ -193,8 +193,8 @@ FRICTION = {
 @pytest.mark.parametrize(
     ("device", "other"),
     [
-        ({"physics": "payload", "location": "moving_star", "mass": 2.0},
-         effect(laws.Payload, "moving_star", mass=2.0)),
+        pytest.param({"physics": "payload", "location": "moving_star", "mass": 2.0},
+         effect(laws.Payload, "moving_star", mass=2.0), marks=pytest.mark.slow),
         pytest.param({"physics": "encoder_offset", "location": "leg1/ball_screw", "offset": 5e-5},
          effect(laws.EncoderOffset, "leg1/motor", offset=5e-5), marks=pytest.mark.slow),
         pytest.param({"physics": "geometric_offset", "location": "leg1/base", "radial": -4e-4},

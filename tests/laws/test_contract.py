@@ -55,14 +55,19 @@ def cases():
 EVERY_ROBOT = pytest.mark.parametrize(
     ("name", "law", "places"), [pytest.param(*case, id=f"{case[0]}-{title(case[1])}") for case in cases()]
 )
-ONE_LEG = pytest.mark.parametrize(
-    ("name", "law", "place"),
-    [
-        pytest.param(name, law, place, id=f"{name}-{title(law)}-{place}")
-        for name, law, places in cases()
-        for place in unlike(places, name)
-    ],
-)
+
+
+def at_each_place(test):
+    """Ask a test of a law at a place on every robot, at all places that are unlike each other, one after the other."""
+
+    @EVERY_ROBOT
+    def asked(name, law, places):
+        for place in unlike(places, name):
+            test(name, law, place)
+
+    return asked
+
+
 EVERY_LAW = pytest.mark.parametrize("law", LAWS, ids=title)
 
 
@@ -75,7 +80,7 @@ def test_declares_what_a_person_reads(law):
     assert any(law.places(robot(name).mechanism) for name in NAMES), "no test robot has a place for it"
 
 
-@ONE_LEG
+@at_each_place
 def test_quantities_have_units_and_starts_lie_inside_bounds(name, law, place):
     mechanism = robot(name).mechanism
     quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
@@ -115,17 +120,17 @@ def test_is_found_again_by_its_places(name, law, places):
         assert place in law_at(law.physics, place).places(mechanism)
 
 
-@ONE_LEG
+@at_each_place
 def test_neutral_values_change_nothing(name, law, place):
     base = nominal(name)
     run = simulator(name).run([Effect(law, place, law.neutral_at(place, robot(name).mechanism))], base)
     assert np.abs(change(run, base)).max() < 2e-11
 
 
-@ONE_LEG
+@at_each_place
 def test_start_values_change_the_pose(name, law, place):
     if name == "delta" and law.physics in ("coulomb_friction", "viscous_friction"):
-        pytest.skip("the delta's rods spin about themselves: nothing balances friction there")
+        return  # the delta's rods spin about themselves: nothing balances friction there
     base, mechanism = nominal(name), robot(name).mechanism
     sizes = [
         np.abs(change(simulator(name).run([Effect(law, place, start)], base), base)).max()
@@ -134,7 +139,7 @@ def test_start_values_change_the_pose(name, law, place):
     assert (max(sizes) > 4e-11) != (isinstance(law, HIDDEN) or (name, law.physics) in HIDDEN_ON)
 
 
-@ONE_LEG
+@at_each_place
 def test_acting_leaves_the_callers_inputs_alone(name, law, place):
     base = simulator(name)
     arrays = [getattr(base.inputs, key) for key in ("time", "actuators", "wrench", "blocks", "temperature", "speeds")]
@@ -150,7 +155,7 @@ def test_acting_leaves_the_callers_inputs_alone(name, law, place):
         np.testing.assert_array_equal(parameter.value, known[key])
 
 
-@ONE_LEG
+@at_each_place
 def test_strains_are_what_their_derivatives_say(name, law, place):
     mechanism = robot(name).mechanism
     setup = simulator(name).setup([Effect(law, place, law.starts(place, mechanism)[0])])
@@ -170,7 +175,7 @@ def test_strains_are_what_their_derivatives_say(name, law, place):
                 np.testing.assert_allclose(slope[:, :, column], difference, atol=1e-6 * np.abs(slope).max() + 1e-20)
 
 
-@ONE_LEG
+@at_each_place
 def test_statement_is_a_sentence_for_people(name, law, place):
     mechanism = robot(name).mechanism
     text = law.statement(place, law.starts(place, mechanism)[0], mechanism)

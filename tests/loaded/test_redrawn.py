@@ -67,7 +67,8 @@ CASES: dict[str, tuple[Machine, Drawing]] = {
             Drawing({link: at(np.eye(3)["xyz".index(axis)] * angle)}),
         )
         for joint, link, axes, angles in (
-            ("left elbow", "left_rod", "xyz", (0.3, HALF, np.pi)),
+            ("left elbow", "left_rod", "x", (0.3, HALF, np.pi)),
+            ("left elbow", "left_rod", "yz", (0.3,)),
             ("right elbow", "right_rod", "x", (1.0,)),
             ("left motor", "left_arm", "y", (1.0,)),
         )
@@ -123,6 +124,8 @@ CROOKED = {
     "3prup": (THREE_PRUP, CASES["3prup, standing turned"][1]),
 }
 CASE = pytest.mark.parametrize(("machine", "drawing"), CASES.values(), ids=CASES)
+#: One drawing in three for what is asked of each of them by the other question too.
+SOME = pytest.mark.parametrize(("machine", "drawing"), [*CASES.values()][::3], ids=[*CASES][::3])
 
 
 def drawn(machine: Machine, drawing: Drawing, folder: Path):
@@ -212,7 +215,7 @@ def test_answers_do_not_depend_on_the_drawing(tmp_path, as_drawn, machine, drawi
         assert agree(value, expected[name], 1e-8), name
 
 
-@CASE
+@SOME
 def test_a_small_load_moves_the_tool_as_castigliano_says(tmp_path, machine, drawing):
     robot, pose = drawn(machine, drawing, tmp_path)
     C = robot.compliance(pose).C
@@ -229,8 +232,8 @@ def test_a_small_load_moves_the_tool_as_castigliano_says(tmp_path, machine, draw
     [
         ("five-bar, all joints", (30, -80, 20, 1, -2, 1.5)),
         ("five-bar, standing turned, all joints", (30, -80, 20, 1, -2, 1.5)),
-        ("delta, arms", (30, -80, 20, 1, -2, 1.5)),
-        ("delta, arms", (0, 0, 100, 0, 0, 0)),
+        pytest.param("delta, arms", (30, -80, 20, 1, -2, 1.5), marks=pytest.mark.slow),
+        pytest.param("delta, arms", (0, 0, 100, 0, 0, 0), marks=pytest.mark.slow),
         ("delta, standing turned", (30, -80, 20, 1, -2, 1.5)),
         pytest.param("3prup, standing turned", (100, -50, 200, 10, 20, -15), marks=pytest.mark.slow),
     ],

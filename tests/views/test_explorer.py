@@ -164,7 +164,7 @@ def test_what_makes_no_sense_is_said_and_the_next_question_answered(explorer, me
     assert json.loads(session.reply(question())[-1])["trouble"] == ""
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda", "double_pendulum"])
+@pytest.mark.parametrize("name", ["ur5", pytest.param("panda", marks=pytest.mark.slow), "double_pendulum"])
 def test_trees_have_a_slider_for_each_joint(name):
     rigid = Explorer(prup_pin.load(name, tool="panda_hand" if name == "panda" else None))
     assert [control.name for control in rigid.poses] == list(rigid.robot.task_coordinates)

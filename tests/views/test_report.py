@@ -174,7 +174,7 @@ def test_an_overconstrained_robot_has_no_column_if_rigid(robot, pose):
     [
         (None, ["none was given", "softest translation", "The tool moves per N"]),
         ({"mz": 100}, ["The tool turns", "mrad", "N m/mrad"]),
-        ({"fz": -200}, ["Stiffness along the load", "N/mm"]),
+        pytest.param({"fz": -200}, ["Stiffness along the load", "N/mm"], marks=pytest.mark.slow),
         (np.zeros(6), ["under no load", "no module has a share"]),
     ],
 )
