@@ -40,8 +40,8 @@ def bar_mass(length: float, diameter: float, density: float) -> float:
 
 
 def _words(values: Iterable[float]) -> str:
-    # Twelve digits: a picometre, and no 0.30000000000000004.
-    return " ".join(f"{float(value) + 0.0:.12g}" for value in np.round(np.ravel(np.asarray(values, float)), 13))
+    # Fifteen digits: no 0.30000000000000004, and rods' ball joints still turn about the line between them to rounding.
+    return " ".join(f"{float(value) + 0.0:.15g}" for value in np.round(np.ravel(np.asarray(values, float)), 15))
 
 
 class UrdfFile:

@@ -21,10 +21,11 @@ from ..spatial import Array
 
 __all__ = ["Expression", "Operation", "Pipeline", "Program", "Tape", "eliminated", "largest", "least"]
 
-#: Smaller than this share of what it is made of, at every sample: zero. Rounding leaves some 1e-15.
-_ZERO = 1e-13
-#: Two expressions that agree so well at every sample are the same.
-_SAME = 1e-12
+#: Smaller than this share of what it is made of, at every sample: zero. Rounding leaves some 1e-15. Two expressions
+#: that agree so well at every sample are the same.
+_ZERO, _SAME = 1e-13, 1e-12
+#: The same where frames are drawn to so many digits that more would be taken as equal than is.
+_EXACTLY = 1e-15, 1e-14
 #: A constant smaller than this is what rounding leaves of the zeros in rotations.
 _ROUNDING = 1e-15
 #: Share of the largest candidate that a pivot must have at every sample.
@@ -70,7 +71,9 @@ class Operation(NamedTuple):
 class Tape:
     """Operations as they are written down, with the values of each at the sample poses, (S,)."""
 
-    def __init__(self, samples: int):
+    def __init__(self, samples: int, exact: bool = False):
+        """`exact`: only what agrees to rounding is taken as equal."""
+        self._zero, self._same = _EXACTLY if exact else (_ZERO, _SAME)
         self.operations: list[Operation] = []
         self.values: list[Array] = []
         self._samples = samples
@@ -131,7 +134,7 @@ class Tape:
             return self._new(operation, value.astype(float), True)
         if name in ("add", "sub"):
             assert b is not None
-            if (np.abs(value) <= _ZERO * (np.abs(a.values) + np.abs(b.values))).all():
+            if (np.abs(value) <= self._zero * (np.abs(a.values) + np.abs(b.values))).all():
                 return self.constant(0.0)
         return self._known_or_new(operation, value)
 
@@ -141,7 +144,7 @@ class Tape:
         signature = _signature(value)
         if signature is not None:
             near = self._alike.get(signature)
-            if near is not None and (np.abs(self.values[near] - value) <= _SAME * np.abs(value)).all():
+            if near is not None and (np.abs(self.values[near] - value) <= self._same * np.abs(value)).all():
                 self._known[operation] = near
                 return Expression(self, near)
         made = self._new(operation, value)

@@ -26,9 +26,14 @@ _LOAD_ITERATIONS = 50
 
 
 def _counting(loads: Array, self_stress: Array) -> Array:
-    """Return loads (..., n, h), zero where they are negligible beside the closure forces (..., c, h) behind them."""
-    least = NEGLIGIBLE * np.abs(self_stress).max(axis=(-1, -2))[..., None, None]
-    return np.where(np.abs(loads) > least, loads, 0.0)
+    """Return loads (..., n, h) that span what closure forces (..., c, h) do to the modules.
+
+    Combinations of those forces that load no module more than negligibly beside themselves are left out, whole; of all
+    others every load counts, the smallest too.
+    """
+    u, values, _ = np.linalg.svd(loads, full_matrices=False)
+    least = NEGLIGIBLE * np.abs(self_stress).max(axis=(-1, -2))[..., None]
+    return u * np.where(values > least, values, 0.0)[..., None, :]
 
 
 def _least_solution(matrix: Array, right: Array) -> Array:

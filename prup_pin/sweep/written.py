@@ -42,6 +42,8 @@ _SMALL_PIVOT = 1e-3
 _EXACT = 1e-12
 #: A pivot of normal equations below this share of their largest entry, at a sample, is none.
 _REGULAR = 1e-9
+#: What rounding leaves of loads, in shares of the closure forces behind them.
+_ROUNDING = 1e-11
 #: What rounding leaves of motions that a leg's other joints allow already [m, 1].
 _IDLE = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
@@ -81,11 +83,14 @@ class _Solver:
         return solution
 
     def counting(self, loads: Array, self_stress: Array) -> Array:
-        """Return loads (n, h) without those that are negligible beside the closure forces (c, h), at the samples."""
-        least = NEGLIGIBLE * np.abs(self._tape.sampled(self_stress)).max(axis=(1, 2), initial=0.0)
-        small = np.abs(self._tape.sampled(loads)) <= least[:, None, None]
+        """Return loads (n, h) without what is rounding, and without forces that load no module, at the samples.
+
+        Beside the closure forces (c, h): see `Energies`.
+        """
+        size = np.abs(self._tape.sampled(self_stress)).max(axis=(1, 2), initial=0.0)
+        share = (np.abs(self._tape.sampled(loads)) / size[:, None, None]).max(axis=0)
         counting = loads.copy()
-        counting[small.all(axis=0)] = self._tape.constant(0.0)
+        counting[(share <= _ROUNDING) | (share.max(axis=0, initial=0.0) <= NEGLIGIBLE)] = self._tape.constant(0.0)
         return counting
 
     def energies(self, matrix: Array, right: Array) -> Array:
@@ -183,7 +188,10 @@ class _WrittenSolved(Solved):
 def written(many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked) -> Written | None:
     """Return the pipeline of a question, or None where it cannot be written as straight lines."""
     try:
-        return _Writer(many, layout, scaling, asked).written()
+        try:
+            return _Writer(many, layout, scaling, asked).written()
+        except _InexactError:
+            return _Writer(many, layout, scaling, asked, exact=True).written()
     except (TypeError, ValueError, ZeroDivisionError, AttributeError, _NotWrittenError):
         return None
 
@@ -192,8 +200,13 @@ class _NotWrittenError(Exception):
     pass
 
 
+class _InexactError(_NotWrittenError):
+    """Arrays say otherwise: perhaps what is nearly equal, as frames are drawn, was taken as equal."""
+
+
 class _Writer:
-    def __init__(self, many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked):
+    def __init__(self, many: ManyPoses, layout: StaticsLayout, scaling: Array, asked: Asked, exact: bool = False):
+        self._exact = exact
         self.many, self.layout, self.scaling, self.asked = many, layout, scaling, asked
         self.mechanism = many.mechanism
         self.kinematics = many.kinematics
@@ -244,7 +257,7 @@ class _Writer:
         return Written(pipeline, names, widths, at, passing)
 
     def _start(self) -> Program:
-        tape = Tape(_SAMPLES)
+        tape = Tape(_SAMPLES, self._exact)
         x = tape.inputs(self.coordinates)
         home = self.kinematics.home
         if self.looped:
@@ -260,7 +273,7 @@ class _Writer:
         return Program(tape, q)
 
     def _step(self, passing: bool = False) -> Program:
-        many, tape = self.many, Tape(_SAMPLES)
+        many, tape = self.many, Tape(_SAMPLES, self._exact)
         given = tape.inputs(np.hstack((self.apart, self.coordinates)))
         q, target = given[: self.q.shape[1]], given[self.q.shape[1] :]
         placements = many.tree.placements(q)
@@ -323,7 +336,7 @@ class _Writer:
         )
 
     def _final(self, anywhere: bool) -> tuple[Program, tuple[str, ...], tuple[int, ...]]:
-        many, tape = self.many, Tape(_SAMPLES)
+        many, tape = self.many, Tape(_SAMPLES, self._exact)
         given = tape.inputs(np.hstack((self.q, self.coordinates)))
         q, x = given[: self.q.shape[1]], given[self.q.shape[1] :]
         conditions = self._limits(q)
@@ -357,7 +370,7 @@ class _Writer:
         return Program(tape, [*outputs, good]), tuple(item.name for item in computed), (*widths, 3)
 
     def _check(self, tape: Tape, item: Quantity, entries: Array, by_arrays: Solved) -> None:
-        """Raise _NotWrittenError where arrays say otherwise at the samples."""
+        """Raise _InexactError where arrays say otherwise at the samples."""
         ours = tape.sampled(entries)
         theirs = item.value(by_arrays).reshape(ours.shape)
         exact = np.full(len(ours), _EXACT)
@@ -365,7 +378,7 @@ class _Writer:
             exact = np.maximum(10 * exact, 1e-14 * np.linalg.cond(by_arrays.C * self.scaling))
         good = np.abs(ours - theirs).max(axis=1) <= exact * np.abs(theirs).max(axis=1)
         if not good.all():
-            raise _NotWrittenError
+            raise _InexactError
 
     def _computed(self, asked: list[Quantity]) -> list[Quantity]:
         """Return what is computed by the pipeline: K in the place of what follows from it."""

@@ -42,9 +42,7 @@ def test_legs_side_by_side_are_all_modules_together(name):
         (k,), _ = legs.stiffness(pose.as_many())
         side = np.sqrt(np.diagonal(single.C))
         scale = np.outer(side, side)
-        # Self-stress leaves out what is less than 1e-6 of the largest load.
-        exact = 1e-9 if locked else 1e-12
-        assert np.abs((k - single.K) * scale).max() < exact * np.linalg.cond(single.C / scale)
+        assert np.abs((k - single.K) * scale).max() < 1e-12 * np.linalg.cond(single.C / scale)
         assert np.abs(legs.idle(pose)).max(initial=0.0) < 1e-12
 
 

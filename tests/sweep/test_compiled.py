@@ -7,9 +7,12 @@ import pytest
 
 import prup_pin
 from prup_pin import build
+from prup_pin.build import urdf_file
 from prup_pin.kernel import Columns, Machine, Pipeline, Program, Tape, eliminated, largest
 from prup_pin.sweep.engine import Engine
+from prup_pin.sweep.quantities import Asked
 
+from ..build.test_closed_forms import STEWART
 from .test_sweep import CASES, FORCE, MOMENT, ROBOTS, asked_singly, drawn, loaded
 
 #: What can be compiled for each robot.
@@ -117,6 +120,18 @@ def test_a_loop_drawn_to_seven_digits_is_closed_like_by_arrays(tmp_path):
     assert a.ok.sum() > 15
     np.testing.assert_allclose(a["C"][a.ok], b["C"][a.ok], rtol=0, atol=1e-12 * np.nanmax(np.abs(a["C"])))
     np.testing.assert_allclose(a["q"][a.ok], b["q"][a.ok], rtol=0, atol=1e-12)
+
+
+def test_what_is_equal_to_twelve_digits_alone_is_not_taken_as_equal(monkeypatch):
+    """Directions and places rounded to twelve digits: legs that turn about nearly the same lines are not one."""
+    monkeypatch.setattr(urdf_file, "_words", lambda values: " ".join(f"{round(float(v), 13):.12g}" for v in values))
+    robot = build.stewart(**STEWART)
+    engine = Engine(robot.mechanism, Asked(("C",)), robot._kinematics, straight=True)
+    assert engine.written is not None
+    rows = np.array(list(robot.home.coordinates.values())) + drawn(np.array([(-0.05, 0.05)] * 6), 4)
+    for row, c in zip(rows, engine.solve(rows).values["C"], strict=True):
+        single = asked_singly(robot, row).C
+        assert np.abs(c - single).max() <= 1e-12 * np.abs(single).max()
 
 
 def test_what_cannot_be_compiled_is_said_and_solved_by_arrays():
