@@ -16,7 +16,7 @@ from ..laws.target import of_markers
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .criteria import LEAST_WARMING
+from .criteria import LEAST_WARMING, USUAL_MULTIPLE
 
 __all__ = ["Candidate", "Term", "candidates"]
 
@@ -146,6 +146,10 @@ class Candidate:
     def _coordinates(self, values: Mapping[str, float]) -> Array:
         return self.coordinates_of(np.array([values[quantity.name] for quantity in self.quantities]))
 
+    def unusual(self, coordinates: Array) -> Array:
+        """Return in how many standard deviations those that are no logarithms lie beside what is usual, (p,)."""
+        return np.where(self.logarithmic, 0.0, coordinates / (USUAL_MULTIPLE * self.scales()))
+
     def scales(self) -> Array:
         """Return a typical change of every coordinate, (p,)."""
         return np.array([1.0 if log else abs(self._scale(q)) or 1.0 for q, log in self._pairs()])
@@ -178,7 +182,7 @@ def candidates(
     fast = inputs.speeds is not None and np.nanmax(np.abs(inputs.speeds), initial=0.0) > 0
     step = float(np.median(np.diff(inputs.time))) if len(inputs) > 1 else 0.0
     pulled = np.any(mechanism.gravity if inputs.gravity is None else np.nan_to_num(inputs.gravity))
-    has = {"temperature": warm, "speed": fast, "gravity": pulled}
+    has = {"temperature": warm, "speed": fast, "gravity": pulled, "wrench": not inputs.weight_alone}
     return [
         Candidate(law, place, mechanism, step)
         for whole in (*LAWS, *of_markers(mechanism, markers))

@@ -36,6 +36,7 @@ from .criteria import (
     FOLDS,
     FRONT,
     FRONT_GAIN,
+    FULL_ROUNDS,
     HELD_WORK,
     HOPELESS,
     INDISTINCT,
@@ -66,7 +67,6 @@ from .criteria import (
     SWAP_LEAD,
     TRIED_WHOLE,
     UNLIKELY_PLACE,
-    USUAL_MULTIPLE,
     beyond_tolerance,
     clean_bound,
 )
@@ -74,7 +74,7 @@ from .fit import Beside, Fit, Problem, Term, with_priors, without
 from .locate import least_left, yieldings
 from .whiteness import compared
 
-__all__ = ["Budget", "Rival", "Selection", "cross_validated", "needed", "scale_of", "select"]
+__all__ = ["Budget", "Rival", "Selection", "cross_validated", "implausible", "needed", "scale_of", "select"]
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,7 @@ class _Search:
         """Return what `Problem.refine` does."""
         remembers = any(term.candidate.remembers for term in terms)
         each = REFINE_MEMORY_WORK if remembers else REFINE_WORK
+        each *= min((1 + rounds) / FULL_ROUNDS, 1.0)
         self.spent += len(start.samples) * each * (HELD_WORK if len(start.x) else 1.0)
         return self.problem.refine(terms, start, rounds, reach)
 
@@ -164,12 +165,17 @@ class Selection:
 
 def penalty(term: Term) -> float:
     """Return what a term costs: its parameters, and how far they lie from where such effects usually are."""
+    return PARAMETER_COST * term.candidate.size + implausible(term)
+
+
+def implausible(term: Term) -> float:
+    """Return what a term costs beside its parameters: values far from where such effects usually are, a rare law."""
     candidate = term.candidate
     logs = candidate.logarithmic
     starts = candidate.starts()
     far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
-    far += float(((term.coordinates / (USUAL_MULTIPLE * candidate.scales()))[~logs] ** 2).sum())
-    return PARAMETER_COST * candidate.size + far + candidate.law.cost + unlikely(candidate)
+    far += float((candidate.unusual(term.coordinates) ** 2).sum())
+    return far + candidate.law.cost + unlikely(candidate)
 
 
 def unlikely(candidate: Candidate) -> float:
@@ -318,7 +324,7 @@ def select(
     fit = best.last
     rivals = best.rivals
     if len(rivals) != len(fit.terms) or tried:
-        rivals = tuple(tuple(challengers(search, fit, index, library)) for index in range(len(fit.terms)))
+        rivals = tuple(tuple(_judged(search, fit, index, library)[0]) for index in range(len(fit.terms)))
     return replace(best, rivals=rivals, work=search.spent)
 
 
@@ -404,7 +410,8 @@ def _forward(
                 without_it, trial, least(size)
             )
             if without_it.chi2 - trial.chi2 >= least(size) and helps:
-                taken = trial
+                # what bends has not come to its end, and a second law would make up for that
+                taken = trial if trial.chi2 < rival.chi2 + CLEAR_LEAD else search.refine(trial.terms, trial)
                 break
             refused.add(rival.term.candidate.name)
         if taken is None:
@@ -524,37 +531,72 @@ def _finished(search: _Search, fit: Fit, kept: Sequence[Term], rival: Rival, bes
     return Rival(new, chi2, change) if chi2 < rival.chi2 else rival
 
 
+@dataclass(frozen=True)
+class _Outlook:
+    """A fit about which candidates are taken to first order beside kept terms, and what is kept does there.
+
+    begun (n, K): what the term whose place is looked at does, beyond what the others may do.
+    """
+
+    fit: Fit
+    kept: Sequence[Term]
+    beside: Beside | None
+    begun: Array
+    least: _Least
+
+    @classmethod
+    def of(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
+        """Return the outlook from a fit on the place of one of its terms."""
+        others = [place for place in range(len(fit.terms)) if place != index]
+        kept, beside = [fit.terms[place] for place in others], problem.beside(fit, others)
+        removed = problem.change(fit, [term.effect for term in kept])
+        begun = without(removed.ravel(), beside).reshape(removed.shape)
+        return cls(fit, kept, beside, begun, _Least(problem, fit, kept, problem.target(fit) - removed, beside))
+
+    @classmethod
+    def without(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
+        """Return the outlook from the simulation without that term."""
+        kept = [term for place, term in enumerate(fit.terms) if place != index]
+        bare = problem.fit_at(kept, like=fit)
+        beside = problem.beside(bare, range(len(kept)))
+        return cls(bare, kept, beside, 0.0 * bare.residual, _Least(problem, bare, kept, problem.target(bare), beside))
+
+    def rival(self, search: _Search, candidate: Candidate, worst: float, finished: float, scale: float) -> Rival | None:
+        """Return a candidate as a rival, fitted to the end below `finished`; None where it leaves more than `worst`."""
+        if self.least(candidate) > worst:
+            return None
+        chi2, term, change = search.quick(self.fit, self.kept, candidate, limit=FIRST_STEPS, beside=self.beside)
+        self.least.heard(candidate, chi2)
+        if chi2 > worst:
+            return None
+        rival = Rival(term, chi2, change)
+        if chi2 < finished:
+            rival = _finished(search, self.fit, self.kept, rival, self.beside)
+        return Rival(rival.term, rival.chi2, rival.change - self.begun, scale)
+
+
 def challengers(search: _Search, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
     """Return what could stand in the place of term `index`, the term itself included, best first."""
-    problem = search.problem
-    others = [place for place in range(len(fit.terms)) if place != index]
-    kept = [fit.terms[place] for place in others]
-    own = fit.terms[index]
-    beside = problem.beside(fit, others)
-    removed = problem.change(fit, [term.effect for term in kept])
-    changed = without(removed.ravel(), beside).reshape(removed.shape)
-    scale = scale_of(problem, fit)
-    rivals = [Rival(own, fit.chi2, -changed, scale)]
-    weight = float((changed**2).sum())
-    worst = fit.chi2 + max(FAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT)
-    present = {term.candidate.name for term in fit.terms}
-    begun = changed
+    problem, own, scale = search.problem, fit.terms[index], scale_of(search.problem, fit)
+    here = _Outlook.of(problem, fit, index)
+    rivals = [Rival(own, fit.chi2, -here.begun, scale)]
+    weight = float((here.begun**2).sum())
+    misjudged = _misjudged(problem, fit, index)
+    margin = max(RIVAL_MARGIN * INDISTINCT, misjudged)
+    worst = fit.chi2 + max(FAR_RIVAL * weight, margin)
+    finished = fit.chi2 + max(NEAR_RIVAL * weight, margin)
+    outlooks = [here]
     if _loads_alone(problem, own):
         # Without it nothing yields: what its rivals do is not what they do to the loaded robot.
-        fit = problem.fit_at(kept, like=fit)
-        beside, removed, begun = problem.beside(fit, range(len(kept))), 0.0 * removed, 0.0 * changed
-    least = _Least(problem, fit, kept, problem.target(fit) - removed, beside)
+        outlooks = [_Outlook.without(problem, fit, index)]
+    elif misjudged > LARGE_MISJUDGED:
+        # A large turn is bent; one law's first order sees it from where another one's does not.
+        outlooks.append(_Outlook.without(problem, fit, index))
+    present = {term.candidate.name for term in fit.terms}
     for candidate in library:
-        if candidate.name in present or least(candidate) > worst:
-            continue
-        chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
-        least.heard(candidate, chi2)
-        if chi2 > worst:
-            continue
-        rival = Rival(term, chi2, change)
-        if chi2 < rivals[0].chi2 + max(NEAR_RIVAL * weight, RIVAL_MARGIN * INDISTINCT):
-            rival = _finished(search, fit, kept, rival, beside)
-        rivals.append(Rival(rival.term, rival.chi2, rival.change - begun, scale))
+        if candidate.name not in present:
+            seen = (outlook.rival(search, candidate, worst, finished, scale) for outlook in outlooks)
+            rivals += sorted((rival for rival in seen if rival is not None), key=lambda rival: rival.chi2)[:1]
     return sorted(rivals, key=lambda rival: rival.score)
 
 
@@ -565,45 +607,62 @@ def _loads_alone(problem: Problem, term: Term) -> bool:
     return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 
 
-def _challenged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
-    """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals.
+def _misjudged(problem: Problem, fit: Fit, index: int) -> float:
+    """Return by how much first order may misjudge chi squared in the place of a term.
+
+    It grows with all that the term moves, be it that parameters within tolerance could move most of it as well.
+    """
+    kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
+    return CURVATURE * float((problem.change(fit, kept) ** 2).sum())
+
+
+def _judged(
+    search: _Search, fit: Fit, index: int, library: Sequence[Candidate], leads: bool = False
+) -> tuple[list[Rival], Fit | None]:
+    """Return what could stand in the place of a term, best first, and with `leads` the first fit that is better by it.
 
     First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
     """
+    found = challengers(search, fit, index, library)
+    scale = scale_of(search.problem, fit)
+    own = fit.chi2 + scale * penalty(fit.terms[index])
+    reach = _misjudged(search.problem, fit, index)
+    judged: list[Rival] = []
+    simulated, most = 0, FEW_SIMULATED if reach < LARGE_MISJUDGED else MORE_SIMULATED
+    for rival in found:
+        close = rival.score < own + reach and (rival.score < own - CLEAR_LEAD or reach > SMALL_MISJUDGED)
+        twin = any(_alike(rival, other) for other in judged)
+        if rival.term is fit.terms[index] or not close or twin or simulated == most or search.over:
+            judged.append(rival)
+            continue
+        simulated += 1
+        terms = list(fit.terms)
+        terms[index] = rival.term
+        trial = search.refine(terms, fit, rounds=2)
+        if trial.chi2 < max(rival.chi2, fit.chi2) + RIVAL_MARGIN * scale * INDISTINCT:
+            trial = search.refine(trial.terms, trial, rounds=FEW_ROUNDS)
+        judged.append(Rival(trial.terms[index], trial.chi2, rival.change, scale))
+        if leads and judged[-1].score < own - SWAP_LEAD:
+            return judged, trial
+    return sorted(judged, key=lambda rival: rival.score), None
+
+
+def _challenged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals."""
     rivals: list[list[Rival]] = []
     for _ in range(CHALLENGES):
-        swapped = False
-        rivals = []
+        rivals, better = [], None
         for index in range(len(fit.terms)):
             if search.over:
                 return fit, []
-            found = challengers(search, fit, index, library)
-            scale = scale_of(search.problem, fit)
-            own = fit.chi2 + scale * penalty(fit.terms[index])
-            weight = float((found[0].change ** 2).sum()) if found else 0.0
-            reach = CURVATURE * weight
-            judged: list[Rival] = []
-            simulated, most = 0, FEW_SIMULATED if reach < LARGE_MISJUDGED else MORE_SIMULATED
-            for rival in found:
-                close = rival.score < own + reach and (rival.score < own - CLEAR_LEAD or reach > SMALL_MISJUDGED)
-                twin = any(_alike(rival, other) for other in judged)
-                if rival.term is fit.terms[index] or not close or twin or simulated == most:
-                    judged.append(rival)
-                    continue
-                simulated += 1
-                terms = list(fit.terms)
-                terms[index] = rival.term
-                trial = search.refine(terms, fit, rounds=FEW_ROUNDS)
-                judged.append(Rival(trial.terms[index], trial.chi2, rival.change, scale))
-                if judged[-1].score < own - SWAP_LEAD:
-                    fit, swapped = trial, True
-                    break
-            if swapped:
+            judged, better = _judged(search, fit, index, library, leads=True)
+            if better is not None:
+                fit = better
                 break
-            rivals.append(sorted(judged, key=lambda rival: rival.score))
-        if not swapped:
-            break
-    return fit, rivals if not swapped else []
+            rivals.append(judged)
+        if better is None:
+            return fit, rivals
+    return fit, []
 
 
 def _in_pairs(search: _Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit:

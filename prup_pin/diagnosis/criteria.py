@@ -172,6 +172,8 @@ MEMORY_WORK: Final = 2.0
 #: A refinement solves the whole simulation some ten times; with memory, each of them to and fro until it agrees.
 REFINE_WORK: Final = 45.0
 REFINE_MEMORY_WORK: Final = 440.0
+#: ... in so many rounds and one; fewer cost less.
+FULL_ROUNDS: Final = 5
 #: Work after which no further law is looked for: twice what two effects on a bench test of 400 samples took, so that
 #: it ends what would not end well, and nothing else.
 SEARCH_WORK: Final = 800_000.0
@@ -405,6 +407,3 @@ MOST_OUTLIERS: Final = 0.1
 #: Kinds are taken to be wider than declared where all but this share of what is left is explained by it: what else may
 #: be missing is then looked for beside them, and not in their place.
 EXPLAINED: Final = 0.1
-#: How much a joint of an arm usually yields: a unit of no other meaning [rad/(N m), m/N].
-USUAL_COMPLIANCE: Final = 1e-4
-USUAL_COMPLIANCE_SLIDE: Final = 1e-6

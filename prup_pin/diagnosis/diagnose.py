@@ -32,7 +32,7 @@ from .calibrate import (
     within_tolerances,
 )
 from .candidates import Candidate, candidates
-from .compete import Budget, Selection, cross_validated, is_clean, needed, penalty, scale_of, select
+from .compete import Budget, Selection, cross_validated, implausible, is_clean, needed, scale_of, select
 from .criteria import (
     BESIDE_WORK,
     CURVE_DEVIATIONS,
@@ -784,12 +784,13 @@ def _finding(
     else:
         without = cross_validated(problem, fit, labels, less=index)
     scale = scale_of(problem, fit)  # where more than noise is left, less can be told apart
-    own = fit.chi2 + scale * penalty(term)
+    own = fit.chi2 + scale * implausible(term)
     places, laws = [term.candidate.place.name], []
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
     for rival in selection.rivals[index]:
-        # indistinct: as good a fit, with values that are not absurd
-        if rival.chi2 - fit.chi2 > scale * INDISTINCT or rival.score > own + INDISTINCT_COST * scale * INDISTINCT:
+        # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
+        absurd = rival.chi2 + scale * implausible(rival.term) > own + INDISTINCT_COST * scale * INDISTINCT
+        if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
             if rival.term.candidate.everywhere and _beside_others(rival.term, fit, index):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -222,7 +222,7 @@ class Problem:
         """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
 
         `beside`: what the kept terms and the toleranced parameters may do with it, which are so fitted together with
-        the candidate; the change returned is what they cannot do.
+        the candidate; the change returned is what they cannot do. What these data do not tell stays near what is usual.
         """
         effects = [term.effect for term in kept]
         target = self.target(fit)
@@ -236,7 +236,7 @@ class Problem:
                 changed = self.change(fit, [*effects, candidate.effect(coordinates)])
                 with np.errstate(invalid="ignore"):
                     rest = np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
-                known[key] = changed, without(rest, beside)
+                known[key] = changed, np.concatenate((without(rest, beside), candidate.unusual(coordinates)))
             return known[key]
 
         def left(coordinates: Array) -> Array:
@@ -258,7 +258,7 @@ class Problem:
             begins.sort(key=lambda start: float((left(start) ** 2).sum()))
         found = least_squares(
             left,
-            begins[0],
+            _stepped(left, slope, begins[0], candidate),
             slope,
             bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
             x_scale=candidate.scales(),
@@ -269,7 +269,8 @@ class Problem:
         )
         term = Term(candidate, found.x)
         change = tried(found.x)[0]
-        return 2 * float(found.cost), term, without(change.ravel(), beside).reshape(change.shape)
+        chi2 = 2 * float(found.cost) - float((candidate.unusual(found.x) ** 2).sum())
+        return chi2, term, without(change.ravel(), beside).reshape(change.shape)
 
     def beside(self, fit: Fit, kept: Sequence[int]) -> Beside | None:
         """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
@@ -305,7 +306,7 @@ class Problem:
                 return fit
             if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
                 fit, taken_at = self.relinearised(fit), fit.x
-            step = _least_step(self.jacobian(fit), fit.residual.ravel(), fit.held, fit.x, reach)
+            step = _least_step(*self._with_usual(fit), fit.x, reach)
             share, better = 1.0, None
             sizes = [term.candidate.size for term in fit.terms]
             while share > 0.1:
@@ -319,17 +320,26 @@ class Problem:
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
                 attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])
-                if attempt.chi2 < fit.chi2:
+                if attempt.chi2 + _unusual(attempt) < fit.chi2 + _unusual(fit):
                     better = attempt
                     break
                 share /= 3
             if better is None:
                 return fit
-            gained = fit.chi2 - better.chi2
+            gained = fit.chi2 + _unusual(fit) - better.chi2 - _unusual(better)
             fit = better
             if gained < max(0.02, 1e-5 * fit.chi2):
                 return fit
         return fit
+
+    def _with_usual(self, fit: Fit) -> tuple[Array, Array, Array]:
+        """Return jacobian, residual and `held` with a row for each coordinate of the terms that may be unusual."""
+        if not fit.terms:
+            return self.jacobian(fit), fit.residual.ravel(), fit.held
+        rows = np.concatenate([term.candidate.unusual(np.ones(term.candidate.size)) for term in fit.terms])
+        here = np.concatenate([term.candidate.unusual(term.coordinates) for term in fit.terms])
+        jacobian = np.vstack((self.jacobian(fit), np.diag(rows)))
+        return jacobian, np.append(fit.residual, -here), np.vstack((fit.held, np.zeros((len(rows), len(fit.x)))))
 
     def jacobian(self, fit: Fit) -> Array:
         """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""
@@ -347,6 +357,26 @@ class Problem:
                     ends.append(self.change(fit, changed))
                 columns.append(((ends[0] - ends[1]) / (2 * step)).ravel())
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
+
+
+def _unusual(fit: Fit) -> float:
+    """Return what the terms of a fit cost by values far from what is usual, of those that are no logarithms."""
+    return sum(float((term.candidate.unusual(term.coordinates) ** 2).sum()) for term in fit.terms)
+
+
+def _stepped(
+    left: Callable[[Array], Array], slope: Callable[[Array], Array], start: Array, candidate: Candidate
+) -> Array:
+    """Return where one Gauss-Newton step leads from a start, or the start: most laws are in proportion, or nearly."""
+    low, high = candidate.bounds
+    step = np.linalg.lstsq(slope(start), -left(start), rcond=1e-10)[0]
+    widest = np.where(candidate.logarithmic, _WIDEST_STEP, np.inf)
+    moved = np.clip(start + np.clip(step, -widest, widest), low, high)
+    return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
+
+
+#: Step of a logarithm that a slope is trusted for.
+_WIDEST_STEP = 2.0
 
 
 def _begin_key(x: Array) -> tuple[str, bytes]:

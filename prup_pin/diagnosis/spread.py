@@ -25,7 +25,7 @@ from scipy.stats import chi2 as chi_squared
 from ..channels import Noise, PoseChannel, Stack
 from ..laws import Effect, Place
 from ..laws.deviations import Calibration, amounts_of, deviations_of
-from ..laws.joint_compliance import JointCompliance, way_of
+from ..laws.joint_compliance import USUAL_ABOUT, USUAL_ALONG, JointCompliance, way_of
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
 from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording, Together
@@ -41,8 +41,6 @@ from .criteria import (
     OUTLIER,
     SPREAD_ROUNDS,
     SPREAD_SETTLED,
-    USUAL_COMPLIANCE,
-    USUAL_COMPLIANCE_SLIDE,
     trusted,
 )
 from .fit import Problem
@@ -233,7 +231,7 @@ def _parameters(
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
     law = JointCompliance()
     joints = tuple((law, place) for place in law.places(mechanism)) if weight else ()
-    units = [USUAL_COMPLIANCE_SLIDE if place.aspect == "along" else USUAL_COMPLIANCE for _, place in joints]
+    units = [USUAL_ALONG if place.aspect == "along" else USUAL_ABOUT for _, place in joints]
     own = toleranced.law.deviations
     labels = [*(item.kind for item in own), *(f"{_YIELDS}{way_of(place)}" for _, place in joints)]
     names = [*(f"{item.physics} {item.kind} {item.place}" for item in own)]

@@ -19,6 +19,8 @@ from .follows import Followed
 from .law import Law, Place
 from .setup import Setup
 
+#: How much a joint of an arm usually yields [rad/(N m), m/N].
+USUAL_ABOUT, USUAL_ALONG = 1e-4, 1e-6
 #: The aspect of the place where every joint has a value of its own.
 EACH_JOINT = "each joint"
 
@@ -98,7 +100,9 @@ class EveryJointCompliance(Law):
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return tuple(
-            Quantity(item.name, "m/N" if item.aspect == "along" else "rad/(N m)", f"of {item}", 1e-5, False, upper=1.0)
+            Quantity(item.name, "m/N", f"of {item}", USUAL_ALONG, False, upper=1.0)
+            if item.aspect == "along"
+            else Quantity(item.name, "rad/(N m)", f"of {item}", USUAL_ABOUT, False, upper=1.0)
             for item in _own(mechanism)
         )
 

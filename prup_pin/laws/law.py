@@ -49,7 +49,7 @@ class Law(ABC):
     neutral: ClassVar[Mapping[str, float]]
     #: Aspect of its places, where several laws share one word.
     variant: ClassVar[str] = ""
-    #: What it cannot act without: the columns of 'temperature' or 'speed', or 'gravity' of whatever source.
+    #: What it cannot act without: the columns of 'temperature', 'speed' or 'wrench', or 'gravity' of whatever source.
     needs: ClassVar[tuple[str, ...]] = ()
     #: How far its positive parameters usually lie from where a fit starts, as a standard deviation of logarithms.
     spread: ClassVar[float] = 2.0

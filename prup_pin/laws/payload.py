@@ -56,6 +56,10 @@ class OffCentrePayload(Payload):
         ),
     )
 
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        # a centre on a side that it is not on speaks against any mass
+        return [{"mass": float(self.quantities[0].default), "x": 0.0, "y": 0.0, "z": 0.0}]  # type: ignore[arg-type]
+
     def _centre(self, values: Mapping[str, float]) -> np.ndarray:
         return np.array([values[axis] for axis in "xyz"])
 

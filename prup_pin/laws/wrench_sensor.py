@@ -26,6 +26,7 @@ class WrenchSensorMisalignment(Law):
 
     physics = "wrench_sensor_misalignment"
     summary = "a wrench sensor that is turned"
+    needs = ("wrench",)
     quantities = tuple(_small(f"r{axis}", "rad", f"rotation about {axis}", 0.01, 0.6) for axis in "xyz")
     neutral: ClassVar = {"rx": 0.0, "ry": 0.0, "rz": 0.0}
 
@@ -46,6 +47,7 @@ class WrenchSensorGain(Law):
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
+    needs = ("wrench",)
     quantities = tuple(
         Quantity(name, "1", f"true over reported {name}", 1.05, lower=0.2, upper=5.0) for name in WRENCH_NAMES
     )
@@ -67,6 +69,7 @@ class WrenchSensorCommonGain(Law):
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
+    needs = ("wrench",)
     quantities = (Quantity("gain", "1", "true over reported", 1.05, lower=0.2, upper=5.0),)
     neutral: ClassVar = {"gain": 1.0}
     variant = "all channels"
@@ -89,6 +92,7 @@ class WrenchSensorBias(Law):
 
     physics = "wrench_sensor_bias"
     summary = "a wrench sensor that is not zeroed"
+    needs = ("wrench",)
     quantities = tuple(
         _small(name, "N" if name[0] == "f" else "N m", f"reported {name} at rest", 0.5, 1e3) for name in WRENCH_NAMES
     )

@@ -76,7 +76,7 @@ def test_declares_what_a_person_reads(law):
     assert law.physics in DOCUMENTED
     assert law.summary
     assert type(law).__doc__
-    assert set(law.needs) <= {"temperature", "speed", "gravity"}
+    assert set(law.needs) <= {"temperature", "speed", "gravity", "wrench"}
     assert any(law.places(robot(name).mechanism) for name in NAMES), "no test robot has a place for it"
 
 
