@@ -27,7 +27,9 @@ class EncoderOffset(Law):
         return [Place(name) for name in actuator_places(mechanism)]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return self.quantities if _slides(place, mechanism) else (replace(self.quantities[0], unit="rad", default=1e-3),)
+        return (
+            self.quantities if _slides(place, mechanism) else (replace(self.quantities[0], unit="rad", default=1e-3),)
+        )
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)

@@ -18,7 +18,12 @@ from .terminal import listed, make_table, paragraph, print_table
 
 __all__ = ["print_laws"]
 
-_NEEDS = {"temperature": "the column temperature", "speed": "columns qd.<joint>", "gravity": "gravity", "wrench": "columns w.fx … w.mz"}
+_NEEDS = {
+    "temperature": "the column temperature",
+    "speed": "columns qd.<joint>",
+    "gravity": "gravity",
+    "wrench": "columns w.fx … w.mz",
+}
 
 
 def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
