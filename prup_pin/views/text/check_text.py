@@ -26,6 +26,11 @@ _NOTHING = 1e-9
 _STEP = 1e-4
 #: An axle that is more beside its joint's axis than this was not meant to be [rad].
 _ASKEW = 0.01
+#: What to do with drives that a robot has beyond its degrees of freedom.
+_SURPLUS = (
+    ". Positions of more never fit one another to the last digit: leave surplus drives out of <actuated>, and give each a "
+    "joint_spring, which holds it where the others put it"
+)
 #: No beam is softer [Pa].
 _SOFT = 1e6
 
@@ -42,10 +47,12 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
         yield from second_opinion(mechanism)
     found = robot.mobility(home)
     driven = len(mechanism.actuated_dofs)
-    if mechanism.loops and found.mobility - len(found.idle_joints) != driven:
+    moving = found.mobility - len(found.idle_joints)
+    if mechanism.loops and moving != driven:
         yield (
             f"{found.mobility} degrees of freedom, {len(found.idle_joints)} of them idle, and {driven} actuated "
             "joints: expected as many actuated joints as degrees of freedom that move the tool"
+            + (_SURPLUS if driven > moving else "")
         )
     yield from _fixed_coordinates(robot)
     yield from _odd_beams(robot)
