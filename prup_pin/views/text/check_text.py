@@ -28,7 +28,7 @@ _STEP = 1e-4
 _ASKEW = 0.01
 #: What to do with drives that a robot has beyond its degrees of freedom.
 _SURPLUS = (
-    ". Positions of more never fit one another to the last digit: leave surplus drives out of <actuated>, and give each "
+    ". Positions of more never fit one another to the last digit: leave surplus drives out of <actuated>, give each "
     "a joint_spring, which holds it where the others put it"
 )
 #: No beam is softer [Pa].
