@@ -106,7 +106,7 @@ def sweep(
         asked["direction"] = direction if "tool" in direction else parse_list(direction, 3 * ["number"], "xyz",
                                                                               "--direction")  # fmt: skip
     if force is not None or moment is not None:
-        sizes = [f"{name}s up to {number(asked[name])} {unit}" for name, unit in _BOX.items() if name in asked]
+        sizes = [f"{name}s up to {number(asked[name])} {unit}" for name, unit in _BOX.items() if asked.get(name)]
         text["loads"] = f"{', '.join(sizes)}, each component, all signs"
     if draws is not None:
         asked |= {"draws": draws, "seed": seed}

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number, quantity
+from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Along, Deed, ExtraStrain, Strain
@@ -97,11 +97,8 @@ class BacklashByAxis(Law):
             yield ExtraStrain(place.name, Strain(Along(slice(component, component + 1), play)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        x, y = 1e6 * values["half_gap_x"], 1e6 * values["half_gap_y"]
-        return (
-            f"{place.name} has a play of ±{number(x, 3)} µm along its x and of ±{number(y, 3)} µm along its y, "
-            "each for itself"
-        )
+        x, y = (quantity(values[name], "m") for name in ("half_gap_x", "half_gap_y"))
+        return f"{place.name} has a play of ±{x} along its x and of ±{y} along its y, each for itself"
 
 
 def _play(force: Array, gap: float, load: float) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import number, quantity
 from ..parameters import Quantity
 from .deeds import Deed, Travel
 from .law import Law, Place
@@ -38,8 +38,8 @@ class EncoderOffset(Law):
         yield Travel(actuator_places(setup.mechanism)[place.name], values["offset"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "mm" if _slides(place, mechanism) else "mrad"
-        return f"the encoder at {place} is off by {number(1e3 * values['offset'], 3, signed=True)} {unit}"
+        unit = "m" if _slides(place, mechanism) else "rad"
+        return f"the encoder at {place} is off by {quantity(values['offset'], unit, signed=True)}"
 
 
 def _slides(place: Place, mechanism: Mechanism) -> bool:

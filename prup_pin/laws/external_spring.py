@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import number, readable_unit
 from ..parameters import Quantity
 from .deeds import Deed, ToolSpring
 from .law import Law, Place
@@ -65,8 +65,9 @@ class ExternalSpring(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         stiff = ", ".join(f"{number(value, 3)}" for value in dict.fromkeys(self._stiffness(values)))
-        slack = ", ".join(f"{number(values[axis], 3)}" for axis in _AXES)
-        return f"something pulls the tool towards ({slack}) m, with {stiff} N/m: a hose or a cable"
+        unit, factor = readable_unit(max(abs(values[axis]) for axis in _AXES), "m")
+        slack = ", ".join(number(factor * values[axis], 3) for axis in _AXES)
+        return f"something pulls the tool towards ({slack}) {unit}, with {stiff} N/m: a hose or a cable"
 
 
 class UnevenSpring(ExternalSpring):

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import quantity
 from ..parameters import Quantity
 from .deeds import ChangedLength, Deed, Travel
 from .law import Law, Place
@@ -52,7 +52,7 @@ class GeometricOffset(Law):
                 yield Travel(column, rate * error)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        listed = ", ".join(f"{name} {number(1e3 * value, 3, signed=True)} mm" for name, value in values.items())
+        listed = ", ".join(f"{name} {quantity(value, 'm', 3, signed=True)}" for name, value in values.items())
         return f"{place.name} is not where the drawing has it: {listed}"
 
 

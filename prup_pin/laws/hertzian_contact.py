@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Along, Deed, ExtraStrain, Strain
@@ -58,7 +58,8 @@ class HertzianContact(Law):
         yield ExtraStrain(place.name, Strain(Along(direction, contact)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place} stiffens with its load, as contacts do (preload {number(values['preload'], 3)})"
+        unit = next(q.unit for q in self.quantities_at(place, mechanism) if q.name == "preload")
+        return f"{place} stiffens with its load, as contacts do (preload {quantity(values['preload'], unit)})"
 
 
 def _contact(force: Array, stiffness: float, at: float, preload: float) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Joint, Mechanism
-from ..numbers import number
+from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array, axis_as_z
 from .deeds import Deed, MovedJoint
@@ -113,9 +113,7 @@ class JointDirection(Law):
         yield MovedJoint(joint.name, (0.0, 0.0, 0.0, *turn.tolist()))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        turns = ", ".join(
-            f"{number(1e3 * value, 3, signed=True)} mrad {_about(name)}" for name, value in values.items()
-        )
+        turns = ", ".join(f"{quantity(value, 'rad', 3, signed=True)} {_about(name)}" for name, value in values.items())
         return f"the axis at {place.name} does not point where the drawing has it: turned by {turns}"
 
 
@@ -156,7 +154,7 @@ def shift_of(values: Mapping[str, float]) -> Array:
 
 def listed(values: Mapping[str, float]) -> str:
     """Return displacements along axes in words."""
-    return ", ".join(f"{axis} {number(1e3 * value, 3, signed=True)} mm" for axis, value in values.items())
+    return ", ".join(f"{axis} {quantity(value, 'm', 3, signed=True)}" for axis, value in values.items())
 
 
 def _about(name: str) -> str:

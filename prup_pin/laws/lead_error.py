@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import number, quantity
 from ..parameters import Quantity
 from .deeds import Deed, Solved, Travel
 from .drawn import Drawn
@@ -81,5 +81,5 @@ class PeriodicLeadError(Law):
         return Drawn(within, at.first.by_travel(column), ("position within a turn", "extra travel"), ("m", "m"))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        amplitude = 1e6 * np.hypot(values["sine"], values["cosine"])
-        return f"{place.name} errs once a turn, by ±{number(amplitude, 3)} µm"
+        amplitude = float(np.hypot(values["sine"], values["cosine"]))
+        return f"{place.name} errs once a turn, by ±{quantity(amplitude, 'm')}"

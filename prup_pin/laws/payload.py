@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import number, readable_unit
 from ..parameters import Quantity
 from .deeds import Deed, ToolLoad
 from .law import Law, Place
@@ -64,5 +64,7 @@ class OffCentrePayload(Payload):
         return np.array([values[axis] for axis in "xyz"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        centre = ", ".join(f"{number(1e3 * values[axis], 3)}" for axis in "xyz")
-        return f"{super().statement(place, values, mechanism)}, centred at ({centre}) mm in its axes"
+        centre = self._centre(values)
+        unit, factor = readable_unit(float(np.abs(centre).max()), "m")
+        listed = ", ".join(number(factor * value, 3) for value in centre)
+        return f"{super().statement(place, values, mechanism)}, centred at ({listed}) {unit} in its axes"

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import rotation_exp
 from .deeds import Deed, Moved, PoseReport
@@ -39,6 +39,5 @@ class PoseSensorMisalignment(Law):
         yield PoseReport(Moved.from_frame(turn, shift))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        turn = 1e3 * np.linalg.norm([values["rx"], values["ry"], values["rz"]])
-        shift = 1e3 * np.linalg.norm([values["tx"], values["ty"], values["tz"]])
-        return f"the pose sensor's frame is turned by {number(turn, 3)} mrad and shifted by {number(shift, 3)} mm"
+        turn, shift = (float(np.linalg.norm([values[kind + axis] for axis in "xyz"])) for kind in "rt")
+        return f"the pose sensor's frame is turned by {quantity(turn, 'rad')} and shifted by {quantity(shift, 'm')}"

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import rotation_exp
 from .deeds import Deed, Moved, PoseReport
@@ -65,9 +65,9 @@ class MarkerMisalignment(Law):
 
 def _beside(values: Mapping[str, float], frame: str) -> str:
     """Return in words how a target sits on a frame: turned only where a turn was found, which positions do not show."""
-    shift = 1e3 * np.linalg.norm([values[name] for name in ("x", "y", "z")])
-    turn = 1e3 * np.linalg.norm([values[name] for name in ("rx", "ry", "rz")])
-    sits, turned = f"sits {number(shift, 3)} mm beside {frame}", f"is turned by {number(turn, 3)} mrad"
+    shift = float(np.linalg.norm([values[name] for name in ("x", "y", "z")]))
+    turn = float(np.linalg.norm([values[name] for name in ("rx", "ry", "rz")]))
+    sits, turned = f"sits {quantity(shift, 'm')} beside {frame}", f"is turned by {quantity(turn, 'rad')}"
     if not turn:
         return sits
     return f"{sits} and {turned}" if shift else f"{turned} on {frame}"

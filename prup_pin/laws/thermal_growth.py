@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import Array
 from .deeds import Deed, ExtraStrain, Solved, Strain, Travel
@@ -60,7 +60,7 @@ class ThermalGrowth(Law):
         return Drawn(warm, direction * length[at.samples, None], labels, units)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"{place} grows as it warms up, by {number(1e6 * values['expansion'], 3)} µm per metre and kelvin"
+        return f"{place} grows as it warms up, by {quantity(values['expansion'], '1/K')}"
 
 
 def _held(mechanism: Mechanism) -> dict[str, tuple[int, float]]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import number, quantity
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import Deed, WrenchReading
@@ -38,8 +38,8 @@ class WrenchSensorMisalignment(Law):
         yield WrenchReading(partial(_turned, turn=turn))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        turn = np.degrees(np.linalg.norm([values[f"r{axis}"] for axis in "xyz"]))
-        return f"the wrench sensor is turned by {number(turn, 3)} degrees against the base frame"
+        turn = float(np.linalg.norm([values[f"r{axis}"] for axis in "xyz"]))
+        return f"the wrench sensor is turned by {quantity(turn, 'rad')} against the base frame"
 
 
 class WrenchSensorGain(Law):

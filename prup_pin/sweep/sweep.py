@@ -107,12 +107,14 @@ def sweep(
 
 
 def _asked(quantities, force, moment, wrench, direction, length) -> Asked:
+    if (force is None) != (moment is None):  # a box of forces alone has no moments, and the other way round
+        force, moment = (0.0 if side is None else side for side in (force, moment))
     chosen(quantities, force, moment, wrench, direction)
     for name, value, unit in (("force", force, "N"), ("moment", moment, "N m"), ("length", length, "m")):
         if value is None:
             continue
         try:
-            good = 0 < float(value) < np.inf
+            good = 0 < float(value) < np.inf or (name != "length" and 0 == value < max(force, moment))
         except (TypeError, ValueError):
             good = False
         if not good:

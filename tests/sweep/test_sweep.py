@@ -82,6 +82,17 @@ def test_the_extremes_are_those_of_all_729_states(robot):
         np.testing.assert_allclose(s["extreme_components"][index], np.abs(moved).max(axis=0), rtol=1e-12)
 
 
+def test_a_box_of_forces_alone_has_no_moments(robot):
+    alone, slight, whole = (
+        robot.sweep(z=0.3, theta=0.1, phi=0.2, quantities=["extremes"], force=100.0, **moment)["extremes"]
+        for moment in ({}, {"moment": 1e-9}, {"moment": 10.0})
+    )
+    np.testing.assert_allclose(alone, slight, rtol=1e-9)
+    assert (whole > 1.01 * alone).all()
+    with pytest.raises(prup_pin.InputError, match="half the side of the box of wrenches, above 0"):
+        robot.sweep(z=0.3, theta=0.1, phi=0.2, quantities=["extremes"], force=0.0)
+
+
 def test_the_papers_lower_ends_of_the_error_range():
     """GCER at z = 0.3 m, Section 6: 4.47 mm and 1.85 degrees."""
     robot = prup_pin.load("3prup").with_variant("as_published")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
-from ...numbers import number
+from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -64,8 +64,8 @@ class Cogging(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         size = float(np.hypot(values["cosine"], values["sine"]))
-        unit = "mm" if mechanism.joint(place.name).slides else "mrad"
+        unit = "m" if mechanism.joint(place.name).slides else "rad"
         return (
             f"an effort of {number(size, 3)} {effort_unit(place, mechanism)} at {place.name} comes back every "
-            f"{number(1e3 * values['period'], 4)} {unit}"
+            f"{quantity(values['period'], unit, 4)}"
         )

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
-from ...numbers import number
+from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
@@ -34,8 +34,8 @@ class OffsetEncoder(DrivenEffortLaw):
         return at.displaced(place.name)[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "mm" if mechanism.joint(place.name).slides else "mrad"
-        return f"the encoder of {place.name} is off by {number(1e3 * values['offset'], 3, signed=True)} {unit}"
+        unit = "m" if mechanism.joint(place.name).slides else "rad"
+        return f"the encoder of {place.name} is off by {quantity(values['offset'], unit, signed=True)}"
 
 
 class DelayedEncoder(Late, DrivenEffortLaw):

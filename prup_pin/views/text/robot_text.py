@@ -20,7 +20,7 @@ from ...robot import Robot
 from .joints import clean, joint_role, joint_type, limits, pose_text
 from .quantities import value_text
 from .tables import default_parameters, mobility_text, module_parameters, redundancy_text
-from .terminal import heading, in_options, listed, make_table, paragraph, print_table
+from .terminal import fits, heading, in_options, listed, make_table, paragraph, print_table
 
 __all__ = ["print_info", "print_kinds", "print_robots"]
 
@@ -197,11 +197,15 @@ def print_robots(out: Console) -> None:
     files = robots.example_files()
     missing = examples is None or not all((examples / file).is_file() for file in files.values())
     here = [("here", "left")] if missing else []
-    table = make_table(("name", "left"), ("file", "left"), *here, ("tool", "left"))
-    for name, file in files.items():
-        present = examples is not None and (examples / file).is_file()
-        known = "known" if name in robots.EXAMPLE_TOOLS else "--tool"
-        table.add_row(name, file.rpartition("/")[2], *(["yes" if present else "no"] if missing else []), known)
+    for named in (True, False):  # files are named where there is room for them
+        table = make_table(("name", "left"), *([("file", "left")] if named else []), *here, ("tool", "left"))
+        for name, file in files.items():
+            present = examples is not None and (examples / file).is_file()
+            known = "known" if name in robots.EXAMPLE_TOOLS else "--tool"
+            cells = [file.rpartition("/")[2]] if named else []
+            table.add_row(name, *cells, *(["yes" if present else "no"] if missing else []), known)
+        if fits(out, table):
+            break
     print_table(out, table)
     out.print()
     paragraph(out, "A path to a URDF or MJCF file works wherever a name does.")

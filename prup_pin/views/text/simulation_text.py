@@ -19,6 +19,8 @@ __all__ = ["effect_text", "print_failures", "print_simulation"]
 
 #: So many row numbers are listed.
 _SHOWN = 8
+#: More values than this are counted, not written out: a calibration's.
+_MOST_VALUES = 12
 _UNITS = {"position": ("µm", 1e6), "rotation": ("µrad", 1e6), "effort": ("N, N m", 1.0)}
 
 
@@ -45,9 +47,11 @@ def print_simulation(
 
 
 def effect_text(effect: Effect) -> str:
-    """Return an effect as it is typed."""
+    """Return an effect as it is typed; of many values only how many."""
     aspect = f":{effect.place.aspect}" if effect.place.aspect else ""
     values = " ".join(f"{name}={number(value, 6)}" for name, value in effect.values.items())
+    if len(effect.values) > _MOST_VALUES:
+        values = f"({len(effect.values)} values)"
     return f"{effect.law.physics}@{effect.place.name}{aspect} {values}".strip()
 
 
