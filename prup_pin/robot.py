@@ -219,9 +219,9 @@ class Robot:
         `task_coordinates`, or a list or generator of rows or mappings; or `draws` poses between two ends each,
         theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints.
 
-        `force` [N] and `moment` [N m] are half the sides of the box of wrenches, one alone if the other is zero; `wrench` (6,)
-        is a load for shares and buckling; `direction` (3,) in base axes, or "tool z"; `length` [m] makes rotations arcs where they are
-        weighed against translations, else the characteristic length.
+        `force` [N] and `moment` [N m] are half the sides of the box of wrenches, one alone if the other is zero;
+        `wrench` (6,) is a load for shares and buckling; `direction` (3,) in base axes, or "tool z"; `length` [m] makes
+        rotations arcs where they are weighed against translations, else the characteristic length.
         `compiled` runs the same equations as machine code (extra: compiled), which pays from some ten thousand poses
         on; without it numpy runs them from 5,000 poses on. An `executor` of concurrent.futures solves parts anywhere;
         the bits are the same. `out` streams everything to a Parquet table, for more poses than memory holds; the same
