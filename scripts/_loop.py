@@ -117,10 +117,11 @@ def trial(seed: int, kind: str) -> dict[str, Any]:
 
 
 def _measured(given: Drawn, asked, seed: int) -> dict[str, np.ndarray]:
-    """Return what the device's own bench records where a plan sends it, as warm as it was last."""
+    """Return what the device's own bench records where a plan sends it, as warm as it was last unless asked for."""
     q = np.stack([np.array(asked.positions[name]) for name in given.actuated], axis=1)
     w = np.array(asked.wrench)
-    warm = np.full(len(q), float(given.rec["temperature"][-1]))
+    last = np.full(len(q), float(given.rec["temperature"][-1]))
+    warm = last if asked.temperature is None else np.array(asked.temperature)
     run = Programme(q, w, warm, np.arange(len(q), dtype=float))
     return draw.measure(given.device, run, np.random.default_rng([seed, 14]), given.noise)
 

@@ -104,7 +104,7 @@ INDISTINCT_COST: Final = 2.5
 #: Alternatives within this many times INDISTINCT are worth an experiment that separates them.
 WORTH_SEPARATING: Final = 3
 #: ... so many of them: the plan is for the best ones.
-MOST_PAIRS: Final = 6
+MOST_PAIRS: Final = 10
 
 # -- how far is the search driven? -------------------------------------------------------------------------------------
 
@@ -239,6 +239,18 @@ MOST_PARAMETERS_TOLD: Final = 2
 WEIGHED_POSES: Final = 12
 WEIGHED_LOADS: Final = 8
 PLANNED_POSES: Final = 4
+#: ... as many as this where some pair needs more, and their cycles of loads so often: as long as a first recording.
+MOST_PLANNED_POSES: Final = 8
+MOST_REPEATED: Final = 6
+#: Where no plan found tells a pair apart for certain, so often so many further poses and loads are weighed: anywhere,
+#: and near the best ones, for a gap that just closes shows in few of them.
+DEEPER_SEARCHES: Final = 2
+DEEPER_CANDIDATES: Final = 96
+#: ... unless all poses and loads weighed differ by less than this, in chi squared: the two are one and the same.
+NOWHERE_APART: Final = 0.01
+#: What else might tell such a pair apart is simulated: loads so many times as large, the base tilted by so much [rad].
+LARGER_LOADS: Final = 3.0
+TILTED_BASE: Final = 0.2
 #: Difference in chi squared beyond which more would not make a pair of explanations any clearer: so many INDISTINCT
 #: leave one of them indistinct once in three hundred.
 CERTAIN: Final = 4 * INDISTINCT

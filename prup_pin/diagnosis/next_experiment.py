@@ -2,53 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..channels import PoseChannel, Stack
-from ..errors import PrupPinError
-from ..laws import Inputs
-from ..mechanism import Frame
 from ..numbers import number
 from ..robot import Robot
-from ..simulation import Run, Simulator
 from ..spatial import WRENCH_NAMES, Array
 from .compete import Selection
 from .criteria import (
     CERTAIN,
+    DEEPER_CANDIDATES,
+    DEEPER_SEARCHES,
     INDISTINCT,
-    LEAST_FORCE,
-    LEAST_MOMENT,
-    LEAST_WIDER,
+    LARGER_LOADS,
     MOST_PAIRS,
+    MOST_PLANNED_POSES,
+    MOST_REPEATED,
+    NOWHERE_APART,
     PLANNED_POSES,
+    TILTED_BASE,
     WEIGHED_LOADS,
     WEIGHED_POSES,
-    WIDER,
     WORTH_SEPARATING,
 )
-from .fit import Fit, Problem, Term
-from .influence import Influence
+from .fit import Problem, Term
+from .separation import Bench, Pair, Test, apart, known_of
 
 __all__ = ["next_experiment"]
 
 #: Shares of a planned load, one sample each.
-CYCLE = (0, 0.5, 1, 0.5, 0, -0.5, -1, -0.5, 0)
+CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
+#: ... by which loads are weighed where something remembers what was before.
+_SHORT_CYCLE = (0.0, 1.0, 0.0, -1.0)
 #: What decides between poses where every pair has enough.
 _LITTLE = 1e-6
 #: Pairs that the reason lists.
 MOST_LISTED = 3
+#: Of what these laws need the plan can see to.
+_SEEN_TO = {"gravity", "temperature"}
 
 
 def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
     """Return a test plan whose samples differ most between the explanations that are left, with the reason.
 
     Where explanations were compared, `separates` and `cannot_separate` list them in pairs; the latter also parts of the
-    robot to which one and the same effect can be ascribed.
+    robot to which one and the same effect can be ascribed. `weighed` says how many poses under how many loads were.
     """
-    proposed = _proposed(robot, problem, selection)
+    proposed = _proposed(problem, selection)
     same = [
         {"one": _named(term), "other": {**_named(term), "location": place}, "times_noise": 0.0}
         for term in selection.last.terms
@@ -58,146 +60,236 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     return {**proposed, "cannot_separate": [*proposed.get("cannot_separate", ()), *same]} if same else proposed
 
 
-def _proposed(robot: Robot, problem: Problem, selection: Selection) -> dict[str, Any]:
-    pairs = _pairs(selection)
-    plan: dict[str, Any] = {"robot": robot.name}
-    inputs = problem.simulator.inputs
-    finite = np.isfinite(inputs.actuators).all(axis=1)
-    if not finite.any():
+def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
+    bench = Bench.of(problem)
+    if bench is None:
         return {"why": "no complete sample", "plan": {}}
-    generator = np.random.default_rng(1)
-    low, high = inputs.actuators[finite].min(axis=0), inputs.actuators[finite].max(axis=0)
-    wide = np.maximum(WIDER * (high - low), LEAST_WIDER)
-    positions = list(_reachable(robot, low - wide, high + wide, generator))
-    force = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, :3], axis=1), initial=0.0)), LEAST_FORCE)
-    moment = max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, 3:], axis=1), initial=0.0)), LEAST_MOMENT)
-    loads = _unit_loads(generator) * np.array(3 * [force] + 3 * [moment])
-    if not positions:
+    left = _left(selection)
+    pairs = [pair for pair in left if pair.needs <= _SEEN_TO][:MOST_PAIRS]
+    search = _Search(bench, problem, selection, pairs)
+    if not search.begun:
         return {"why": "no pose near the recorded ones is reachable", "plan": {}}
-    count = len(positions) * len(loads)
-    # the base stays as it stood last
-    gravity = None if inputs.gravity is None else inputs.gravity[np.isfinite(inputs.gravity).all(axis=1)][-1]
-    trial = _inputs(positions, [loads] * len(positions), gravity)
-    simulator = Simulator(robot, trial)
-    usable = [term for pair in pairs for term in pair if set(term.candidate.law.needs) <= {"gravity"}]
-    told: dict[str, list[dict[str, Any]]] = {}
-    why = "the largest deflections, where anything left out shows most"
-    run = simulator.run()
-    seen = [channel for channel in problem.stack.poses if channel.exists.any()] or problem.stack.poses[:1]
-    influence = Influence(simulator, run, Stack(tuple(PoseChannel.nothing(channel.frame, count) for channel in seen)))
-    noise = influence.stack.deviation(problem.noise)
-    unmeasured = np.concatenate([channel.exists.any() & ~channel.exists.any(axis=0) for channel in seen])
-    noise[unmeasured] = np.inf
-    separates = bool(pairs) and len(usable) == 2 * len(pairs)
-    if separates:
-        changes = [[influence.change(simulator.setup([term.effect])) for term in pair] for pair in pairs]
-        differences = [one - other for one, other in changes]
-    else:
-        differences = [(influence.compliance @ trial.wrench[run.samples][..., None])[..., 0]]
-    value = np.zeros((len(differences), count))
-    value[:, run.samples] = [((difference / noise) ** 2).sum(axis=1) for difference in differences]
-    picked = _picked(value.reshape(-1, len(positions), len(loads)), CERTAIN if separates else np.inf)
-    chosen = [(positions[pose], loads[load]) for pose, load in picked]
-    if separates:
-        planned = _inputs([at for at, _ in chosen], [np.outer(CYCLE, load) for _, load in chosen], gravity)
-        frames = [channel.frame for channel in seen]
-        why, told = _told_apart(Simulator(robot, planned), problem, selection.last, pairs, noise, frames)
-        if not told["separates"]:
-            return {"why": why, "plan": {}, **told}
-    names = robot.mechanism.actuated
+    if not pairs:
+        why = "the largest deflections, where anything left out shows most"
+        if left:
+            why += "; explanations that are left differ in motion, which no test plan describes"
+        return {"why": why, "plan": _written(bench, problem, search, search.largest(), CYCLE)}
+    chosen, repeated = search.planned()
+    told = _Told(search, chosen, repeated)
+    answer = {"why": told.why, "plan": {}, **told.lists, "weighed": len(search.positions)}
+    if told.lists["separates"]:
+        cycle = CYCLE[:-1] * (repeated - 1) + CYCLE
+        answer["plan"] = _written(
+            bench, problem, search, chosen, cycle, any("temperature" in pair.needs for pair in pairs)
+        )
+    return answer
+
+
+class _Search:
+    """Places, each a pose under a load, weighed to first order: all pairs at first, then what is not apart yet.
+
+    positions (c, a), loads (c, 6); `worth[k]` (c,) what a full load there is worth to pair k, in chi squared.
+    """
+
+    def __init__(self, bench: Bench, problem: Problem, selection: Selection, pairs: Sequence[Pair]):
+        self.bench, self.problem, self.last, self.pairs = bench, problem, selection.last, pairs
+        self.generator = np.random.default_rng(1)
+        poses = list(bench.poses(WEIGHED_POSES, self.generator))
+        units = np.concatenate((np.eye(6) * bench.largest, bench.loads(WEIGHED_LOADS, self.generator)))
+        self.positions = np.repeat(np.array(poses), len(units), axis=0) if poses else np.zeros((0, 0))
+        self.loads = np.tile(units, (len(poses), 1))
+        self.begun = bool(poses)
+        self.worth = np.zeros((0, 0))
+        self.known = [known_of(problem, self.last, pair) for pair in pairs]
+
+    def largest(self) -> list[int]:
+        """Return the places of the largest deflections."""
+        test = self._test(slice(None), (1.0,))
+        moved = test.problem.whitened(test.fit.influence, _deflections(test))
+        value = np.zeros(len(self.positions))
+        value[test.fit.samples] = (moved**2).sum(axis=1)
+        self.worth = value[None]
+        order = np.argsort(-value, kind="stable")
+        _, first = np.unique(self.positions[order], axis=0, return_index=True)
+        return order[np.sort(first)[:PLANNED_POSES]].tolist()
+
+    def planned(self) -> tuple[list[int], int]:
+        """Return the places of a plan, and how often the cycle of loads is gone through in each."""
+        every = range(len(self.pairs))
+        self.worth = self._weighed(every, slice(None))
+        for _ in range(DEEPER_SEARCHES):
+            near = [k for k in every if NOWHERE_APART < self._best(k) < CERTAIN]
+            if not near:
+                break
+            begun = len(self.positions)
+            self._drawn(near)
+            self.worth = np.concatenate((self.worth, self._weighed(near, slice(begun, None))), axis=1)
+        chosen = self._picked()
+        have = self.worth[:, chosen].sum(axis=1)
+        wanted = [CERTAIN / size for size in have if MOST_REPEATED * size >= INDISTINCT]
+        return chosen, int(np.clip(np.ceil(max(wanted, default=1.0)), 1, MOST_REPEATED))
+
+    def is_proved_alike(self, pair: int) -> bool:
+        """Return True where not even a plan for this pair alone, repeated, would tell it apart."""
+        return MOST_REPEATED * self._best(pair) < INDISTINCT
+
+    def _best(self, pair: int) -> float:
+        """Return what the best places for one pair, each in a pose of its own, are worth to it."""
+        order = np.argsort(-self.worth[pair], kind="stable")[: MOST_PLANNED_POSES * (6 + WEIGHED_LOADS)]
+        _, first = np.unique(self.positions[order], axis=0, return_index=True)
+        return float(self.worth[pair, order[np.sort(first)[:MOST_PLANNED_POSES]]].sum())
+
+    def _drawn(self, near: Sequence[int]) -> None:
+        """Take in further places: half of them anywhere, half near those that are best for pairs not yet apart."""
+        best = sorted({int(place) for k in near for place in np.argsort(-self.worth[k])[:PLANNED_POSES]})
+        half = DEEPER_CANDIDATES // 2
+        anywhere = list(self.bench.poses(half, self.generator))
+        beside = list(self.bench.poses(half, self.generator, self.positions[best]))
+        self.positions = np.array([*self.positions, *anywhere, *beside])
+        loads = self.bench.loads(len(anywhere), self.generator)
+        varied = self.bench.loads(len(beside), self.generator, self.loads[best])
+        self.loads = np.concatenate((self.loads, loads, varied))
+
+    def _test(self, places: slice, cycle: Sequence[float]) -> Test:
+        loads = np.array(cycle)[None, :, None] * self.loads[places, None]
+        return Test(self.bench, self.problem, self.last, self.bench.inputs(self.positions[places], loads))
+
+    def _weighed(self, which: Iterable[int], places: slice) -> Array:
+        """Return what places are worth to some pairs, (pairs, places), after what may be fitted there; others zero."""
+        remembers = any(term.candidate.remembers for pair in self.pairs for term in (*self.last.terms, pair.rival))
+        cycle = _SHORT_CYCLE if remembers else (1.0,)
+        test = self._test(places, cycle)
+        size = float(np.square(CYCLE).sum() / np.square(cycle).sum())
+        found = np.zeros((len(self.pairs), len(test.problem.simulator.inputs)))
+        for k in which:
+            pair = self.pairs[k]
+            left = apart(test.difference(pair), test.free(pair), self.known[k])
+            found[k, test.fit.samples] = size * (np.nan_to_num(left) ** 2).sum(axis=1)
+        return found.reshape(len(self.pairs), -1, len(cycle)).sum(axis=2)
+
+    def _picked(self) -> list[int]:
+        """Return places of a plan, no two in one pose.
+
+        One after the other, each where it adds most: every pair counts alike, and more than what makes it certain is
+        worth nothing to it. Beyond PLANNED_POSES only where a pair that can be told apart still needs one.
+        """
+        best = np.array([self._best(k) for k in range(len(self.worth))])
+        asks = MOST_REPEATED * best >= INDISTINCT
+        enough = np.where(asks, np.minimum(best, CERTAIN), np.inf)[:, None]
+        share = np.where(asks[:, None], 1 / enough, _LITTLE / max(float(best.max(initial=0.0)), 1e-300))
+        have = np.zeros((len(self.worth), 1))
+        picked: list[int] = []
+        free = np.ones(len(self.positions), bool)
+        while len(picked) < MOST_PLANNED_POSES and free.any():
+            if len(picked) >= PLANNED_POSES and not (asks & (have[:, 0] < CERTAIN)).any():
+                break
+            gain = (share * (np.minimum(have + self.worth, enough) - np.minimum(have, enough))).sum(axis=0)
+            place = int(np.argmax(np.where(free, gain + _LITTLE**2 * self.worth.sum(axis=0), -np.inf)))
+            picked.append(place)
+            free &= (self.positions != self.positions[place]).any(axis=1)
+            have += self.worth[:, place, None]
+        return picked
+
+
+def _deflections(test: Test) -> Array:
+    """Return how far the loads of a test move what is measured, (n, K), to first order."""
+    wrench = test.problem.simulator.inputs.wrench[test.fit.samples]
+    return (test.fit.influence.compliance @ wrench[..., None])[..., 0]
+
+
+class _Told:
+    """What a plan tells apart, pair by pair and in words: it is simulated, and what may be fitted is fitted."""
+
+    def __init__(self, search: _Search, chosen: Sequence[int], repeated: int):
+        self.search, self.repeated = search, repeated
+        self.positions = search.positions[list(chosen)]
+        self.loads = np.array(CYCLE)[None, :, None] * search.loads[list(chosen), None]
+        self.lists: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": [], "undecided": []}
+        words: dict[str, list[str]] = {name: [] for name in self.lists}
+        alike: list[tuple[int, dict[str, Any]]] = []
+        test = self._test()
+        for k, pair in enumerate(search.pairs):
+            size, largest = self._apart(test, k)
+            entry = {"one": _named(pair.term), "other": _named(pair.rival), "times_noise": largest}
+            kind = "separates"
+            if size < INDISTINCT:
+                kind = "cannot_separate" if search.is_proved_alike(k) else "undecided"
+                alike.append((k, entry))
+            self.lists[kind].append(entry)
+            words[kind].append(_against(pair, largest if kind == "separates" else None))
+        said = {
+            "separates": "separates {}",
+            "cannot_separate": "no pose and load within reach tells apart: {}",
+            "undecided": "this plan leaves open: {}",
+        }
+        parts = [text.format("; ".join(words[name][:MOST_LISTED])) for name, text in said.items() if words[name]]
+        self.why = ". But ".join([parts[0], "; and ".join(parts[1:])][: len(parts)]) + self._beyond_reach(alike)
+
+    def _test(self, times: float = 1.0, gravity: Array | None = None) -> Test:
+        search = self.search
+        inputs = search.bench.inputs(self.positions, times * self.loads, gravity)
+        return Test(search.bench, search.problem, search.last, inputs)
+
+    def _apart(self, test: Test, k: int) -> tuple[float, float]:
+        """Return how far a repeated test tells a pair apart, in chi squared, and the most of one sample in noise."""
+        pair = self.search.pairs[k]
+        left = apart(test.simulated(pair), test.free(pair), self.search.known[k] / self.repeated)
+        each = (np.nan_to_num(left) ** 2).sum(axis=1)
+        return self.repeated * float(each.sum()), float(np.sqrt(each.max(initial=0.0)))
+
+    def _beyond_reach(self, alike: Sequence[tuple[int, dict[str, Any]]]) -> str:
+        """Return what would tell apart what this bench does not: larger loads, a base tilted against gravity."""
+        pairs, bench = self.search.pairs, self.search.bench
+        ways: list[tuple[str, str, float, Array | None]] = []
+        if alike:
+            ways.append((f"Loads {LARGER_LOADS:g} times as large", "larger_loads", LARGER_LOADS, None))
+        if any("gravity" in pairs[k].needs for k, _ in alike):
+            gravity = bench.robot.mechanism.gravity if bench.gravity is None else bench.gravity
+            ways.append(("The base tilted against gravity", "tilted_base", 1.0, _tilted(gravity)))
+        said = ""
+        for what, key, times, tilted in ways:
+            test, told = self._test(times, tilted), []
+            for k, entry in alike:
+                size, entry[key] = self._apart(test, k)
+                if size >= INDISTINCT:
+                    told.append(_against(pairs[k], entry[key]))
+            if told:
+                said += f". {what} would tell apart {'; '.join(told[:MOST_LISTED])}"
+        return said
+
+
+def _tilted(gravity: Array) -> Array:
+    """Return gravity (3,) as a base has it that is tilted by TILTED_BASE about the axis most across it."""
+    axis = np.cross(gravity, np.eye(3)[int(np.argmin(np.abs(gravity)))])
+    axis /= np.linalg.norm(axis)
+    return gravity * np.cos(TILTED_BASE) + np.cross(axis, gravity) * np.sin(TILTED_BASE)
+
+
+def _written(
+    bench: Bench, problem: Problem, search: _Search, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False
+) -> dict[str, Any]:
+    """Return a plan as `read_plan` reads it."""
+    names = bench.robot.mechanism.actuated
+    plan: dict[str, Any] = {"robot": bench.robot.name}
     plan["poses"] = [
-        {"actuators": {name: round(float(q), 6) for name, q in zip(names, at, strict=True)}} for at, _ in chosen
+        {"actuators": {name: round(float(q), 6) for name, q in zip(names, search.positions[at], strict=True)}}
+        for at in chosen
     ]
     plan["loads"] = [
         {
-            "cycle": [*CYCLE],
-            "wrench": {n: round(float(x), 4) for n, x in zip(WRENCH_NAMES, load, strict=True)},
+            "cycle": [*cycle],
+            "wrench": {n: round(float(x), 4) for n, x in zip(WRENCH_NAMES, search.loads[at], strict=True)},
             "poses": [place],
         }
-        for place, (_, load) in enumerate(chosen)
+        for place, at in enumerate(chosen)
     ]
-    if markers := [channel.frame.name for channel in seen if channel is not problem.stack.poses[0]]:
+    if markers := [frame.name for frame in bench.frames if frame is not problem.stack.poses[0].frame]:
         plan["markers"] = markers
-    if gravity is not None:
-        plan["gravity"] = gravity.tolist()
-    return {"why": why, "plan": plan, **told}
-
-
-def _picked(value: Array, enough: float) -> list[tuple[int, int]]:
-    """Return places (pose, load) of a plan by what a full load there is worth to each pair, (pairs, poses, loads).
-
-    One after the other, each where it adds most: more than `enough` for a pair is worth nothing, so that every pair
-    gets its pose before one is told apart twice over.
-    """
-    value = np.nan_to_num(value) * float(np.square(CYCLE).sum())
-    have = np.zeros((len(value), 1, 1))
-    picked: list[tuple[int, int]] = []
-    for _ in range(min(PLANNED_POSES, value.shape[1])):
-        gain = (np.minimum(have + value, enough) - np.minimum(have, enough)).sum(axis=0)
-        gain += _LITTLE * value.sum(axis=0)
-        gain[[pose for pose, _ in picked]] = -np.inf
-        pose, load = (int(place) for place in np.unravel_index(np.argmax(gain), gain.shape))
-        picked.append((pose, load))
-        have += value[:, pose, load, None, None]
-    return picked
-
-
-def _inputs(positions: Sequence[Array], loads: Sequence[Array], gravity: Array | None) -> Inputs:
-    """Return the inputs of poses by their actuators' positions (a,), under loads (l, 6) in each of them."""
-    count, each = len(positions) * len(loads[0]), len(loads[0])
-    return Inputs(
-        time=np.arange(count, dtype=float),
-        actuators=np.repeat(np.array(positions), each, axis=0),
-        wrench=np.concatenate(loads),
-        blocks=np.repeat(np.arange(len(positions)), each),
-        gravity=None if gravity is None else np.tile(gravity, (count, 1)),
-    )
-
-
-def _told_apart(
-    simulator: Simulator,
-    problem: Problem,
-    fit: Fit,
-    pairs: Sequence[tuple[Term, Term]],
-    noise: Array,
-    frames: Sequence[Frame],
-) -> tuple[str, dict[str, list[dict[str, Any]]]]:
-    """Return what a plan would tell apart, in words and pair by pair: it is simulated.
-
-    noise (K,) of the columns that `frames` are measured in.
-    """
-    known: dict[tuple[int, int], Run] = {}
-    base = [] if problem.tolerances is None else problem.tolerances.at(fit.x)
-
-    def run(term: Term, instead_of: Term) -> Run:
-        """Return the simulated plan with a term in another one's place."""
-        key = id(term), id(instead_of)
-        if key not in known:
-            kept = [other.effect for other in fit.terms if other is not instead_of]
-            known[key] = simulator.run([*base, *kept, term.effect])
-        return known[key]
-
-    apart: list[str] = []
-    alike: list[str] = []
-    told: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": []}
-    for one, other in pairs:
-        rival = run(other, one)
-        measured = Stack(tuple(PoseChannel.of_run(rival, frame) for frame in frames))
-        difference = measured.residual(run(one, one)) / noise
-        size = float((difference**2).sum())
-        text = f"{_words(one)} against {_words(other)}"
-        largest = float(np.sqrt((difference**2).sum(axis=1).max()))
-        pair = {"one": _named(one), "other": _named(other), "times_noise": largest}
-        if size < INDISTINCT:
-            told["cannot_separate"].append(pair)
-            alike.append(text)
-        else:
-            told["separates"].append(pair)
-            apart.append(f"{text} (by {number(largest, 2)} times the noise)")
-    same = f"no pose and load within reach tells apart: {'; '.join(alike[:MOST_LISTED])}"
-    if not apart:
-        return same, told
-    return f"separates {'; '.join(apart[:MOST_LISTED])}" + (f". But {same}" if alike else ""), told
+    if bench.gravity is not None:
+        plan["gravity"] = bench.gravity.tolist()
+    if warm and bench.temperature is not None:
+        plan["temperature"] = round(bench.temperature, 2)
+    return plan
 
 
 def _named(term: Term) -> dict[str, str]:
@@ -210,7 +302,12 @@ def _words(term: Term) -> str:
     return f"{physics.replace('_', ' ')}{at}{place}"
 
 
-def _pairs(selection: Selection) -> list[tuple[Term, Term]]:
+def _against(pair: Pair, times: float | None = None) -> str:
+    apart = "" if times is None else f" (by {number(times, 2)} times the noise)"
+    return f"{_words(pair.term)} against {_words(pair.rival)}{apart}"
+
+
+def _left(selection: Selection) -> list[Pair]:
     """Return pairs of terms (ours, rival) that the data leave together."""
     pairs = []
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):
@@ -218,8 +315,8 @@ def _pairs(selection: Selection) -> list[tuple[Term, Term]]:
             other = rival.term
             if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > WORTH_SEPARATING * INDISTINCT:
                 continue
-            pairs.append((term, other))
-    return pairs[:MOST_PAIRS]
+            pairs.append(Pair(term, other))
+    return pairs
 
 
 def _holds(whole: Term, part: Term) -> bool:
@@ -227,25 +324,3 @@ def _holds(whole: Term, part: Term) -> bool:
     one, other = whole.candidate, part.candidate
     alike = one.law.physics == other.law.physics and one.size > other.size
     return alike and other.place.name in one.law.same_places(one.place, one.mechanism)
-
-
-def _reachable(robot: Robot, low, high, generator):
-    found = 0
-    for _ in range(10 * WEIGHED_POSES):
-        values = generator.uniform(low, high)
-        try:
-            robot.pose_from_actuators(values)
-        except PrupPinError:
-            continue
-        found += 1
-        yield values
-        if found == WEIGHED_POSES:
-            return
-
-
-def _unit_loads(generator) -> np.ndarray:
-    axes = np.eye(6)
-    mixed = generator.normal(size=(WEIGHED_LOADS, 6))
-    mixed[:, :3] /= np.linalg.norm(mixed[:, :3], axis=1, keepdims=True)
-    mixed[:, 3:] /= np.linalg.norm(mixed[:, 3:], axis=1, keepdims=True)
-    return np.concatenate((axes, mixed))

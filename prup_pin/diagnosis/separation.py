@@ -1,0 +1,235 @@
+"""How far two explanations are apart in a pose under a load, once all that may be fitted has been fitted.
+
+Where the simulation with one explanation is measured and the other one's parameters are fitted to it, with those of
+what stands beside them and all that is within tolerance, what the fit leaves is
+
+    min over v of |d - F v|^2 + v^T N v,
+
+with d the whitened difference of the two, F the whitened changes per parameter, and N what the recording says of the
+parameters already. An explanation that another one holds as a special case is so never taken to be apart from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ..channels import PoseChannel, Stack
+from ..errors import PrupPinError
+from ..laws import Inputs
+from ..mechanism import Frame
+from ..robot import Robot
+from ..simulation import Run, Simulator
+from ..spatial import Array
+from .criteria import LEAST_FORCE, LEAST_MOMENT, LEAST_WIDER, WIDER
+from .fit import Fit, Problem, Term
+
+__all__ = ["Bench", "Pair", "Test", "apart", "known_of"]
+
+#: Draws in which a pose within reach is looked for, for each that is wanted.
+_DRAWS = 10
+#: A varied pose and load lie within these shares of their range of the one that is varied.
+_NEAR_POSE, _NEAR_LOAD = 0.1, 0.4
+
+
+class Pair(NamedTuple):
+    """A term of a fit, and what could stand in its place."""
+
+    term: Term
+    rival: Term
+
+    @property
+    def needs(self) -> set[str]:
+        """What the two laws cannot act without."""
+        return {need for term in self for need in term.candidate.law.needs}
+
+    def in_place(self, fit: Fit, term: Term) -> tuple[Term, ...]:
+        """Return all terms of a fit with `term` in the place of the pair's."""
+        return tuple(term if other is self.term else other for other in fit.terms)
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What a next experiment may do and will measure: what the recording did, poses a little farther apart.
+
+    low, high (a,): of the actuators; force [N] and moment [N m], the largest; gravity (3,) of the base as it stood
+    last, None for the robot file's; temperature [deg C] or None; frames that are measured, and which of their
+    columns, (K,).
+    """
+
+    robot: Robot
+    low: Array
+    high: Array
+    force: float
+    moment: float
+    gravity: Array | None
+    temperature: float | None
+    frames: tuple[Frame, ...]
+    measured: np.ndarray
+
+    @classmethod
+    def of(cls, problem: Problem) -> Bench | None:
+        """Return that of a problem's recording; None where no sample of it is complete."""
+        inputs = problem.simulator.inputs
+        finite = np.isfinite(inputs.actuators).all(axis=1)
+        if not finite.any():
+            return None
+        low, high = inputs.actuators[finite].min(axis=0), inputs.actuators[finite].max(axis=0)
+        wide = np.maximum(WIDER * (high - low), LEAST_WIDER)
+        force, moment = (
+            max(float(np.nanmax(np.linalg.norm(inputs.wrench[:, part], axis=1), initial=0.0)), least)
+            for part, least in ((slice(3), LEAST_FORCE), (slice(3, 6), LEAST_MOMENT))
+        )
+        gravity = None if inputs.gravity is None else inputs.gravity[np.isfinite(inputs.gravity).all(axis=1)][-1]
+        seen = [channel for channel in problem.stack.poses if channel.exists.any()] or problem.stack.poses[:1]
+        every = not any(channel.exists.any() for channel in seen)
+        return cls(
+            robot=problem.simulator.robot,
+            low=low - wide,
+            high=high + wide,
+            force=force,
+            moment=moment,
+            gravity=gravity,
+            temperature=_warmest(inputs),
+            frames=tuple(channel.frame for channel in seen),
+            measured=np.concatenate([channel.exists.any(axis=0) | every for channel in seen]),
+        )
+
+    def poses(self, count: int, generator: np.random.Generator, around: Array | None = None) -> Iterator[Array]:
+        """Yield up to so many positions of the actuators (a,) within reach, drawn anywhere or near given ones."""
+        found = 0
+        for _ in range(_DRAWS * count):
+            values = generator.uniform(self.low, self.high)
+            if around is not None:
+                near = around[found % len(around)]
+                values = np.clip(near + _NEAR_POSE * (values - (self.low + self.high) / 2), self.low, self.high)
+            try:
+                self.robot.pose_from_actuators(values.tolist())
+            except PrupPinError:
+                continue
+            yield values
+            found += 1
+            if found == count:
+                return
+
+    @property
+    def largest(self) -> Array:
+        """Largest force and moment, (6,) [N, N m]."""
+        return np.array(3 * [self.force] + 3 * [self.moment])
+
+    def loads(self, count: int, generator: np.random.Generator, around: Array | None = None) -> Array:
+        """Return so many wrenches, (count, 6): force and moment as large as may be, anywhere or near given ones."""
+        drawn = generator.normal(size=(count, 6))
+        if around is not None:
+            drawn = around[np.arange(count) % len(around)] / self.largest + _NEAR_LOAD * drawn / np.sqrt(3)
+        for part in (slice(3), slice(3, 6)):
+            size = np.linalg.norm(drawn[:, part], axis=1, keepdims=True)
+            drawn[:, part] /= np.maximum(size, 1e-300 if around is None else 1.0)
+        return drawn * self.largest
+
+    def inputs(self, positions: Array, loads: Array, gravity: Array | None = None) -> Inputs:
+        """Return the inputs of places, positions (c, a), each under loads (c, l, 6) one after the other."""
+        count, each = loads.shape[:2]
+        total = count * each
+        gravity = self.gravity if gravity is None else gravity
+        return Inputs(
+            time=np.arange(total, dtype=float),
+            actuators=np.repeat(positions, each, axis=0),
+            wrench=loads.reshape(total, 6),
+            blocks=np.repeat(np.arange(count), each),
+            temperature=None if self.temperature is None else np.full(total, self.temperature),
+            gravity=None if gravity is None else np.tile(gravity, (total, 1)),
+        )
+
+
+def _warmest(inputs: Inputs) -> float | None:
+    """Return the temperature that is farthest from the reference [deg C]; None where none was measured."""
+    if inputs.temperature is None or not np.isfinite(inputs.temperature).any():
+        return None
+    return float(
+        inputs.temperature[np.nanargmax(np.where(np.isfinite(inputs.temperature), np.abs(inputs.warming), -1))]
+    )
+
+
+class Test:
+    """Samples that a bench could record, with what their simulation says of explanations, in multiples of the noise."""
+
+    __test__ = False  # pytest takes classes named Test… for tests
+
+    def __init__(self, bench: Bench, problem: Problem, last: Fit, inputs: Inputs):
+        self.bench, self.last = bench, last
+        exists = np.tile(bench.measured, (len(inputs), 1))
+        parts = np.split(exists, len(bench.frames), axis=1)
+        nowhere, unturned = np.zeros((len(inputs), 3)), np.tile(np.eye(3), (len(inputs), 1, 1))
+        channels = [
+            PoseChannel(frame, nowhere, unturned, part) for frame, part in zip(bench.frames, parts, strict=True)
+        ]
+        noise = replace(problem.noise, each=(), which=None)
+        own = Problem.of(Simulator(bench.robot, inputs), Stack(tuple(channels)), noise)
+        self.problem = own if problem.tolerances is None else replace(own, tolerances=problem.tolerances)
+        self._runs: dict[tuple[int, ...], Run] = {}
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The robot with its calibrated parameters and no law; the change per tolerance taken there."""
+        if self.problem.tolerances is None:
+            return self.problem.first
+        return self.problem.relinearised(self.problem.fit_at((), like=self.last))
+
+    @property
+    def count(self) -> int:
+        """Number of samples that have an answer, n."""
+        return len(self.fit.samples)
+
+    def difference(self, pair: Pair) -> Array:
+        """Return what the term changes less what its rival changes, (n, K), to first order."""
+        one, other = (
+            self.problem.change(self.fit, [item.effect for item in pair.in_place(self.last, term)]) for term in pair
+        )
+        return one - other
+
+    def simulated(self, pair: Pair) -> Array:
+        """Return the same by the whole simulation; zero where either has no answer."""
+        one, other = (self._run(pair.in_place(self.last, term)) for term in pair)
+        measured = Stack(tuple(PoseChannel.of_run(one, frame) for frame in self.bench.frames))
+        difference = measured.residual(other)[self.fit.samples]
+        return self.problem.whitened(self.fit.influence, np.where(self.bench.measured, difference, 0.0))
+
+    def _run(self, terms: Sequence[Term]) -> Run:
+        key = tuple(id(term) for term in terms)
+        if key not in self._runs:
+            beside = [] if self.problem.tolerances is None else self.problem.tolerances.at(self.last.x)
+            self._runs[key] = self.problem.simulator.run([*beside, *(term.effect for term in terms)], self.fit.run)
+        return self._runs[key]
+
+    def free(self, pair: Pair) -> Array:
+        """Return the whitened changes (n, K, p) per parameter of the rival and of all beside it, as in `known_of`."""
+        found = _free(self.problem, self.fit, pair.in_place(self.last, pair.rival))
+        return found.reshape(self.count, -1, found.shape[1])
+
+
+def known_of(problem: Problem, last: Fit, pair: Pair) -> Array:
+    """Return what a recording and tolerances say of the parameters of a pair's rival and of all beside it, (p, p)."""
+    columns = _free(problem, last, pair.in_place(last, pair.rival))
+    held = len(last.x)
+    prior = np.zeros(columns.shape[1])
+    prior[columns.shape[1] - held :] = 1.0
+    return columns.T @ columns + np.diag(prior)
+
+
+def _free(problem: Problem, fit: Fit, terms: tuple[Term, ...]) -> Array:
+    """Return the whitened changes per coordinate of terms and per tolerance, (K n, p)."""
+    return np.nan_to_num(np.concatenate((problem.jacobian(replace(fit, terms=terms)), fit.held), axis=1))
+
+
+def apart(difference: Array, free: Array, known: Array) -> Array:
+    """Return what fitting leaves of a difference (n, K): residuals (n, K) by which two explanations are apart."""
+    flat, columns = difference.ravel(), free.reshape(difference.size, -1)
+    normal = known + columns.T @ columns
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    step = np.linalg.lstsq(normal / size / size[:, None], columns.T @ flat / size, rcond=1e-12)[0] / size
+    return (flat - columns @ step).reshape(difference.shape)
