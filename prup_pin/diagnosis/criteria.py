@@ -242,6 +242,8 @@ PLANNED_POSES: Final = 4
 #: ... as many as this where some pair needs more, and their cycles of loads so often: as long as a first recording.
 MOST_PLANNED_POSES: Final = 8
 MOST_REPEATED: Final = 6
+#: A plan is proposed from this on, in chi squared: twice the noise of what it compares.
+WORTH_DOING: Final = 4.0
 #: Where no plan found tells a pair apart for certain, so often so many further poses and loads are weighed: anywhere,
 #: and near the best ones, for a gap that just closes shows in few of them.
 DEEPER_SEARCHES: Final = 2

@@ -25,6 +25,7 @@ from .criteria import (
     TILTED_BASE,
     WEIGHED_LOADS,
     WEIGHED_POSES,
+    WORTH_DOING,
     WORTH_SEPARATING,
 )
 from .fit import Problem, Term
@@ -73,15 +74,13 @@ def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
         why = "the largest deflections, where anything left out shows most"
         if left:
             why += "; explanations that are left differ in motion, which no test plan describes"
-        return {"why": why, "plan": _written(bench, problem, search, search.largest(), CYCLE)}
+        return {"why": why, "plan": _written(search, search.largest(), CYCLE)}
     chosen, repeated = search.planned()
     told = _Told(search, chosen, repeated)
     answer = {"why": told.why, "plan": {}, **told.lists, "weighed": len(search.positions)}
-    if told.lists["separates"]:
+    if told.most >= WORTH_DOING:
         cycle = CYCLE[:-1] * (repeated - 1) + CYCLE
-        answer["plan"] = _written(
-            bench, problem, search, chosen, cycle, any("temperature" in pair.needs for pair in pairs)
-        )
+        answer["plan"] = _written(search, chosen, cycle, any("temperature" in pair.needs for pair in pairs))
     return answer
 
 
@@ -205,6 +204,7 @@ class _Told:
         self.positions = search.positions[list(chosen)]
         self.loads = np.array(CYCLE)[None, :, None] * search.loads[list(chosen), None]
         self.lists: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": [], "undecided": []}
+        self.most = 0.0
         words: dict[str, list[str]] = {name: [] for name in self.lists}
         alike: list[tuple[int, dict[str, Any]]] = []
         test = self._test()
@@ -215,12 +215,14 @@ class _Told:
             if size < INDISTINCT:
                 kind = "cannot_separate" if search.is_proved_alike(k) else "undecided"
                 alike.append((k, entry))
+            if kind != "cannot_separate":
+                self.most = max(self.most, size)
             self.lists[kind].append(entry)
             words[kind].append(_against(pair, largest if kind == "separates" else None))
         said = {
             "separates": "separates {}",
             "cannot_separate": "no pose and load within reach tells apart: {}",
-            "undecided": "this plan leaves open: {}",
+            "undecided": "this plan alone may leave open: {}",
         }
         parts = [text.format("; ".join(words[name][:MOST_LISTED])) for name, text in said.items() if words[name]]
         self.why = ". But ".join([parts[0], "; and ".join(parts[1:])][: len(parts)]) + self._beyond_reach(alike)
@@ -265,10 +267,9 @@ def _tilted(gravity: Array) -> Array:
     return gravity * np.cos(TILTED_BASE) + np.cross(axis, gravity) * np.sin(TILTED_BASE)
 
 
-def _written(
-    bench: Bench, problem: Problem, search: _Search, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False
-) -> dict[str, Any]:
+def _written(search: _Search, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
     """Return a plan as `read_plan` reads it."""
+    bench = search.bench
     names = bench.robot.mechanism.actuated
     plan: dict[str, Any] = {"robot": bench.robot.name}
     plan["poses"] = [
@@ -283,8 +284,8 @@ def _written(
         }
         for place, at in enumerate(chosen)
     ]
-    if markers := [frame.name for frame in bench.frames if frame is not problem.stack.poses[0].frame]:
-        plan["markers"] = markers
+    if bench.markers:
+        plan["markers"] = list(bench.markers)
     if bench.gravity is not None:
         plan["gravity"] = bench.gravity.tolist()
     if warm and bench.temperature is not None:

@@ -58,7 +58,7 @@ class Bench:
 
     low, high (a,): of the actuators; force [N] and moment [N m], the largest; gravity (3,) of the base as it stood
     last, None for the robot file's; temperature [deg C] or None; frames that are measured, and which of their
-    columns, (K,).
+    columns, (K,); markers: those of the frames that are no tool's.
     """
 
     robot: Robot
@@ -70,6 +70,7 @@ class Bench:
     temperature: float | None
     frames: tuple[Frame, ...]
     measured: np.ndarray
+    markers: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, problem: Problem) -> Bench | None:
@@ -97,6 +98,7 @@ class Bench:
             temperature=_warmest(inputs),
             frames=tuple(channel.frame for channel in seen),
             measured=np.concatenate([channel.exists.any(axis=0) | every for channel in seen]),
+            markers=tuple(channel.frame.name for channel in seen if channel is not problem.stack.poses[0]),
         )
 
     def poses(self, count: int, generator: np.random.Generator, around: Array | None = None) -> Iterator[Array]:

@@ -97,7 +97,13 @@ def test_markers_alone_diagnose_an_arm_under_its_own_weight(arm, factor, turned)
         assert high - low < 0.03
     units = ("position", "rotation") if turned else ("position",)
     assert set(found.by_channel) == {f"marker {name} {unit}" for name in MARKERS for unit in units}
-    assert found.next_experiment["plan"]["markers"] == list(MARKERS)
+    proposed = found.next_experiment
+    if proposed["plan"]:
+        assert proposed["plan"]["markers"] == list(MARKERS)
+    else:  # a contact that stiffens a little follows a soft drive under whatever weight does
+        left = [*proposed["cannot_separate"], *proposed["undecided"]]
+        assert [pair["other"]["physics"] for pair in left] == ["hertzian_contact"]
+        assert factor < 1
 
 
 def test_each_marker_has_a_target_of_its_own(arm):
