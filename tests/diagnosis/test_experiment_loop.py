@@ -64,7 +64,7 @@ def test_what_is_one_and_the_same_is_not_promised_to_be_told_apart(diagnosed):
 
 @pytest.mark.slow
 def test_what_only_larger_loads_would_tell_apart_is_said_so():
-    """A bearing on a rod that bends carries nearly what the drive carries, and under small loads no more can be said."""
+    """A bearing on a rod that bends carries nearly what the drive does; under small loads no more can be said."""
     robot = prup_pin.load("3prup")
     fault = effect_named("backlash", "leg2/ball_nut", "", {"half_gap": 3e-5, "closing_load": 1.0}, robot.mechanism)
     found = diagnose(robot, recorded(robot, plan(poses=3, cycle=CYCLE), fault, 1))
