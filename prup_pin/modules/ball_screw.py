@@ -32,7 +32,7 @@ class BallScrew(DriveModule):
         return diagonal(at.position * (values["length"] - at.position) * values["flexibility"])
 
     def problems(self, values: Values, at: ModuleGeometry) -> Mask:
-        return (at.position <= 0) | (at.position >= values["length"])
+        return (at.position <= 0.0) | (at.position >= values["length"])
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
         return (

@@ -140,7 +140,7 @@ class Beam(WrenchModule):
         return body_weight(self.line_density(values, at), at.length, _overhang(values, at), at.anchored_at_tip, SMOOTH)
 
     def problems(self, values: Values, at: ModuleGeometry) -> Mask:
-        return at.length <= 0
+        return at.length <= 0.0
 
     def problem_text(self, values: Values, at: ModuleGeometry, index: int) -> str:
         return f"its length from root to tip is {number(at.length[..., index], 6)} m; expected > 0"

@@ -23,6 +23,8 @@ from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_s
 __all__ = ["Energies", "Statics", "compliances", "invalid", "problems_of", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
+#: In every place of C: numpy takes as long to look at a number as to multiply a matrix.
+_HALF = np.full((6, 6), 0.5)
 
 
 def _counting(loads: Array, self_stress: Array) -> Array:
@@ -92,7 +94,7 @@ class Statics(NamedTuple):
         """Return C (..., 6, 6), the sum over modules of J^T (Lambda J), as one product of all their rows, of the
         deformations (load rows, 6)."""
         c = product(self.loads.mT, deformations)
-        return (c + c.mT) * 0.5
+        return (c + c.mT) * _HALF
 
     def displacement(self, strains, frame: str | None) -> Array:
         """Return the displacement (..., 6) of the tool, or of a named frame, when modules deform by `strains`.
