@@ -13,8 +13,9 @@ export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 COLUMNS=100
 
 # What a checkout holds, and nothing that was built in this one.
 mkdir "$folder/checkout" "$folder/desk"
-tar -C "$root" --exclude=.git --exclude=.venv --exclude=out --exclude='.*_cache' --exclude=__pycache__ -cf - . |
-  tar -C "$folder/checkout" -xf -
+cd "$root"
+find . -mindepth 1 -maxdepth 1 ! -name .git ! -name .venv ! -name out ! -name '.*_cache' -print0 |
+  tar --null --exclude=__pycache__ -T - -cf - | tar -C "$folder/checkout" -xf -
 "$python" -m venv "$folder/venv"
 PATH="$folder/venv/bin:$PATH"
 exec "$folder/venv/bin/python" "$root/scripts/_stranger.py" "$folder/checkout" "$folder/desk"

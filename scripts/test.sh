@@ -17,28 +17,40 @@ done
 
 use_venv test
 cd "$(project_folder)"
-failed=()
 
+# Checks run beside one another; what each says is told in their order.
+logs="$(mktemp -d)"
+trap 'rm -rf "$logs"' EXIT
+names=()
+jobs=()
 check() {
-  local name="$1"
+  names+=("$1")
   shift
-  printf '== %s\n' "$name"
-  "$VENV_PYTHON" -m "$@" || failed+=("$name")
+  "$@" >"$logs/${#names[@]}" 2>&1 &
+  jobs+=("$!")
+}
+distributions() {
+  rm -rf out/dist && mkdir -p out
+  "$VENV_PYTHON" -m build --no-isolation --outdir out/dist >out/build.log && "$VENV_PYTHON" -m twine check --strict out/dist/*
 }
 
-check "ruff check" ruff check .
-check "ruff format" ruff format --check .
 # Older Python gets an older numpy, whose types are told less exactly.
 if "$VENV_PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
-  check "mypy" mypy
+  check "mypy" "$VENV_PYTHON" -m mypy
 else
-  printf '== mypy: left out, its checks need Python 3.11 or newer\n'
+  check "mypy" echo "left out, its checks need Python 3.11 or newer"
 fi
 export NO_MKDOCS_2_WARNING=1
-check "documentation" mkdocs build --strict --quiet --site-dir out/site
-rm -rf out/dist && mkdir -p out
-check "wheel and sdist" build --no-isolation --outdir out/dist >out/build.log
-check "twine check" twine check --strict out/dist/*
+check "documentation" "$VENV_PYTHON" -m mkdocs build --strict --quiet --site-dir out/site
+check "wheel and sdist" distributions
+check "ruff check" "$VENV_PYTHON" -m ruff check .
+check "ruff format" "$VENV_PYTHON" -m ruff format --check .
+failed=()
+for index in "${!names[@]}"; do
+  wait "${jobs[$index]}" || failed+=("${names[$index]}")
+  printf '== %s\n' "${names[$index]}"
+  cat "$logs/$((index + 1))"
+done
 if [ "${#failed[@]}" -gt 0 ]; then
   printf '== failed: %s\n' "${failed[*]}"
 fi
