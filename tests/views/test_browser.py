@@ -38,9 +38,9 @@ def pixels_of(browser, picture, points, base_to_display):
     return picture[rows, columns]
 
 
-def hide_words(browser):
+def hide_words(browser, display="none"):
     browser.evaluate(
-        "document.getElementById('labels').style.display = document.getElementById('legend').style.display = 'none'"
+        f"for (const name of ['labels', 'legend']) document.getElementById(name).style.display = '{display}'"
     )
 
 
@@ -134,6 +134,8 @@ def test_ghost_and_deformed_stand_apart(browser, page):
 
 
 def test_words_on_the_page(browser, page):
+    hide_words(browser, "")
+    browser.settle()
     words = browser.evaluate("document.body.innerText")
     for word in (
         "3prup",
