@@ -390,8 +390,9 @@ EFFORT_STEP = 0.85
 #: unit where they are so many times larger or smaller at most joints and right at none, for masses may be off as well.
 EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 0.8, 1.4, 1.15
 #: Drives report in units of their own where free gains save this share of the held-out squares, and at least two of
-#: them are so many times beside the others; one alone is a law of its joint.
-EFFORT_GAINS_SAVE, EFFORT_GAINS_APART = 0.2, 1.1
+#: them are so many times beside the others; one alone is a law of its joint. With them the joints, sharing one robot,
+#: may leave so many times what each leaves with masses of its own: more is no matter of units.
+EFFORT_GAINS_SAVE, EFFORT_GAINS_APART, EFFORT_GAINS_LEAVE = 0.2, 1.1, 2.0
 #: How far the logarithms of gains scatter about their middle; and robot files' masses about the true ones where nothing
 #: is declared: drawings lack motors, or are of another make.
 EFFORT_GAINS, EFFORT_MASSES = 1.0, 0.3

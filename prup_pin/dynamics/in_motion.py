@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -124,6 +125,25 @@ class InMotion:
         for where in pieces(self.motion.piece):
             steps = np.diff(position[where], prepend=position[where.start])
             out[where] = _dragged(steps, way)
+        return out
+
+    def loose(self, joint: str, gap: float) -> Array:
+        """Return 1 where a joint is on its way through a gap [m or rad] after the motion turned round, else 0, (N,)."""
+        out, position = np.zeros(len(self)), self.position(joint)
+        for where in pieces(self.motion.piece):
+            here, half = position[where], 0.5 * gap
+            steps = np.diff(here, prepend=here[0])
+            towards = np.sign(steps)
+            moving = np.flatnonzero(towards)
+            if not len(moving):
+                continue
+            last = np.maximum.accumulate(np.where(towards != 0, np.arange(len(here)), moving[0]))
+            turns = np.concatenate(([0], np.flatnonzero(np.diff(towards[last])) + 1, [len(here)]))
+            flank = half * towards[moving[0]]  # where the motor leans, from the middle of the gap
+            for first, end in pairwise(turns.tolist()):
+                along = np.clip(flank + here[first:end] - here[max(first - 1, 0)], -half, half)
+                out[where.start + first : where.start + end] = np.abs(along) < half
+                flank = float(along[-1])
         return out
 
     def moves(self, joint: str) -> bool:

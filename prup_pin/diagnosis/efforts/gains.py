@@ -21,6 +21,7 @@ from ..criteria import (
     EFFORT_FEWEST,
     EFFORT_GAINS,
     EFFORT_GAINS_APART,
+    EFFORT_GAINS_LEAVE,
     EFFORT_GAINS_SAVE,
     EFFORT_MASSES,
     EFFORT_SURE,
@@ -53,12 +54,14 @@ class Gains:
 class _Products:
     """Of each joint and block of time: products of inertial columns (k, B, p, p), with efforts (k, B, p) and (k, B).
 
-    Freed of the joint's own friction, offset and counterbalance, in multiples of what nothing takes away there.
+    Freed of the joint's own friction, offset and counterbalance, in multiples of what nothing takes away there; `size`:
+    of the squares that this is, in all.
     """
 
     columns: Array
     moment: Array
     power: Array
+    size: float
 
     def without(self, block: int | None) -> tuple[Array, Array, Array]:
         """Return sums over all blocks but one."""
@@ -90,6 +93,8 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(_BLOCKS), np.finfo(float).tiny)
     if not (saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE):
+        return None
+    if np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
         return None
     _, log, covariance = _solved(products.without(None), drawn, spread, start, free, level)
     own = covariance - covariance.mean(axis=0)
@@ -130,6 +135,7 @@ def _products(at: InMotion) -> _Products | None:
         return None
     columns = np.zeros((len(at.driven), _BLOCKS, size, size))
     moment, power = np.zeros(columns.shape[:3]), np.zeros(columns.shape[:2])
+    total = 0.0
     for joint, name in enumerate(at.driven):
         inertial = motion.low_pass(whole[:, joint], motion.piece)[rows]
         good = np.ones(len(rows), bool)
@@ -147,12 +153,13 @@ def _products(at: InMotion) -> _Products | None:
             continue
         # neighbours are alike: as many count as would be independent
         alike = float(np.clip(left[1:] @ left[:-1] / (left @ left), 0.0, 0.99))
+        total += good.sum() * (1 - alike) / (1 + alike)
         values *= np.sqrt((1 - alike) / (1 + alike) / sigma2)
         for block in range(_BLOCKS):
             part = values[blocks == block]
             gram = part.T @ part
             columns[joint, block], moment[joint, block], power[joint, block] = gram[1:, 1:], gram[1:, 0], gram[0, 0]
-    return _Products(columns, moment, power) if power.any(axis=1).all() else None
+    return _Products(columns, moment, power, total) if power.any(axis=1).all() else None
 
 
 def _own(at: InMotion, joint: str) -> Array:
@@ -168,7 +175,7 @@ def _own(at: InMotion, joint: str) -> Array:
         own += [np.cos(position), np.sin(position)]
     for other in _coupled(at, joint):
         both = [at.dragging(position + sign * at.position(other), usual_way(at, joint)) for sign in (1.0, -1.0)]
-        own += [at.speed(other), *both]
+        own += [at.speed(other), at.acceleration(other), *both]
     table = np.column_stack(own)
     return table / np.maximum(np.sqrt((table**2).mean(axis=0)), np.finfo(float).tiny)
 

@@ -247,7 +247,7 @@ def _with_new(
             given, chosen = closer(given, chosen, [len(chosen.terms) - 1])
     chosen = _all_links(given, chosen)
     while True:
-        worse = _needless(given, chosen, len(new))
+        worse = _needless(given, chosen, chosen.terms[: len(chosen.terms) - len(new)])
         if worse is None:
             return given, chosen
         refused[_key(worse)] += 1
@@ -327,16 +327,20 @@ def _fewer(given: Gathered, chosen: Chosen) -> Chosen:
             c
             for c in given.candidates
             if c.place.name == first.place.name
-            and _key(c) not in (_key(first), _key(second))
+            and not any(
+                _key(c) == _key(term) or (_replaces(c, term) and c.size > term.size) for term in (first, second)
+            )
             and c.size < first.size + second.size
             and not any(excluded(term, c) or _replaces(c, term) for term in rest.terms)
         ]
         if not single:
             continue
-        apart = Beside(given, rest).with_each(single) - Beside(given, chosen).left
+        without, left = Beside(given, rest), Beside(given, chosen).left
+        apart = without.with_each(single) - left
         best = int(np.argmin(apart.sum(axis=1)))
-        one = rest.with_term(single[best])
-        if float(apart[best].sum()) < EFFORT_SURE * uncertainty(apart[best]) and can_be(given, one, single[best]):
+        one, worse = rest.with_term(single[best]), float(apart[best].sum())
+        alike = min(EFFORT_SURE * uncertainty(apart[best]), EFFORT_GAIN * float((without.left - left).sum()))
+        if worse < alike and can_be(given, one, single[best]):
             chosen = one
     return chosen
 
@@ -426,16 +430,16 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
     return chosen
 
 
-def pruned(given: Gathered, chosen: Chosen, newest: int) -> Chosen:
-    """Return what is chosen without terms that the others, the `newest` among them, make needless."""
-    while (worse := _needless(given, chosen, newest)) is not None:
+def pruned(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> Chosen:
+    """Return what is chosen without those of the `doubtful` terms that the others make needless."""
+    while (worse := _needless(given, chosen, doubtful)) is not None:
         chosen = chosen.without(worse)
     return chosen
 
 
-def _needless(given: Gathered, chosen: Chosen, newest: int) -> EffortCandidate | None:
-    """Return the term that the others make needless on held-out blocks, the most needless first; not the `newest`."""
-    old = chosen.terms[: len(chosen.terms) - newest]
+def _needless(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> EffortCandidate | None:
+    """Return which of the doubtful terms the others make needless on held-out blocks, the most needless first."""
+    old = [term for term in chosen.terms if any(term is other for other in doubtful)]
     if not old or len(chosen.terms) < 2:
         return None
     beside = Beside(given, chosen)

@@ -210,8 +210,11 @@ def _with_curves(
             own = float((held_out(given, chosen.without(term)) - left).sum())
             if shape > EFFORT_IMITATED * own:
                 imitating.append(term)
-        # what only made room for that shape elsewhere goes as well
-        chosen = pruned(given, chosen.with_term(curve), len(free))
+        # what imitated that shape, or made room for it elsewhere
+        doubtful = [term for term in chosen.terms if term.place.name != curve.place.name] + imitating
+        chosen = pruned(
+            given, chosen.with_term(curve), [term for term in doubtful if not isinstance(term.law, FreeCurve)]
+        )
     return given, chosen, free, imitating
 
 

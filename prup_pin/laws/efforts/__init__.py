@@ -4,8 +4,9 @@ They share their words with the laws of the pose channel where it is the same ph
 `effort_law.EffortLaw` in a file, and one line in `EFFORT_LAWS`; `tests/laws/test_effort_laws.py` runs over the tuple.
 """
 
+from .backlash import LostLoad
 from .cogging import Cogging
-from .coulomb_friction import LoadedFriction, SlidingFriction
+from .coulomb_friction import ColdFriction, LoadedFriction, SlidingFriction
 from .counterbalance import Counterbalance, CounterbalanceSpring
 from .effort_law import EFFORT, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
@@ -23,6 +24,7 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     DirectedViscousFriction(),
     SlidingFriction(),
     LoadedFriction(),
+    ColdFriction(),
     StribeckFriction(),
     RotorInertia(),
     TransmissionCoupling(),
@@ -41,6 +43,7 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     DelayedEncoder(),
     DelayedEncoders(),
     Cogging(),
+    LostLoad(),
 )
 
 __all__ = ["EFFORT", "EFFORT_LAWS", "EffortLaw"]

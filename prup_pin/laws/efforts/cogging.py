@@ -19,6 +19,8 @@ from .effort_law import DrivenEffortLaw, effort_unit, in_units
 _FEWEST, _MOST = 2.0, 400.0
 #: Steps between frequencies, as a share of one period over the whole travel.
 _STEP = 0.3
+#: Fewest periods in the travel of each of several.
+_MANY = 10.0
 #: Periods whose logarithms differ by less are one.
 _APART = 0.2
 
@@ -48,15 +50,17 @@ class Cogging(DrivenEffortLaw):
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         """Return the periods that the residual of the moment asks for, strongest first."""
         travel = float(np.ptp(at.position(place.name)))
-        return [{"period": travel / count} for count in at.periods(place.name, _FEWEST, _MOST, _STEP)]
+        return [{"period": travel / count, "count": count} for count in at.periods(place.name, _FEWEST, _MOST, _STEP)]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         count = float(np.ptp(at.position(place.name))) / values["period"]
-        return [{"period": values["period"] * count / (count + part * _STEP)} for part in (-0.5, -0.25, 0.25, 0.5)]
+        others = [count + part * _STEP for part in (-0.5, -0.25, 0.25, 0.5)]
+        return [{"period": values["period"] * count / other, "count": other} for other in others]
 
     def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
-        # poles, teeth and their harmonics stand side by side
-        return bool(abs(np.log(values["period"] / other["period"])) < _APART)
+        # poles, teeth and their harmonics stand side by side; several long waves are any shape
+        few = min(values["count"], other["count"]) < _MANY
+        return few or bool(abs(np.log(values["period"] / other["period"])) < _APART)
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         phase = 2 * np.pi * at.position(place.name) / values["period"]

@@ -25,6 +25,9 @@ from .effort_law import (
     way_unit,
 )
 
+#: Shares of a recording in which a gear warms up.
+_WARMING = (0.15, 0.4, 1.0)
+
 
 class SlidingFriction(JointEffortLaw):
     """tau = f z, z = sign(v) while the joint moves; at rest friction takes any value up to f, and nothing is said.
@@ -97,4 +100,60 @@ class LoadedFriction(DrivenEffortLaw):
         return (
             f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide, and "
             f"{number(100 * values['share_of_load'], 3)} % of what the drive passes on"
+        )
+
+
+class ColdFriction(DrivenEffortLaw):
+    """tau = (f + c exp(-t / T)) z, z the direction: a gear that warms up while it is recorded."""
+
+    physics = "coulomb_friction"
+    summary = "dry friction that falls as the gear warms up"
+    family = "dry friction"
+    variant = f"{EFFORT} while it warms up"
+    of_motion = True
+    linear = ("limit", "cold")
+    one_sided = True
+    quantities = (
+        Quantity("limit", "N m", "effort that it takes to slide when warm", 1.0, positive=False, upper=1e6),
+        Quantity("cold", "N m", "beyond that at the start", 1.0, positive=False, upper=1e6),
+        Quantity("time", "s", "in which that falls to 37 %", 10.0, upper=1e6),
+        Quantity("start", "s", "when the recording that told it begins", 0.0, positive=False, lower=-1e12, upper=1e12),
+        PRESLIDING,
+    )
+    neutral: ClassVar = {"limit": 0.0, "cold": 0.0}
+
+    def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
+        effort = effort_unit(place, mechanism)
+        return in_units(self.quantities, [effort, effort, "s", "s", way_unit(place, mechanism)])
+
+    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
+        # a little more when slow is a little more at the start, where that was slow
+        return [(word, place.name) for word in ("coulomb_friction", "viscous_friction")]
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return place.name in at.driven and at.moves(place.name)
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        begun, lasting = float(at.motion.time.min()), float(np.ptp(at.motion.time))
+        way = usual_way(at, place.name)
+        return [{"time": share * lasting, "start": begun, "presliding": way} for share in _WARMING]
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        scanned = {name: values[name] for name in ("time", "start", "presliding")}
+        longest = float(np.ptp(at.motion.time))
+        times = [
+            {**scanned, "time": min(values["time"] * factor, longest)} for factor in (0.3, 0.6, 0.8, 1.25, 1.6, 3.0)
+        ]
+        return [*times, *other_ways(at, place.name, values, ("time", "start"))]
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        direction = at.dragged(place.name, values["presliding"])
+        cold = np.exp(-np.maximum(at.motion.time - values["start"], 0.0) / values["time"])
+        return np.stack([at.along(place.name, direction), at.along(place.name, cold * direction)], axis=-1)
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        unit = effort_unit(place, mechanism)
+        return (
+            f"{place.name} rubs: it takes {number(values['limit'], 3)} {unit} to slide, and "
+            f"{number(values['cold'], 3)} {unit} more at the start, as it warms up in {number(values['time'], 3)} s"
         )
