@@ -76,6 +76,30 @@ def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
     assert named(found) == {("unknown", "carriage")}
     curve = next(curve for curve in found.efforts.curves if curve.joint == "carriage")
     assert curve.y == pytest.approx(2500.0 * curve.x * np.abs(curve.x), abs=1.5)
+    # what has no name is predicted all the same
+    assert found.efforts.shares["carriage"]["heldout"] < 0.2 * found.efforts.shares["carriage"]["rigid"]
+    again = axis(drag=2500.0, seed=6)
+    left = again.efforts["carriage"] - simulate(carriage, again, found.effects).efforts["carriage"]
+    assert np.std(left[100:-100]) < 1.3  # noise, and straight lines between the knots
+
+
+def test_a_gap_in_a_drive_and_a_gear_that_warms_up_are_named(carriage):
+    recording = axis(limit=10.0)
+    time, q = recording.time, recording.positions["carriage"]
+    speed = np.gradient(q, time)
+    middle, loose = q[0] - 2.5e-4, np.zeros(len(q))
+    for row, here in enumerate(q):
+        middle = float(np.clip(middle, here - 2.5e-4, here + 2.5e-4))
+        loose[row] = abs(here - middle) < 0.249e-3
+    lost = -loose * 95 * np.gradient(speed, time)
+    cold = 10.0 * np.exp(-time / 8) * np.sign(speed)
+    for added, word, name, true in ((lost, "backlash", "gap", 5e-4), (cold, "coulomb_friction", "time", 8.0)):
+        efforts = {"carriage": recording.efforts["carriage"] + added}
+        found = diagnose(carriage, recording.with_measurements(efforts=efforts))
+        assert found.verdict == "explained"
+        assert {finding.physics for finding in found.findings} == {"coulomb_friction", word}
+        (finding,) = (finding for finding in found.findings if finding.physics == word)
+        assert finding.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
 def test_a_rail_that_pinches_in_places_is_no_coulomb_friction(carriage):
