@@ -71,7 +71,7 @@ from .fit import Fit, Problem, Term
 from .limits import limits_heard
 from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
-from .misjudged import judged, misjudged, told, widened
+from .misjudged import beyond_of, judged, misjudged, told, widened
 from .next_experiment import next_experiment
 from .plausible import beside_allowed, check_belongs, unused_columns, what_is_missing
 from .recovered import recovered, residuals
@@ -279,23 +279,18 @@ def _otherwise(
 ) -> tuple[Problem, Selection]:
     """Return problem and selection within wider tolerances, where these explain better what was found; and tell it."""
     # what laws have taken may be what a kind is off by where nothing asks for them but the tolerances
-    factors = misjudged(problem, selection.first if is_clean(problem, selection.first) else selection.last)
-    wider = {kind: factor for kind, factor in factors.items() if factor > 1}
-    assert problem.tolerances is not None or not factors
+    wider = misjudged(problem, selection.first if is_clean(problem, selection.first) else selection.last)
     taken = False
-    if wider and (
-        selection.last.terms
-        or any(item.is_beyond(len(selection.last.x)) for item in calibrated_parameters(problem, selection.last))
-    ):
+    if wider and (selection.last.terms or beyond_of(selection.last)):
         other = replace(given, toleranced=widened(given.toleranced, wider))
         reach = beyond_tolerance(len(given.toleranced))
         again = other.within_tolerances(replace(problem, tolerances=None), reach)
         found = select(again, given.library, labels, again.first, tell)
-        taken = judged(again, found.last, wider) < judged(problem, selection.last)
+        taken = judged(found.last, len(given.library), wider) < judged(selection.last, len(given.library))
         if taken:
             problem, selection = again, found
-    if factors:
-        given.remarks.append(told(wider if taken else factors, taken))
+    if wider:
+        given.remarks.append(told(wider, taken))
     return problem, selection
 
 
@@ -422,12 +417,12 @@ def _verdict(
     moved_sensor = zip(given.placed.found, given.placed.deviations, strict=True)
     findings = [*(_elsewhere(*each, first, before, robot, calibrated) for each in moved_sensor), *findings]
     beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
-    if beyond and unknown:
+    if beyond and (unknown or not is_clean(problem, final)):
         # what no law explains drives them: they are no findings of their own
         listed = ", ".join(item.name for item in beyond[:MOST_LISTED]) + (", …" if len(beyond) > MOST_LISTED else "")
         remarks.append(
             f"{len(beyond)} parameter{'s' if len(beyond) > 1 else ''} would lie beyond tolerance ({listed}), but while "
-            "structure is left over they may only stand for what is unknown"
+            "structure is left over they may only stand for that"
         )
         beyond = []
     findings += [_beyond_tolerance(item, final, held) for item in beyond]

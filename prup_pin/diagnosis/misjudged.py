@@ -1,4 +1,4 @@
-"""Are parts off by more, or by less, than their tolerances say?
+"""Are parts off by more than their tolerances say?
 
 Each kind of parameter is off by numbers of one normal distribution. With J the whitened change per declared tolerance,
 r what is left with all amounts put back, laws projected out of both, and V the kinds' variances,
@@ -7,7 +7,8 @@ r what is left with all amounts put back, laws projected out of both, and V the 
 
 is least where the variance of a kind is sum m^2 / gamma over its members, m the posterior means and gamma how many of
 them the data tell (MacKay, Bayesian interpolation, Neural Computation 4, 1992). One part that is far off is a finding;
-many that are all a little too far off are a tolerance that was declared too narrow, and no finding at all.
+many that are all a little too far off are a tolerance that was declared too narrow, and no finding at all. Whether one
+is too wide is not asked: of displaced parts in series the data tell the sum alone, which looks narrow by their number.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ import numpy as np
 from ..spatial import Array
 from .calibrate import Toleranced
 from .compete import penalty
-from .criteria import MISJUDGED, MISJUDGED_COST
+from .criteria import MISJUDGED, MISJUDGED_COST, beyond_tolerance
 from .fit import Fit, Problem
 
-__all__ = ["factors_of_kinds", "judged", "misjudged", "told", "widened"]
+__all__ = ["beyond_of", "factors_of_kinds", "judged", "misjudged", "told", "widened"]
 
 _ITERATIONS, _AGREED = 200, 1e-4
 
@@ -31,7 +32,7 @@ _ITERATIONS, _AGREED = 200, 1e-4
 def misjudged(problem: Problem, fit: Fit) -> dict[str, float]:
     """Return by how many times as far off as declared parts are, by kinds of which that is sure.
 
-    Of kinds that many places have: all of a sensor's are one law's, and how far it is off is a finding.
+    At least once. Of kinds that many places have: all of a sensor's are one law's, and how far it is off is a finding.
     """
     if problem.tolerances is None or not len(fit.x):
         return {}
@@ -67,24 +68,32 @@ def widened(toleranced: Toleranced, factors: Mapping[str, float]) -> Toleranced:
     return replace(toleranced, tolerances=sizes * toleranced.tolerances)
 
 
-def judged(problem: Problem, fit: Fit, factors: Mapping[str, float] | None = None) -> float:
-    """Return -2 log of the probability of what was measured, with what laws and other tolerances cost."""
-    held, _ = _beside_laws(problem, fit)
-    sign, size = np.linalg.slogdet(np.eye(held.shape[1]) + held.T @ held)
-    assert sign > 0
+def judged(fit: Fit, library: int, factors: Mapping[str, float] | None = None) -> float:
+    """Return -2 log of the probability of what was measured, with what findings and other tolerances cost.
+
+    One thing may be wrong with any robot; of each further one nobody knew where to look among `library` laws at places.
+    """
+    size = float(np.linalg.slogdet(np.eye(len(fit.x)) + fit.held.T @ fit.held)[1])
     laws = sum(penalty(term) for term in fit.terms)
-    return float(fit.chi2 + size + laws + MISJUDGED_COST * len(factors or ()))
+    named = len(fit.terms) + beyond_of(fit)
+    elsewhere = 2 * float(np.log(max(library, 1))) * max(named - 1, 0)
+    return float(fit.chi2) + size + laws + elsewhere + MISJUDGED_COST * len(factors or ())
+
+
+def beyond_of(fit: Fit) -> int:
+    """Return how many parameters lie beyond their tolerances."""
+    return int((np.abs(fit.x) > beyond_tolerance(len(fit.x))).sum())
 
 
 def told(factors: Mapping[str, float], taken: bool) -> str:
-    """Return a sentence on tolerances that were declared too narrow or too wide."""
+    """Return a sentence on tolerances that were declared too narrow."""
     each = ", ".join(f"{kind} {factor:.2g} times" for kind, factor in factors.items())
     what = (
         "These tolerances were taken instead, for what is within them is no finding"
         if taken
-        else "The declared ones were kept; what is declared too wide hides effects, too narrow invents them"
+        else "The declared ones were kept; those too narrow make findings of what is nobody's fault"
     )
-    return f"parts are off by other amounts than their tolerances say: {each} as far as declared. {what}"
+    return f"parts are off by more than their tolerances say: {each} as far as declared. {what}"
 
 
 def _beside_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
@@ -104,7 +113,7 @@ def _likeliest(normal: Array, right: Array, labels: np.ndarray, free: Sequence[s
         new = variances.copy()
         for here in members:
             size = float((mean[here] ** 2).sum()) / max(float(known[here].sum()), 1e-12)
-            new[here] = np.clip(size, MISJUDGED**-2, MISJUDGED**2)
+            new[here] = np.clip(size, 1.0, MISJUDGED**2)
         moved = np.abs(np.log(new / variances)).max(initial=0.0)
         variances = new
         if moved < _AGREED:
