@@ -91,7 +91,9 @@ def test_where_it_turns_without_a_reason_the_rotation_is_named(sprung):
     assert "shows in the rotation" in finding.statement
 
 
-@pytest.mark.parametrize("loads", [(0.0, 1.0, 0.5, -1.0, -0.5), (0.0, 0.0, 0.0), (0.0,)])
+@pytest.mark.parametrize(
+    "loads", [pytest.param((0.0, 1.0, 0.5, -1.0, -0.5), marks=pytest.mark.slow), (0.0, 0.0, 0.0), (0.0,)]
+)
 def test_a_rigid_arm_needs_no_compliance_to_be_wrong(rigid, loads):
     """With loads, without any, and with each pose measured once, so that nothing repeats."""
     poses = 60 if len(loads) == 1 else 8
@@ -231,7 +233,7 @@ def test_peace_has_no_residual_before_either(diagnosed, diagnosed_strange):
         assert (diagnosis.verdict == "unexplained") == any(item.physics == "unknown" for item in diagnosis.findings)
 
 
-@pytest.mark.parametrize("rows", [slice(20, 21), slice(0, 5)])
+@pytest.mark.parametrize("rows", [slice(20, 21), pytest.param(slice(0, 5), marks=pytest.mark.slow)])
 def test_of_few_samples_without_declared_noise_nothing_can_be_said(bench, rows):
     few = replace(read_recording(bench.path).select(rows), noise=Noise())
     found = diagnose(prup_pin.load("3prup"), few)

@@ -21,7 +21,7 @@ MARKERS = ("left_ball", "right_ball", "chest")
 NOISE = 2e-4
 
 
-def bench(tree: PosedTree, count: int = 60, seed: int = 2, noise: float = NOISE) -> Recording:
+def bench(tree: PosedTree, count: int = 40, seed: int = 2, noise: float = NOISE) -> Recording:
     q = tree.postures(JOINTS, count, seed)
     return Recording(
         np.arange(float(count)),

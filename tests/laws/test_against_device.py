@@ -58,10 +58,10 @@ def play(module, direction, aspect=""):
     return case(f"play of {module} {direction}", "backlash", module, sizes, ours, within=0.08)
 
 
-def friction(module, joint, place, limit=0.5):
+def friction(module, joint, place, limit=0.5, **marks):
     ours = effect(laws.CoulombFriction, place, limit=limit, presliding_stiffness=limit / 1.2e-4)
     sizes = {"joint": joint, "limit": limit, "presliding": 1.2e-4}
-    return case(f"friction of {joint}", "coulomb_friction", module, sizes, ours)
+    return case(f"friction of {joint}", "coulomb_friction", module, sizes, ours, **marks)
 
 
 def creep(module, direction, aspect="", within=0.05):
@@ -103,9 +103,9 @@ CASES = [
     case("contact's secant", "hertzian_contact", "leg3/R_theta_P", {"f0": 0.3, "f_ref": 2e5, "secant": True},
          effect(laws.HertzianContact, "leg3/R_theta_P", "radial", preload=0.3, reference_load=2e5 / 1.5**3),
          within=0.15),
-    friction("leg1/R_theta_P", "theta", "leg1/R_theta_P"),
+    friction("leg1/R_theta_P", "theta", "leg1/R_theta_P", marks=pytest.mark.slow),
     friction("leg1/R_phi", "phi", "leg1/R_phi"),
-    friction("leg1/R_lambda", "lambda", "leg1/R_lambda"),
+    friction("leg1/R_lambda", "lambda", "leg1/R_lambda", marks=pytest.mark.slow),
     friction("leg1/R_theta_P", "slide", "leg1/moving_star_branch", limit=5.0),
     case("damper in phi", "viscous_friction", "leg1/R_phi", {"joint": "phi", "damping": 500.0},
          effect(laws.ViscousFriction, "leg1/R_phi", damping=500.0)),
