@@ -49,6 +49,19 @@ def test_pictures_are_the_same_bytes_each_time(swept):
         assert len(one) > 5_000
 
 
+def test_stiffness_is_told_in_units_without_powers_of_ten():
+    """Of two models beside each other in one unit, also where only one of them reaches 1 N/mm."""
+    weak = ROBOT.with_parameters({f"leg{leg}/linear_rod.youngs_modulus": 1e6 for leg in (1, 2, 3)})
+    stiff, soft = (
+        robot.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["translational"]) for robot in (ROBOT, weak)
+    )
+    word = "translational 1"
+    assert titles(figures_of(stiff)["translational"])[0] == f"{word} [N/mm]"
+    assert titles(figures_of(soft)["translational"])[0] == f"{word} [N/m]"
+    both = titles(beside_figure([("a", stiff), ("b", soft)], ["translational"], ""))
+    assert both[:2] == [f"a: {word} [N/mm]", f"b: {word} [N/mm]"]
+
+
 def test_two_models_share_a_scale(swept):
     published = prup_pin.load("3prup_as_published")
     other = published.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["extremes"], **LOADS)

@@ -8,7 +8,7 @@ from math import ceil
 import numpy as np
 
 from ...errors import InputError
-from ...numbers import number
+from ...numbers import number, readable_unit
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, INK, map_colour
@@ -70,7 +70,11 @@ def beside_figure(
 
     keep: of quantities by name, the entries that are drawn; all of others.
     """
-    each = [[panel for name in names for panel in _panels(found, name, (keep or {}).get(name))] for _, found in columns]
+    swept = [found for _, found in columns]
+    each = [
+        [panel for name in names for panel in _panels(found, name, (keep or {}).get(name), beside=swept)]
+        for found in swept
+    ]
     count, wide = len(each[0]), 2 if len(each[0]) > _TALL else 1
     rows, across = ceil(count / wide), wide * len(columns)
     size = (_SIZE * 1.25 * across + 0.4, _SIZE * rows + 0.7)
@@ -134,8 +138,8 @@ def share_figure(found: Swept) -> Figure:
 # -- panels ------------------------------------------------------------------------------------------------------------
 
 
-def _panels(found: Swept, name: str, keep: Sequence[str] | None = None) -> list[Panel]:
-    """Return the entries of a quantity with their titles, over the axes that are drawn."""
+def _panels(found: Swept, name: str, keep: Sequence[str] | None = None, beside: Sequence[Swept] = ()) -> list[Panel]:
+    """Return the entries of a quantity with their titles, over the axes that are drawn; units fit `beside` too."""
     quantity = QUANTITIES[name]
     values = _plane(found, found[name])
     entries = list(quantity.labels[0](found.mechanism)) if quantity.labels else [""]
@@ -146,19 +150,19 @@ def _panels(found: Swept, name: str, keep: Sequence[str] | None = None) -> list[
             continue
         unit = units[min(index * len(units) // len(entries), len(units) - 1)] if len(units) > 1 else quantity.unit
         entry = values[..., index] if quantity.labels else values
-        factor, shown = _readable(entry, unit)
+        others = [other[name][..., index] if quantity.labels else other[name] for other in beside]
+        factor, shown = _readable(np.concatenate([np.ravel(values) for values in (entry, *others)]), unit)
         plain = f"{name} {label}".strip().replace("_", " ")
         panels.append((f"{plain} [{shown}]", factor * entry))
     return panels
 
 
 def _readable(values: Array, unit: str) -> tuple[float, str]:
-    """Return the factor and the unit in which people read a length or an angle."""
-    if unit == "m":
-        return (1e3, "mm") if np.nanmax(np.abs(values), initial=0.0) > 1e-4 else (1e6, "µm")
+    """Return the factor and the unit in which people read values: lengths in mm at most, angles in degrees."""
     if unit == "rad":
         return float(np.degrees(1)), "deg"
-    return 1.0, unit
+    shown, factor = readable_unit(float(np.nanmax(np.abs(values), initial=0.0)), unit)
+    return (1e3, "mm") if shown == "m" else (factor, shown or unit)
 
 
 def _two(found: Swept) -> tuple[tuple[str, str], tuple[Array, Array]]:

@@ -114,7 +114,8 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
     rows.append(("Channels", [*names, *_efforts_measured(diagnosis, recording)] or ["none"]))
     warm = recording.temperature
     if warm is not None and np.isfinite(warm).any():
-        rows.append(("Temperature", [f"{number(float(np.nanmin(warm)), 3)} to {number(float(np.nanmax(warm)), 3)} °C"]))
+        ends = dict.fromkeys(number(float(end), 3) for end in (np.nanmin(warm), np.nanmax(warm)))
+        rows.append(("Temperature", [f"{' to '.join(ends)} °C"]))
     *sensors, source = noise_text(diagnosis)
     rows.append(("Noise, 1 σ", [*sensors, f"({source})"]))
     for item in recordings:
