@@ -60,8 +60,8 @@ class Statics(NamedTuple):
 
     Of many poses, all but the layout has their leading axis; compliances that are the same at all of them need not.
     loads: (load rows, 6), compatible where the mechanism is overconstrained; jacobians, views of them: (n, 6, 6) and
-    (m, 1, 6); lambdas: (n, 6, 6) and (m, 1, 1); stress: module loads per unit self-stress (load rows, h), or None;
-    maps (rows, 6), see `load_maps`.
+    (m, 1, 6); varying: compliances of the layout's varying groups, (n, k, k) each; stress: module loads per unit
+    self-stress (load rows, h), or None; maps (rows, 6), see `load_maps`.
     """
 
     layout: StaticsLayout
@@ -70,7 +70,7 @@ class Statics(NamedTuple):
     geometries: list[ModuleGeometry]
     loads: Array
     jacobians: tuple[Array, Array]
-    lambdas: tuple[Array, Array]
+    varying: list[Array]
     stress: Array | None
 
     @property
@@ -79,14 +79,20 @@ class Statics(NamedTuple):
         return self.layout.frames(self.pose)
 
     @property
+    def lambdas(self) -> tuple[Array, Array]:
+        """Compliances of all modules, (n, 6, 6) and (m, 1, 1)."""
+        return _stacked(self.layout, self.varying, self.pose.q.shape[:-1])
+
+    @property
     def deformations(self) -> tuple[Array, Array, Array]:
         """Deformations of the modules under unit wrenches on the tool, (load rows, 6); views by module, (n, 6, 6) and
         (m, 1, 6)."""
         plain, others = self.layout.plain_compliances
         rows = self.loads * plain
         into = self.layout.split(rows)
-        for half, slots in others:
-            lam, jacobian = self.lambdas[half][..., slots, :, :], self.jacobians[half][..., slots, :, :]
+        for half, slots, varies in others:
+            lam = self.layout.constant_compliances[half][slots] if varies is None else self.varying[varies]
+            jacobian = self.jacobians[half][..., slots, :, :]
             into[half][..., slots, :, :] = lam * jacobian if half else lam @ jacobian
         return rows, *into
 
@@ -157,10 +163,10 @@ def solve_statics(
     loads = None
     if load is not None and any(group.kind.nonlinear for group in layout.groups):
         loads = _loads_under(layout, geometries, unit @ load, stress)
-    lambdas = compliances(layout, geometries, loads, pose.q.shape[:-1])
+    varying = _varying(layout, geometries, loads)
     if stress is not None:
-        unit = _least_energy(layout, unit, stress, lambdas, energies.solved)
-    return Statics(layout, pose, maps, geometries, unit, layout.split(unit), lambdas, stress)
+        unit = _least_energy(layout, unit, stress, _stacked(layout, varying, pose.q.shape[:-1]), energies.solved)
+    return Statics(layout, pose, maps, geometries, unit, layout.split(unit), varying, stress)
 
 
 def _loads_under(layout: StaticsLayout, geometries, loads: Array, stress: Array | None) -> tuple[Array, Array]:
@@ -217,18 +223,27 @@ def compliances(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] 
 
     Those that pose or load change have the leading axes `lead` of the poses.
     """
+    return _stacked(layout, _varying(layout, geometries, loads), lead)
+
+
+def _varying(layout: StaticsLayout, geometries, loads) -> list[Array]:
+    """Return the compliances (..., n, k, k) of the groups that pose or load change."""
+    found = []
+    for index, group in layout.varying:
+        load = None if loads is None else loads[int(index >= len(layout.wrench_groups))][group.slots]
+        found.append(group.kind.compliance(group.values, geometries[index], load))
+    return found
+
+
+def _stacked(layout: StaticsLayout, varying: list[Array], lead: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return all compliances, as `compliances` does, from those that pose or load change."""
     constant = layout.constant_compliances
     stacks = [*constant]
-    for index, group in layout.varying:
+    for (index, group), compliance in zip(layout.varying, varying, strict=True):
         half = int(index >= len(layout.wrench_groups))
-        load = None if loads is None else loads[half][group.slots]
-        compliance = group.kind.compliance(group.values, geometries[index], load)
         if stacks[half] is constant[half]:
-            if lead or compliance.dtype == object:
-                stacks[half] = np.empty((*lead, *constant[half].shape), compliance.dtype)
-                stacks[half][...] = constant[half]
-            else:
-                stacks[half] = constant[half].copy()
+            stacks[half] = np.empty((*lead, *constant[half].shape), compliance.dtype)
+            stacks[half][...] = constant[half]
         stacks[half][..., group.slots, :, :] = compliance
     return stacks[0], stacks[1]
 

@@ -151,12 +151,13 @@ class StaticsLayout:
         return wrench, rows[..., 6 * count :, None, :]
 
     @cached_property
-    def plain_compliances(self) -> tuple[Array, list[tuple[int, slice]]]:
+    def plain_compliances(self) -> tuple[Array, list[tuple[int, slice, int | None]]]:
         """Compliances of each load row by itself, (load rows, 6), six times the same; and which groups have others.
 
-        Those follow from the pose, or couple several loads: 0 for wrench or 1 for drive modules, and their slots. Their
-        rows are zero.
+        Those follow from the pose, or couple several loads: 0 for wrench or 1 for drive modules, their slots, and their
+        place in `varying` or None. Their rows are zero.
         """
+        varies: dict[int, int] = {index: place for place, (index, _) in enumerate(self.varying)}
         plain, others = np.zeros((self.load_rows, 6)), []
         into = self.split(plain)
         for index, group in enumerate(self.groups):
@@ -166,7 +167,7 @@ class StaticsLayout:
             if group.kind.constant and np.array_equal(compliance, diagonal * np.eye(diagonal.shape[-2])):
                 into[half][group.slots] = diagonal
             else:
-                others.append((half, group.slots))
+                others.append((half, group.slots, varies.get(index)))
         return plain, others
 
     @cached_property
