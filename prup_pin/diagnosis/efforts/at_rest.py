@@ -42,13 +42,13 @@ def with_efforts_at_rest(poses: Diagnosis, robot: Robot, given: Sequence[Recordi
 
 def _held(robot: Robot, recording: Recording, effects: Sequence[Effect]) -> tuple[Mapping[str, Array], list[str]]:
     """Return what each drive holds (N,) under load and weight, and remarks; without weight where efforts are tared."""
-    bare = simulate(robot, recording, effects).efforts
-    if any(effect.law.physics == SelfWeight.physics for effect in effects):
-        return bare, []
-    weight = [Effect(SelfWeight(), place, {"scale": 1.0}) for place in SelfWeight().places(robot.mechanism)]
+    found = [effect for effect in effects if effect.law.physics == SelfWeight.physics]
+    others = [effect for effect in effects if effect.law.physics != SelfWeight.physics]
+    bare = simulate(robot, recording, others).efforts
+    weight = found or [Effect(SelfWeight(), place, {"scale": 1.0}) for place in SelfWeight().places(robot.mechanism)]
     if not weight:
         return bare, []
-    heavy = simulate(robot, recording, (*effects, *weight)).efforts
+    heavy = simulate(robot, recording, (*others, *weight)).efforts
     left = [sum(float(np.nansum((recording.efforts[name] - one[name]) ** 2)) for name in one) for one in (bare, heavy)]
     if left[0] < EFFORT_TARED * left[1]:
         return bare, ["the efforts do not hold the robot's weight: they were taken as those beyond it"]
