@@ -80,7 +80,7 @@ from its end, which shares no code with the package) draws a device, a bench tes
 sensors of half to four times 2 µm and 10 µrad; one recording in seven does not tell its noise. The answer is sealed in
 a file. The diagnosis gets the recording alone, its corrected model predicts another test of the same device, and only
 then the answer is opened to score. Seeds decide everything: `{command}`
-makes this page again, in about an hour on two cores.
+makes this page again.
 
 - *Clean*: nothing but the nominal robot. *One*: an effect of the library at a random place and size. *Pairs*: two of
   them. *Outside*: physics that no law describes (a cubic drive, a drive that moves with another leg's load, drift
