@@ -30,6 +30,9 @@ class TargetMisalignment(Law):
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("target")] if mechanism.tool is not None else []
 
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [mechanism.need_tool().name]
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         shift = np.array([values[name] for name in ("x", "y", "z")])
         turn = rotation_exp(np.array([values[name] for name in ("rx", "ry", "rz")]))
@@ -53,6 +56,9 @@ class MarkerMisalignment(Law):
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("target", self.variant)] if self.frame in mechanism.frame_names else []
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [self.frame]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         shift = np.array([values[name] for name in ("x", "y", "z")])
