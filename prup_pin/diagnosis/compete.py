@@ -339,7 +339,10 @@ def needed(problem: Problem, selection: Selection, blocks: np.ndarray) -> Select
         least = int(np.argmin(gains))
         if gains[least] > LEAST_GAIN * held:
             break
-        fit = search.refine([term for index, term in enumerate(fit.terms) if index != least], fit)
+        smaller = search.refine([term for index, term in enumerate(fit.terms) if index != least], fit)
+        if is_clean(problem, fit) and not is_clean(problem, smaller):
+            break  # what would take its place lies farther off than parts are
+        fit = smaller
         rivals = rivals[:least] + rivals[least + 1 :]
     return replace(selection, last=fit, rivals=tuple(rivals))
 
