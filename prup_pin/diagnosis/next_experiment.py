@@ -42,7 +42,7 @@ _LITTLE = 1e-6
 #: Pairs that the reason lists.
 MOST_LISTED = 3
 #: Of what these laws need the plan can see to.
-_SEEN_TO = {"gravity", "temperature"}
+_SEEN_TO = {"gravity", "temperature", "wrench"}
 
 
 def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
