@@ -11,7 +11,7 @@ from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.before import prospects
 from prup_pin.errors import InputError
-from prup_pin.recordings import Recording, read_recording
+from prup_pin.recordings import Recording, Tolerances, read_recording
 from prup_pin.simulation import CorrectedModel, simulate
 from tests.reference.concealed.efforts import draw_efforts, write
 
@@ -56,6 +56,25 @@ def test_an_axis_as_drawn_misses_nothing(carriage):
     assert found.verdict == "nothing_missing"
     assert not found.findings
     assert found.efforts.shares["carriage"]["heldout"] < 0.05
+
+
+def test_masses_of_links_held_together_stand_in_the_corrected_model_at_their_body(tmp_path):
+    """A fixture on the table has a mass of its own, and no place of its own in a motion."""
+    held = '<joint name="bolts" type="fixed"><parent link="table"/><child link="fixture"/></joint>'
+    inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    fixture = f'<link name="fixture"><inertial><mass value="25"/>{inertia}</inertial></link>'
+    text = AXIS.read_text().replace('value="95"', 'value="66"').replace("</robot>", f"{held}{fixture}</robot>")
+    (tmp_path / "axis.urdf").write_text(text)
+    robot = load(tmp_path / "axis.urdf")
+    recording = replace(axis(), tolerances=Tolerances(mass=0.05))
+    found = diagnose(robot, recording)
+    assert found.verdict == "nothing_missing"
+    change = {effect.place.name: effect.values["mass"] for effect in found.effects}
+    assert list(change) == ["table"]
+    assert 66 + 25 + change["table"] == pytest.approx(95, rel=3e-3)
+    predicted = simulate(robot, recording, CorrectedModel("it", found.effects).effects)
+    left = recording.efforts["carriage"] - predicted.efforts["carriage"]
+    assert np.std(left[250:-250]) < 0.55
 
 
 def test_friction_is_found_with_intervals_that_hold_it(carriage):

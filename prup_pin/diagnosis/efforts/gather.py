@@ -16,6 +16,7 @@ from ...laws.efforts.effort_sensor import EffortGain, EffortOffset
 from ...laws.efforts.encoder import OffsetEncoder
 from ...laws.efforts.free_curve import CURVES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
+from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_TOLD
 from .beside import Beside
@@ -395,6 +396,11 @@ def _second(c: Array) -> Array:
     return np.array([moved[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
 
 
+def _body(mechanism: Mechanism, joint: int) -> str:
+    """Return the name of a joint's body, where its inertial parameters stand."""
+    return mechanism.bodies.get(joint, str(mechanism.model.names[joint]))
+
+
 def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
     """Return the parameters that tolerances let be a little off, each with what one tolerance adds."""
     mechanism, out = at.mechanism, []
@@ -402,11 +408,11 @@ def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
         size, name = tolerances["mass"], f"{each.name}.mass"
         own = size * np.concatenate(([each.mass], each.mass * each.lever, each.mass * _second(each.lever)))
         efforts = at.regressor[:, :, each.joint - 1] @ own
-        spread = size * each.mass
-        out.append(Base(name, "mass", "inertial_parameters", each.name, each.mass, spread, "kg", efforts, own))
+        spread, place = size * each.mass, _body(mechanism, each.joint)
+        out.append(Base(name, "mass", "inertial_parameters", place, each.mass, spread, "kg", efforts, own))
     for joint in mechanism.joints:
         inertia = mechanism.model.inertias[joint.id]
-        link = mechanism.bodies.get(joint.id, joint.name)
+        link = _body(mechanism, joint.id)
         if not inertia.mass > 0:
             continue
         drawn = inertia.toDynamicParameters()
