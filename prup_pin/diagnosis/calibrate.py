@@ -220,8 +220,14 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     if any(item.law.physics == "joint_compliance" for item in joints):
         light, weighed = (_left_by_joints(problem, each, joints) for each in begun[:2])
         return problem.within(begun[1] if weighed < light - shows else begun[0])
-    found = [problem.within(each) for each in begun if each.objective <= hopeful]
-    return min(found, key=lambda each: each.first.chi2 + (shows if each.tolerances.effects else 0.0))
+    begun = [each for each in begun if each.objective <= hopeful]
+    found = [problem.within(each) for each in begun]
+    left = [each.first.chi2 for each in found]
+    if min(left) > FAR_BEHIND * begun[0].residual.size:
+        # What is left out decides, at the ends of what tolerances may take; less so where they may take what they like.
+        left = [settled(problem, replace(each, reach=np.inf)).objective for each in begun]
+    judged = [chi2 + (shows if each.tolerances.effects else 0.0) for chi2, each in zip(left, found, strict=True)]
+    return found[int(np.argmin(judged))]
 
 
 #: Laws that say how soft a joint is.
