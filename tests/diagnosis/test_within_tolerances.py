@@ -10,6 +10,8 @@ import prup_pin
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibrate import Toleranced
+from prup_pin.diagnosis.criteria import beyond_tolerance
+from prup_pin.diagnosis.diagnose import asked
 from prup_pin.errors import InputError
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import Noise, Tolerances, add_noise, read_recording, write_recording
@@ -59,6 +61,16 @@ def test_a_faultless_robot_has_nothing_but_its_weight(robot):
     known = found.calibration[0]
     assert known.learned > 0.9
     assert known.sd == pytest.approx((1 - known.learned) * known.tolerance, rel=0.2)
+
+
+def test_weight_acts_beside_a_fault_many_times_as_large(robot):
+    """A tracker's target that sits 7 mm and 24 mrad elsewhere leaves a hundred times more than weight does."""
+    elsewhere = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (-4.1e-3, 7e-4, -5.9e-3, 0.018, 0.009, 0.014), strict=True))
+    fault = effect_named("target_misalignment", "target", "", elsewhere, robot.mechanism)
+    given = asked(robot, bench(robot, 1, fault), lambda stage, share: None)
+    problem = given.within_tolerances(given.problem, beyond_tolerance(len(given.toleranced)))
+    assert problem.first.chi2 > 1e4 * problem.first.residual.size
+    assert [effect.law.physics for effect in problem.tolerances.effects] == ["self_weight"]
 
 
 @pytest.mark.slow
