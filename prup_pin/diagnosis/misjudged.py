@@ -18,6 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..numbers import number
 from ..spatial import Array
 from .calibrate import Toleranced
 from .compete import penalty
@@ -87,7 +88,7 @@ def beyond_of(fit: Fit) -> int:
 
 def told(factors: Mapping[str, float], taken: bool) -> str:
     """Return a sentence on tolerances that were declared too narrow."""
-    each = ", ".join(f"{kind} {factor:.2g} times" for kind, factor in factors.items())
+    each = ", ".join(f"{kind} {number(factor, 2)} times" for kind, factor in factors.items())
     what = (
         "These tolerances were taken instead, for what is within them is no finding"
         if taken

@@ -9,17 +9,17 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...mechanism import Mechanism
-from ...numbers import number
+from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import DrivenEffortLaw, in_units, way_unit
+from .effort_law import MovingEffortLaw, in_units, way_unit
 
 #: Shares of a joint's travel among which the gap is looked for.
 _SHARES = (5e-4, 2e-3, 8e-3, 3e-2)
 
 
-class LostLoad(DrivenEffortLaw):
+class LostLoad(MovingEffortLaw):
     """tau = -s tau_bodies on the way through a gap: the motor turns alone until the other flank bears.
 
     Position is the motor's. The blow at the end of the gap is not modelled; s = 1 loses all that bodies ask for.
@@ -40,9 +40,6 @@ class LostLoad(DrivenEffortLaw):
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return in_units(self.quantities, ["", way_unit(place, mechanism)])
 
-    def acts(self, place: Place, at: InMotion) -> bool:
-        return place.name in at.driven and at.moves(place.name)
-
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         travel = float(np.ptp(at.position(place.name)))
         return [{"gap": share * travel} for share in _SHARES]
@@ -55,8 +52,7 @@ class LostLoad(DrivenEffortLaw):
         return -at.along(place.name, lost)[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "mm" if mechanism.joint(place.name).slides else "mrad"
         return (
-            f"{place.name} has {number(1e3 * values['gap'], 3)} {unit} of backlash, in which the drive loses "
-            f"{number(100 * values['share'], 3)} % of its load"
+            f"{place.name} has {quantity(values['gap'], way_unit(place, mechanism))} of backlash, in which the drive "
+            f"loses {number(100 * values['share'], 3)} % of its load"
         )

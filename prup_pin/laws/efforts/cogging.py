@@ -13,7 +13,7 @@ from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import DrivenEffortLaw, effort_unit, in_units
+from .effort_law import MovingEffortLaw, effort_unit, in_units, way_unit
 
 #: Fewest periods in a joint's travel, and the most that are looked for.
 _FEWEST, _MOST = 2.0, 400.0
@@ -25,7 +25,7 @@ _MANY = 10.0
 _APART = 0.2
 
 
-class Cogging(DrivenEffortLaw):
+class Cogging(MovingEffortLaw):
     """tau = c cos(2 pi q / p) + s sin(2 pi q / p); the period p is looked for."""
 
     physics = "cogging"
@@ -42,10 +42,7 @@ class Cogging(DrivenEffortLaw):
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         effort = effort_unit(place, mechanism)
-        return in_units(self.quantities, [effort, effort, "m" if mechanism.joint(place.name).slides else "rad"])
-
-    def acts(self, place: Place, at: InMotion) -> bool:
-        return place.name in at.driven and at.moves(place.name)
+        return in_units(self.quantities, [effort, effort, way_unit(place, mechanism)])
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         """Return the periods that the residual of the moment asks for, strongest first."""
@@ -68,8 +65,7 @@ class Cogging(DrivenEffortLaw):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         size = float(np.hypot(values["cosine"], values["sine"]))
-        unit = "m" if mechanism.joint(place.name).slides else "rad"
         return (
             f"an effort of {number(size, 3)} {effort_unit(place, mechanism)} at {place.name} comes back every "
-            f"{quantity(values['period'], unit, 4)}"
+            f"{quantity(values['period'], way_unit(place, mechanism), 4)}"
         )

@@ -16,8 +16,8 @@ from ..law import Place
 from .effort_law import (
     EFFORT,
     PRESLIDING,
-    DrivenEffortLaw,
     JointEffortLaw,
+    MovingEffortLaw,
     effort_unit,
     in_units,
     other_ways,
@@ -62,7 +62,7 @@ class SlidingFriction(JointEffortLaw):
         return f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide"
 
 
-class LoadedFriction(DrivenEffortLaw):
+class LoadedFriction(MovingEffortLaw):
     """tau = (f + mu |tau_rigid|) sign(v): gears and guides rub more under load."""
 
     physics = "coulomb_friction"
@@ -88,9 +88,6 @@ class LoadedFriction(DrivenEffortLaw):
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return other_ways(at, place.name, values, ())
 
-    def acts(self, place: Place, at: InMotion) -> bool:
-        return place.name in at.driven and at.moves(place.name)
-
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         direction = at.dragged(place.name, values["presliding"])
         load = np.abs(at.effort_of(place.name, at.rigid))
@@ -103,7 +100,7 @@ class LoadedFriction(DrivenEffortLaw):
         )
 
 
-class ColdFriction(DrivenEffortLaw):
+class ColdFriction(MovingEffortLaw):
     """tau = (f + c exp(-t / T)) z, z the direction: a gear that warms up while it is recorded."""
 
     physics = "coulomb_friction"
@@ -129,9 +126,6 @@ class ColdFriction(DrivenEffortLaw):
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
         # a little more when slow is a little more at the start, where that was slow
         return [(word, place.name) for word in ("coulomb_friction", "viscous_friction")]
-
-    def acts(self, place: Place, at: InMotion) -> bool:
-        return place.name in at.driven and at.moves(place.name)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         begun, lasting = float(at.motion.time.min()), float(np.ptp(at.motion.time))

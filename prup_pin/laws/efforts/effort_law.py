@@ -174,6 +174,13 @@ class DrivenEffortLaw(EffortLaw):
         return place.name in at.driven
 
 
+class MovingEffortLaw(DrivenEffortLaw):
+    """A law of one driven joint that acts where it moves."""
+
+    def acts(self, place: Place, at: InMotion) -> bool:
+        return super().acts(place, at) and at.moves(place.name)
+
+
 def in_units(quantities: Sequence[Quantity], units: Sequence[str]) -> tuple[Quantity, ...]:
     """Return quantities with the units that fit a joint."""
     from dataclasses import replace

@@ -61,17 +61,13 @@ class EffortGain(DrivenEffortLaw):
         )
 
 
-class EffortUnit(DrivenEffortLaw):
+class EffortUnit(EffortGain):
     """The effort is reported in a unit of its own, friction and all: a current, or per cent of a rating."""
 
-    physics = "effort_gain"
     variant = f"{EFFORT} in a unit of its own"
     competes = False
-    of_what_is_known = True
     summary = "efforts in a unit of their own"
-    linear = ("gain",)
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-1e6),)
-    neutral: ClassVar = {"gain": 0.0}
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.along(place.name, at.effort_of(place.name, at.predicted))[..., None]

@@ -12,7 +12,7 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .delay import DelayOfAll, Late
-from .effort_law import DrivenEffortLaw, in_units
+from .effort_law import DrivenEffortLaw, in_units, way_unit
 
 
 class OffsetEncoder(DrivenEffortLaw):
@@ -25,7 +25,7 @@ class OffsetEncoder(DrivenEffortLaw):
     neutral: ClassVar = {"offset": 0.0}
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, ["m" if mechanism.joint(place.name).slides else "rad"])
+        return in_units(self.quantities, [way_unit(place, mechanism)])
 
     def acts(self, place: Place, at: InMotion) -> bool:
         return place.name in at.motion.names
@@ -34,8 +34,8 @@ class OffsetEncoder(DrivenEffortLaw):
         return at.displaced(place.name)[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "m" if mechanism.joint(place.name).slides else "rad"
-        return f"the encoder of {place.name} is off by {quantity(values['offset'], unit, signed=True)}"
+        off = quantity(values["offset"], way_unit(place, mechanism), signed=True)
+        return f"the encoder of {place.name} is off by {off}"
 
 
 class DelayedEncoder(Late, DrivenEffortLaw):

@@ -11,10 +11,10 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import DrivenEffortLaw, in_units
+from .effort_law import MovingEffortLaw, in_units
 
 
-class RotorInertia(DrivenEffortLaw):
+class RotorInertia(MovingEffortLaw):
     """tau = J a: rotor and gears, with the gear ratio squared. Their gyroscopic part is neglected."""
 
     physics = "rotor_inertia"
@@ -27,9 +27,6 @@ class RotorInertia(DrivenEffortLaw):
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return in_units(self.quantities, ["kg" if mechanism.joint(place.name).slides else "kg m^2"])
-
-    def acts(self, place: Place, at: InMotion) -> bool:
-        return place.name in at.driven and at.moves(place.name)
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.along(place.name, at.acceleration(place.name))[..., None]
