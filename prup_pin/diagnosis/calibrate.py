@@ -210,22 +210,22 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     that can. `reach`: tolerances beyond which none is taken to be off.
     """
     heavy = [item for item in library if item.law.physics == "self_weight"]
-    ways = [[], *([item.effect(item.coordinates_of(np.ones(item.size)))] for item in heavy)]
-    begun = [_begun(problem, toleranced, effects, reach) for effects in ways]
-    if not heavy:
-        return problem.within(begun[0])
-    hopeful = FAR_BEHIND * min(each.objective for each in begun)
-    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -WEIGHT_ACTS
     joints = [item for item in library if item.law.physics in _YIELDS and item.place.name != "robot"]
-    if any(item.law.physics == "joint_compliance" for item in joints):
-        light, weighed = (_left_by_joints(problem, each, joints) for each in begun[:2])
+    rigid = any(item.law.physics == "joint_compliance" for item in joints)
+    weights = [[item.effect(item.coordinates_of(np.ones(item.size)))] for item in heavy[: 1 if rigid else None]]
+    begun = [_begun(problem, toleranced, effects, reach) for effects in ([], *weights)]
+    if not weights:
+        return problem.within(begun[0])
+    shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -WEIGHT_ACTS
+    if rigid:
+        light, weighed = (_left_by_joints(problem, each, joints) for each in begun)
         return problem.within(begun[1] if weighed < light - shows else begun[0])
-    begun = [each for each in begun if each.objective <= hopeful]
-    found = [problem.within(each) for each in begun]
+    hopeful = FAR_BEHIND * min(each.objective for each in begun)
+    found = [problem.within(each) for each in begun if each.objective <= hopeful]
     left = [each.first.chi2 for each in found]
     if min(left) > FAR_BEHIND * begun[0].residual.size:
         # What is left out decides, at the ends of what tolerances may take; less so where they may take what they like.
-        left = [settled(problem, replace(each, reach=np.inf)).objective for each in begun]
+        left = [settled(problem, replace(each.tolerances.start, reach=np.inf)).objective for each in found]
     judged = [chi2 + (shows if each.tolerances.effects else 0.0) for chi2, each in zip(left, found, strict=True)]
     return found[int(np.argmin(judged))]
 
