@@ -26,11 +26,15 @@ from .description import (
     check_references,
 )
 from .extension import EXTENSION, ExtensionDocument
+from .inertial import read_inertial
 from .joint_types import JOINT_TYPES, replace_joint
 from .mesh_paths import mesh_exists, mesh_problem
 from .sidecar import Sidecar
 from .xml_file import MAX_JOINTS, MAX_NUMBER
 
+#: What stands in a <robot>, and in a <joint> once.
+_PARTS = ("link", "joint", "material", "gazebo", "transmission", "loop_joint", CONSTRAINT, EXTENSION)
+_JOINT_PARTS = ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller")
 _MOVABLE = ("revolute", "continuous", "prismatic")
 _JOINT_TYPES = (*_MOVABLE, "fixed", "floating", "planar")
 _LOOP_JOINTS = {
@@ -48,11 +52,31 @@ _SIZES: dict[str, dict[str, int]] = {
 }
 #: Deeper trees exhaust the stack of Pinocchio's reader.
 _MAX_DEPTH = 1000
+#: What can be read in one way only, and was hardly meant: said, with the places.
+_NO_BODY = (
+    "<inertia> that no body has, a principal moment [kg m²] negative or above the sum of the rest, which vibration and "
+    "motion take as it stands"
+)
+_NO_AXIS = "joints without <axis>, about or along x of their own frames"
+_NO_RANGE = "limits with lower = upper, taken as none"
+_MANY_TURNS = "limits [rad] of many turns (were degrees meant?)"
+_MUCH_TURNED = "joints whose origin is turned by more than a turn [rad] (were degrees meant?)"
+#: A revolute joint between these ranges is a screw, or its limits are degrees [rad].
+_IN_DEGREES = (30.0, 1500.0)
+#: Nobody turns a frame by more than this [rad].
+_TURN = 6.3
+#: So many oddities of one kind are listed.
+_LISTED = 4
 #: Links that onshape-to-robot puts where a loop closes.
 _CLOSING = re.compile(r"closing_(?P<name>.+)_(?P<end>[12])")
 #: More links are no robot's, and every unknown name is compared with all of them.
 _MAX_LINKS = 10_000
 _XACRO = "{http://www.ros.org/wiki/xacro}"
+
+
+def _some(texts: Sequence[str]) -> str:
+    more = [f"{len(texts) - _LISTED} more"] if len(texts) > _LISTED else []
+    return ", ".join([*texts[:_LISTED], *more])
 
 
 class UrdfDocument(ExtensionDocument):
@@ -62,11 +86,13 @@ class UrdfDocument(ExtensionDocument):
         super().__init__(root, path)
         self.package_folders = [Path(folder).resolve() for folder in package_folders]
         self.sidecar: Sidecar | None = None
+        self._odd: dict[str, list[str]] = {}
 
     # -- the tree ----------------------------------------------------------------------------------------------
 
     def read(self, content: bytes) -> RobotDescription:
         self._check_size()
+        self.known_children(self.root, _PARTS, "<robot>")
         notes: list[str] = []
         sidecar = self.sidecar
         if sidecar and sidecar.joint_types and not sidecar.problems:
@@ -83,6 +109,7 @@ class UrdfDocument(ExtensionDocument):
         described = {loop.name for loop in loops}
         loops += tuple(loop for loop in constraints if loop.name not in described)
         notes += fields.pop("notes", ())
+        notes += self._oddities()
         coupled = self._mimics(joints)
         if coupled:
             names = ", ".join(f"'{coupling.joint}'" for coupling in coupled)
@@ -180,22 +207,12 @@ class UrdfDocument(ExtensionDocument):
             if name in links:
                 self.problem(link, f"two links are named '{name}' (first on line {links[name].sourceline})")
             links.setdefault(name, link)
-            self._inertia(link, name)
+            self.known_children(link, ("inertial", "visual", "collision"), f"link '{name}'", ("inertial",))
+            if odd := read_inertial(self, link, name):
+                self._odd.setdefault(_NO_BODY, []).append(odd)
         if not links:
             self.problem(self.root, "has no <link>")
         return links
-
-    def _inertia(self, link: etree._Element, name: str) -> None:
-        mass, origin = link.find("inertial/mass"), link.find("inertial/origin")
-        if mass is not None:
-            value = self.numbers(mass, "value", 1, f"mass of link '{name}'", largest=MAX_NUMBER)
-            if value and value[0] < 0:
-                self.problem(mass, f"mass of link '{name}' is {value[0]:g} kg; expected >= 0")
-        if origin is not None:
-            self.origin(origin, f"inertial of link '{name}'")
-        for inertia in link.findall("inertial/inertia"):
-            for key in inertia.attrib:
-                self.numbers(inertia, key, 1, f"inertia of link '{name}'", largest=MAX_NUMBER)
 
     def _joints(self, links: dict[str, etree._Element]) -> tuple[list[str], list[str]]:
         movable: list[str] = []
@@ -246,26 +263,51 @@ class UrdfDocument(ExtensionDocument):
         return movable, fixed
 
     def _joint_numbers(self, joint: etree._Element, what: str, kind: str | None) -> None:
+        self.known_children(joint, _JOINT_PARTS, what, _JOINT_PARTS)
         origin, axis = joint.find("origin"), joint.find("axis")
         if origin is not None:
             self.origin(origin, f"{what}, origin")
+            self.only(origin, ("xyz", "rpy"), f"{what}, origin")
+            # of a file with problems nothing else is told
+            rpy = None if self.problems else self.numbers(origin, "rpy", 3, what, (0, 0, 0))
+            if rpy and max(map(abs, rpy)) > _TURN:
+                self._remark(_MUCH_TURNED, joint, origin, f'rpy="{origin.get("rpy")[:60]}"')
         if axis is not None and kind in _MOVABLE:
             self.direction(axis, "xyz", f"{what}, axis")
+            self.only(axis, ("xyz",), f"{what}, axis")
+        elif kind in _MOVABLE:
+            self._remark(_NO_AXIS, joint, joint)
         limit = joint.find("limit")
-        if kind in ("revolute", "prismatic"):
-            if limit is None:
-                need = "<limit lower= upper= effort= velocity=>"
-                self.problem(joint, f'{what}: a {kind} joint needs {need}; use type="continuous" for an endless one')
-            else:
-                low, high = (self.numbers(limit, key, 1, f"{what}, limit", (0,)) for key in ("lower", "upper"))
-                for key in ("effort", "velocity"):
-                    self.numbers(limit, key, 1, f"{what}, limit")
-                if low and high and (low[0] > MAX_NUMBER or high[0] < -MAX_NUMBER):
-                    self.problem(
-                        limit, f"{what}: limits {low[0]:g} … {high[0]:g} leave out zero and all that is near it"
-                    )
-                if low and high and low[0] > high[0]:
-                    self.problem(limit, f"{what}: lower limit {low[0]:g} is above the upper limit {high[0]:g}")
+        if kind not in ("revolute", "prismatic"):
+            return
+        if limit is None:
+            need = "<limit lower= upper= effort= velocity=>"
+            self.problem(joint, f'{what}: a {kind} joint needs {need}; use type="continuous" for an endless one')
+            return
+        low, high = (self.numbers(limit, key, 1, f"{what}, limit", (0,)) for key in ("lower", "upper"))
+        for key in ("effort", "velocity"):
+            self.numbers(limit, key, 1, f"{what}, limit")
+        if low and high:
+            self._range(joint, limit, what, low[0], high[0])
+
+    def _range(self, joint: etree._Element, limit: etree._Element, what: str, low: float, high: float) -> None:
+        if low > MAX_NUMBER or high < -MAX_NUMBER:
+            self.problem(limit, f"{what}: limits {low:g} … {high:g} leave out zero and all that is near it")
+        elif low > high:
+            self.problem(limit, f"{what}: lower limit {low:g} is above the upper limit {high:g}")
+        elif low == high:
+            self._remark(_NO_RANGE, joint, limit)
+        elif joint.get("type") == "revolute" and _IN_DEGREES[0] <= high - low <= _IN_DEGREES[1]:
+            self._remark(_MANY_TURNS, joint, limit, f"{low:g} … {high:g}")
+
+    def _remark(self, what: str, joint: etree._Element, element: etree._Element, given: str = "") -> None:
+        """Keep a joint for a note: it can be read in one way only, and was hardly meant so."""
+        line = f"line {element.sourceline}{': ' if given else ''}{given}"
+        self._odd.setdefault(what, []).append(f"'{joint.get('name')}' ({line})")
+
+    def _oddities(self) -> list[str]:
+        """Return notes on what was hardly meant, each kind once."""
+        return [f"{what}: {_some(places)}" for what, places in self._odd.items()]
 
     def _check_tree(self, links, parent_of) -> None:
         roots = [name for name in links if name not in parent_of]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,8 @@ MAX_JOINTS = 2000
 MAX_NAME = 500
 #: Lengths in metres, masses in kilograms: beyond this, sums of them lose all digits.
 MAX_NUMBER = 1e9
+#: Names that are more alike than this are meant to be the same: orign, Mass, but not contact.
+_NEAR = 0.75
 
 
 def read_bytes(path: Path, limit: int = MAX_BYTES) -> bytes:
@@ -196,6 +199,24 @@ class Document(ABC):
         xyz = self.numbers(element, "xyz", 3, what, (0, 0, 0), MAX_NUMBER)
         rpy = self.numbers(element, "rpy", 3, what, (0, 0, 0), MAX_NUMBER)
         return placement(rotation_rpy(*rpy), np.array(xyz)) if xyz and rpy else None
+
+    def known_children(
+        self, element: etree._Element, names: Sequence[str], what: str, once: Collection[str] = ()
+    ) -> None:
+        """Report children named almost like a known one, and a second one of those that stand `once`.
+
+        URDF's readers pass over both without a word; what bears quite another name may be anybody's.
+        """
+        lines: dict[str, int | None] = {}
+        for child in element:
+            tag = str(child.tag)
+            if tag not in names and tag not in lines:
+                near = difflib.get_close_matches(tag[:MAX_NAME].lower(), names, 1, _NEAR)
+                if near:
+                    self.problem(child, f"{what}: <{tag[:60]}> is not read. Did you mean <{near[0]}>?")
+            elif tag in once and tag in lines:
+                self.problem(child, f"{what}: a second <{tag}> (first on line {lines[tag]}); expected one")
+            lines.setdefault(tag, child.sourceline)
 
     def only(self, element: etree._Element, attributes: Sequence[str], what: str) -> None:
         """Report every attribute that is not in the list."""

@@ -133,6 +133,21 @@ def test_the_arm_itself_is_fine(write):
         ('<link name="tool"/>', '<link name="tool"/><link name="tool"/>', "two links are named 'tool' (first on line"),
         ('name="elbow" type', 'name="shoulder" type', "two joints are named 'shoulder' (first on line 6)"),
         ("<visual>", '<inertial><mass value="-1"/></inertial><visual>', "mass of link 'upper' is -1 kg; expected >= 0"),
+        # what URDF's readers pass over without a word, or with a line on stderr
+        ("<visual>", '<inertial><mass value="1"/></inertial><visual>',
+         'inertia of link \'upper\': <inertia …/> is missing; where it does not matter: <inertia ixx="0" ixy="0"'),
+        ("<visual>", '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial><visual>',
+         "inertia of link 'upper': ixy, ixz, iyz missing; readers then drop all six moments. Write ixy=\"0\""),
+        ("<visual>", '<inertial><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial><visual>',
+         "inertial of link 'upper': <mass value=\"…\"/> is missing; without mass: value=\"0\""),
+        ("<visual>", '<inertial><mass value="1"/><mass value="2"/></inertial><visual>',
+         "inertial of link 'upper': a second <mass> (first on line 3); expected one"),
+        ("<visual>", "<inertial/><inertial/><visual>", "link 'upper': a second <inertial>"),
+        ("<visual>", '<inertial><origin pos="1 0 0"/></inertial><visual>', "<origin>: unknown attribute 'pos'"),
+        ('<origin xyz="0.3 0 0"/>', '<orign xyz="0.3 0 0"/>', "'elbow': <orign> is not read. Did you mean <origin>?"),
+        ('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0" quat_xyzw="0 0 0 1"/>', "unknown attribute 'quat_xyzw'"),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>', "joint 'shoulder': a second <axis>"),
+        ('<link name="lower"/>', '<link name="lower"/><Link name="hand"/>', "<robot>: <Link> is not read. Did you"),
         ("<visual>", '<inertial><mass value="x"/></inertial><visual>', "mass of link 'upper': value=\"x\": expected"),
         ('lower="-2" upper="2"', 'lower="1e300" upper="1e301"', "leave out zero and all that is near it"),
         # meshes
@@ -151,6 +166,33 @@ def test_a_defect_is_named_with_its_line(write, old, new, expected):
     found = problems(path)
     mine = [problem for problem in found if problem.startswith(f"arm.urdf:{line_of(ARM, old)}: ")]
     assert any(expected in problem for problem in mine), found
+
+
+MOMENTS = '<inertial><mass value="1"/><inertia {} ixy="0" ixz="0" iyz="0"/></inertial><visual>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("<visual>", MOMENTS.format('ixx="-1" iyy="1" izz="1"'), "take as it stands: 'upper' (line 3: -1, 1, 1)"),
+        ("<visual>", MOMENTS.format('ixx="1" iyy="1" izz="2.2"'), "take as it stands: 'upper' (line 3: 1, 1, 2.2)"),
+        ('<axis xyz="0 0 1"/>', "", "joints without <axis>, about or along x of their own frames: 'shoulder' (line 6)"),
+        ('lower="-2" upper="2"', "", "limits with lower = upper, taken as none: 'shoulder' (line 8)"),
+        ('lower="-2" upper="2"', 'lower="-90" upper="90"', "(were degrees meant?): 'shoulder' (line 8: -90 … 90)"),
+        ('rpy="0 0 0"', 'rpy="0 0 90"', "(were degrees meant?): 'shoulder' (line 7: rpy=\"0 0 90\")"),
+    ],
+)  # fmt: skip
+def test_what_was_hardly_meant_is_assumed_aloud(write, old, new, expected):
+    said = prup_pin.load(write((old, new))).assumptions
+    assert [text for text in said if text.endswith(expected)], said
+
+
+def test_what_is_usual_is_not_remarked(write):
+    usual = MOMENTS.format('ixx="1" iyy="1" izz="2"')  # a disc
+    assert prup_pin.load(write(("<visual>", usual))).assumptions == (
+        "without mass: lower",
+        "no home is given: home is every joint at 0, or at its nearest limit",
+    )
 
 
 def test_all_defects_are_listed_at_once_in_the_order_of_their_lines(write):
