@@ -15,7 +15,7 @@ from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
 from .inputs import Inputs
-from .joint_compliance import EveryJointCompliance, JointCompliance
+from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition
 from .law import Effect, Law, Place
 from .lead_error import LeadError, PeriodicLeadError
@@ -38,6 +38,7 @@ LAWS: tuple[Law, ...] = (
     RootTiltCompliance(),
     HubRootCompliance(),
     JointCompliance(),
+    UnevenJointCompliance(),
     EveryJointCompliance(),
     Backlash(),
     BacklashByAxis(),

@@ -13,7 +13,7 @@ from ..mechanism import Joint, Mechanism
 from ..modules import DriveModule, WrenchModule
 from ..numbers import number
 from ..parameters import Quantity
-from .deeds import Deed, Solved, YieldingJoint, yield_of
+from .deeds import Deed, Solved, YieldingJoint, tilting_matrix, yield_of
 from .drawn import Drawn
 from .follows import Followed
 from .law import Law, Place
@@ -44,7 +44,7 @@ class JointCompliance(Law):
         return _places(mechanism)
 
     def is_named(self, place: Place) -> bool:
-        return place.name != "robot"
+        return place.name != "robot" and place.aspect != UnevenJointCompliance.variant
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if place.aspect != "along":
@@ -55,7 +55,9 @@ class JointCompliance(Law):
         return [{"compliance": value} for value in (1e-5, 1e-4, 1e-6)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        yield YieldingJoint(place.name, way_of(place), values["compliance"])
+        compliance = values["compliance"]
+        alike = (compliance, compliance, 0.0) if place.aspect == "across" else (compliance,)
+        yield YieldingJoint(place.name, way_of(place), alike)
 
     def drawn(self, place: Place, at: Solved) -> Drawn | None:
         load, by = yield_of(at, place.name, way_of(place))
@@ -69,14 +71,78 @@ class JointCompliance(Law):
         return Drawn(size, (by @ unit[..., None])[..., 0], labels, units)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        compliance = values["compliance"]
-        unit, other = ("N/m", "µm/kN") if place.aspect == "along" else ("N m/rad", "µrad/(N m)")
-        small = compliance * (1e9 if place.aspect == "along" else 1e6)
-        stiffness = f"{number(1 / compliance, 3)}" if compliance else "inf"
+        amount = _told(values["compliance"], place.aspect == "along")
+        return f"{place.name} yields {place.aspect} its axis by {amount}"
+
+
+class UnevenJointCompliance(Law):
+    """A joint tilts across its axis one way more than the other: a bearing whose seat is stiffer in one plane.
+
+    tilt = C M, C = c (n n^T + share t t^T), where n and t are at right angles to each other and to the joint's axis.
+    They stand on the body before the joint, and do not turn with it.
+    """
+
+    physics = JointCompliance.physics
+    summary = "a joint that the robot file has rigid tilts across its axis, one way more than the other"
+    source = JointCompliance.source
+    variant = "across by direction"
+    quantities = (
+        Quantity("compliance", "rad/(N m)", "tilt of the joint per moment, the way in which it is softest", 1e-5,
+                 upper=1.0),
+        Quantity("share", "1", "of that the other way; 0: one way only, 1: alike", 0.1, False, upper=1.0),
+        Quantity("direction", "rad", "of the softest axis, about the joint's own from the first one across it", 1.0,
+                 False, lower=-2 * np.pi, upper=2 * np.pi),
+    )  # fmt: skip
+    neutral: ClassVar = {"compliance": 0.0}
+    strong = 1e-6
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place(place.name, self.variant) for place in _places(mechanism) if place.aspect == "across"]
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        return [
+            {"compliance": value, "share": 0.1, "direction": turn}
+            for value in (1e-5, 1e-4, 1e-6)
+            for turn in (0.0, np.pi / 3, -np.pi / 3)
+        ]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        most, turn = values["compliance"], values["direction"]
+        even, uneven = most * (1 + values["share"]) / 2, most * (1 - values["share"]) / 2
+        compliance = even + uneven * np.cos(2 * turn), even - uneven * np.cos(2 * turn), uneven * np.sin(2 * turn)
+        yield YieldingJoint(place.name, "across", tuple(map(float, compliance)))
+
+    def drawn(self, place: Place, at: Solved) -> Drawn | None:
+        load, by = yield_of(at, place.name, "across")
+        found = at.setup.yielding.get((place.name, "across"))
+        if found is None:
+            return None
+        softest = np.linalg.eigh(tilting_matrix(found))[1][:, -1]
+        labels = "moment about the softest axis across", "yielding of the joint"
+        return Drawn(load @ softest, by @ softest, labels, ("N m", "rad"))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        turn, most, share = values["direction"], values["compliance"], values["share"]
+        axes = _tilts(mechanism.joint(place.name))[:, 3:]
+        softest = np.array([np.cos(turn), np.sin(turn)]) @ axes
+        softest *= np.sign(softest[np.argmax(np.abs(softest))])
+        about = ", ".join(number(value, 2) for value in np.where(np.abs(softest) < _NONE_OF_IT, 0.0, softest))
+        other = f"by {number(100 * share, 2)} % of that" if share > _NONE_OF_IT else "not at all"
         return (
-            f"{place.name} yields {place.aspect} its axis by {number(small, 3)} {other}, a stiffness of "
-            f"{stiffness} {unit}"
+            f"{place.name} tilts across its axis by {_told(most)} about ({about}) of its axes at zero, and {other} the "
+            "other way"
         )
+
+
+#: Parts of a direction or of a tilt that are told as none.
+_NONE_OF_IT = 5e-3
+
+
+def _told(compliance: float, slides: bool = False) -> str:
+    """Return a compliance along a slide, or any other, and the stiffness that it is, for people."""
+    unit, other = ("N/m", "µm/kN") if slides else ("N m/rad", "µrad/(N m)")
+    stiffness = number(1 / compliance, 3) if compliance else "inf"
+    return f"{number(compliance * (1e9 if slides else 1e6), 3)} {other}, a stiffness of {stiffness} {unit}"
 
 
 class EveryJointCompliance(Law):
@@ -115,7 +181,7 @@ class EveryJointCompliance(Law):
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for name, compliance in values.items():
             if compliance:
-                yield YieldingJoint(name, "own", compliance)
+                yield YieldingJoint(name, "own", (compliance,))
 
     def drawn(self, place: Place, at: Solved) -> Drawn | None:
         return None
@@ -139,7 +205,7 @@ def _own(mechanism: Mechanism) -> list[Place]:
 
 def way_of(place: Place) -> str:
     """Return in which of `mechanism.WAYS` a joint yields at a place."""
-    return "across" if place.aspect == "across" else "own"
+    return "across" if place.aspect.startswith("across") else "own"
 
 
 @lru_cache(maxsize=32)  # asked for at every candidate

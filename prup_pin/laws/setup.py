@@ -36,7 +36,7 @@ class Setup:
     offsets: dict[int, Array] = field(default_factory=dict)  # of joints' places by joint id, (6,)
     loop_offsets: dict[tuple[int, int], Array] = field(default_factory=dict)  # of loops' ends, (6,)
     mass_factors: dict[str, float] = field(default_factory=dict)  # of links
-    yielding: dict[tuple[str, str], float] = field(default_factory=dict)  # compliances of joints, by name and way
+    yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
     springs: list[ToolSpring] = field(default_factory=list)
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False

@@ -60,7 +60,10 @@ class TaskDescription:
 
 @dataclass(frozen=True)
 class ModuleDescription:
-    """A compliant module: its kind, the joint whose load it carries, its frame, and its given values."""
+    """A compliant module: its kind, the joint whose load it carries, its frame, and its given values.
+
+    `seated`: it stands where the joint does, but on the body before it, and does not turn with the joint.
+    """
 
     name: str
     kind: str
@@ -74,6 +77,7 @@ class ModuleDescription:
     values: Mapping[str, Parameter] = field(default_factory=dict)
     line: int | None = None
     lines: Mapping[str, int | None] = field(default_factory=dict)  # of the values
+    seated: bool = False
 
 
 @dataclass(frozen=True)

@@ -355,7 +355,7 @@ class Mechanism:
                 module.line,
             )
         root = self.frame(module.root) if module.root else None
-        base = self.frame(module.tip or module.frame or module.joint)
+        base = self._seat(joint) if module.seated else self.frame(module.tip or module.frame or module.joint)
         axis = module.axis
         if axis is None and root is not None:
             axis = self._root_to_tip(root, base, module)
@@ -372,6 +372,11 @@ class Mechanism:
             inboard_is_root=root is None or self._root_is_inboard(joint.id, root, base),
             values=resolve_values(module),
         )
+
+    def _seat(self, joint: Joint) -> Frame:
+        """Return the frame on the body before a joint in which the joint turns."""
+        parent, place = self.model.parents[joint.id], self.model.jointPlacements[joint.id]
+        return Frame(joint.name, int(parent), place.homogeneous)
 
     def _root_is_inboard(self, joint: int, root: Frame, tip: Frame) -> bool:
         """Return True where a beam's root is the end on the ground's side of the joint that it is loaded through."""

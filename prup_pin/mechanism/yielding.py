@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
 
 from ..parameters import Parameter
 from .description import KIND_BY_NAME, ModuleDescription
@@ -20,14 +23,26 @@ def yielding_module(joint: str, way: str) -> str:
 
 
 def yielding_modules(joints: Iterable[tuple[Joint, str]]) -> tuple[ModuleDescription, ...]:
-    """Return a spring along each joint, or a bearing that tilts across it; how soft they are a simulation says."""
-    found = []
-    for joint, way in joints:
-        kind, value, axis = "joint_spring", "stiffness", None
-        if way == "across":
-            kind, value, axis = "bearing", "tilting_stiffness", tuple(joint.axis.tolist())
-        name = yielding_module(joint.name, way)
-        quantity = next(item for item in KIND_BY_NAME[kind].quantities if item.name == value)
-        parameter = Parameter(f"{name}.{value}", 1.0, quantity.unit, "a law", quantity.description, quantity)
-        found.append(ModuleDescription(name, kind, joint.name, axis=axis, values={value: parameter}))
-    return tuple(found)
+    """Return a spring along each joint, or what tilts across it; how soft they are a simulation says.
+
+    Across a joint that turns the bearing's seat tilts, which does not turn with it.
+    """
+    return tuple(_across(joint) if way == "across" else _own(joint) for joint, way in joints)
+
+
+def _own(joint: Joint) -> ModuleDescription:
+    name = yielding_module(joint.name, "own")
+    return ModuleDescription(name, "joint_spring", joint.name, values=_given(name, "joint_spring", "stiffness", 1.0))
+
+
+def _across(joint: Joint) -> ModuleDescription:
+    name, kind = yielding_module(joint.name, "across"), "compliance_matrix"
+    values = _given(name, kind, "matrix", np.zeros((6, 6)))
+    return ModuleDescription(
+        name, kind, joint.name, axis=tuple(joint.axis.tolist()), seated=not joint.slides, values=values
+    )
+
+
+def _given(module: str, kind: str, name: str, value: Any) -> dict[str, Parameter]:
+    quantity = next(item for item in KIND_BY_NAME[kind].quantities if item.name == name)
+    return {name: Parameter(f"{module}.{name}", value, quantity.unit, "a law", quantity.description, quantity)}

@@ -34,9 +34,27 @@ def weight(mechanism):
     return effect_named("self_weight", "robot", "", {"scale": 1.0}, mechanism)
 
 
-def yields(mechanism, joint: str, aspect: str, compliance: float) -> Effect:
+def yields(mechanism, joint: str, aspect: str, compliance: float, **values) -> Effect:
     place = Place(joint, aspect)
-    return Effect(law_at("joint_compliance", place, mechanism), place, {"compliance": compliance}).checked(mechanism)
+    values = {"compliance": compliance, **values}
+    return Effect(law_at("joint_compliance", place, mechanism), place, values).checked(mechanism)
+
+
+def one_way(path: Path, joint: str, direction: float) -> np.ndarray:
+    """Return the unit vector (3,), in the axes of a joint's seat, at that angle about its axis."""
+    mechanism = prup_pin.load(path).mechanism
+    first, second = mechanism.joint(joint).motions(across=True)[3:].T
+    return np.cos(direction) * first + np.sin(direction) * second
+
+
+def uneven(path: Path, joint: str, compliance: float, share: float, direction: float) -> np.ndarray:
+    """Return compliance across (3, 3) of `PosedTree`."""
+    softest, other = (one_way(path, joint, direction + turn) for turn in (0.0, np.pi / 2))
+    return compliance * (np.outer(softest, softest) + share * np.outer(other, other))
+
+
+def effects_of(mechanism, places) -> list[Effect]:
+    return [place if isinstance(place, Effect) else yields(mechanism, *place) for place in places]
 
 
 def agreement(path: Path, joints, markers, tree: PosedTree, places, wrench=None) -> float:
@@ -47,7 +65,7 @@ def agreement(path: Path, joints, markers, tree: PosedTree, places, wrench=None)
     loads = None if wrench is None else np.tile(wrench, (5, 1))
     recording = Recording(np.arange(5.0), positions=q, markers=seen, wrench=loads)
     mechanism = robot.mechanism
-    found = simulate(robot, recording, [weight(mechanism), *(yields(mechanism, *place) for place in places)])
+    found = simulate(robot, recording, [weight(mechanism), *effects_of(mechanism, places)])
     rigid = simulate(robot, recording)
     apart = max(np.abs(found.markers[name] - seen[name]).max() for name in markers)
     return apart / max(np.abs(rigid.markers[name] - seen[name]).max() for name in markers)
@@ -68,6 +86,29 @@ def test_along_and_across_a_slide(tmp_path):
     tree = PosedTree(path, about={"rise": 2e-5, "swing": 3e-4}, across={"rise": 1e-4})
     places = [("rise", "along", 2e-5), ("rise", "across", 1e-4), ("swing", "about", 3e-4)]
     assert agreement(path, ("rise", "swing"), ("arm", "column"), tree, places) < 1e-8
+
+
+def test_across_one_way_more_than_the_other_as_the_body_before_stands(tmp_path):
+    path = tmp_path / "lift.urdf"
+    path.write_text(LIFT, encoding="utf-8")
+    for file, joint, joints, marker in (
+        (TORSO, "left_swing", JOINTS, "left_fore"),
+        (path, "rise", ("rise", "swing"), "arm"),
+    ):
+        mechanism = prup_pin.load(file).mechanism
+        bearing = {"compliance": 5e-4, "share": 0.2, "direction": 0.7}
+        tree = PosedTree(file, across={joint: uneven(file, joint, **bearing)})
+        places = [yields(mechanism, joint, "across by direction", **bearing)]
+        assert agreement(file, joints, (marker,), tree, places) < 1e-8
+        assert agreement(file, joints, (marker,), tree, [(joint, "across", 5e-4)]) > 0.05
+    # two that stand at right angles are one that tilts alike
+    mechanism = prup_pin.load(TORSO).mechanism
+    halves = [
+        yields(mechanism, "left_swing", "across by direction", 3e-4, share=0.0, direction=turn)
+        for turn in (0.3, 0.3 + np.pi / 2)
+    ]
+    tree = PosedTree(TORSO, across={"left_swing": 3e-4})
+    assert agreement(TORSO, JOINTS, ("left_fore",), tree, halves) < 1e-8
 
 
 def test_a_part_in_a_hundred_less_would_show():

@@ -45,13 +45,14 @@ def placed(rotation=None, shift=(0.0, 0.0, 0.0)) -> np.ndarray:
 @dataclass
 class PosedTree:
     """What is true of the device. By joint: compliance about and across its axis [rad/(N m), m/N for a slide's own],
-    what its position is beyond the reported one, where it is beyond its drawing, in the parent's axes, how it is turned
-    there, how much heavier its body is; by frame: where the marker sits on it. `tracker` is (4, 4), tracker from base.
+    alike both ways across or a matrix (3, 3) in the axes of its seat; what its position is beyond the reported one,
+    where it is beyond its drawing, in the parent's axes, how it is turned there, how much heavier its body is; by
+    frame: where the marker sits on it. `tracker` is (4, 4), tracker from base.
     """
 
     path: Path
     about: Mapping[str, float] = field(default_factory=dict)
-    across: Mapping[str, float] = field(default_factory=dict)
+    across: Mapping[str, float | np.ndarray] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     moved: Mapping[str, np.ndarray] = field(default_factory=dict)
     tilted: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -130,7 +131,8 @@ class PosedTree:
         felt = _per_vector(turn[joint]).T @ axes @ moment
         own = axes @ force if slides else turned(turn[joint]).T @ axes @ moment
         slid[joint] = about * float(axis @ own)
-        turn[joint] = across * (felt - axis * float(axis @ felt))
+        tilted = felt - axis * float(axis @ felt)
+        turn[joint] = across @ tilted if np.ndim(across) else across * tilted
 
     def markers(self, q, names: Sequence[str], wrench=None, tool: str = "") -> dict[str, np.ndarray]:
         """Return where the tracker sees the markers on these frames, (4, 4) each."""

@@ -11,7 +11,7 @@ from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
 from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
 from .value import ChangedValue
-from .yielding import YieldingJoint, yield_of, yielding_values
+from .yielding import YieldingJoint, tilting_matrix, yield_of, yielding_values
 
 #: Every kind, in the order in which their first-order effects are added up.
 DEEDS: tuple[type[Deed], ...] = (
@@ -59,6 +59,7 @@ __all__ = [
     "Weight",
     "WrenchReading",
     "YieldingJoint",
+    "tilting_matrix",
     "yield_of",
     "yielding_values",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,23 +16,25 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["YieldingJoint", "yield_of", "yielding_values"]
+__all__ = ["YieldingJoint", "tilting_matrix", "yield_of", "yielding_values"]
 
 
 @dataclass(frozen=True)
 class YieldingJoint(Deed):
-    """A joint yields by `compliance` along itself or across, a `way` of `mechanism.WAYS` [rad/(N m); m/N of a slide].
+    """A joint yields along itself or across, a `way` of `mechanism.WAYS`, [rad/(N m); m/N of a slide along itself].
 
-    Until one does, no unknown stands there: the equations know the joints that yield, and no others.
+    compliance: (c,) along itself; (c_xx, c_yy, c_xy) across, symmetric, in the axes of `Joint.motions` as they stand on
+    the body before the joint. Until one yields, no unknown stands there: the equations know those, and no others.
     """
 
     joint: str
     way: str
-    compliance: float
+    compliance: tuple[float, ...]
 
     def enter(self, setup: Setup) -> None:
         key = self.joint, self.way
-        setup.yielding[key] = setup.yielding.get(key, 0.0) + self.compliance
+        before = setup.yielding.get(key, (0.0,) * len(self.compliance))
+        setup.yielding[key] = tuple(one + other for one, other in zip(before, self.compliance, strict=True))
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
@@ -41,23 +43,28 @@ class YieldingJoint(Deed):
             return None
         total: Array | None = None
         for joint, way in {**new, **old}:
-            step = new.get((joint, way), 0.0) - old.get((joint, way), 0.0)
-            if step:
-                change = step * at.first.once(("yields", joint, way), partial(_by_compliance, at, joint, way))
+            nothing = (0.0,) * (3 if way == "across" else 1)
+            step = np.subtract(new.get((joint, way), nothing), old.get((joint, way), nothing))
+            if step.any():
+                change = at.first.once(("yields", joint, way), partial(_by_compliance, at, joint, way)) @ step
                 total = change if total is None else total + change
         return total
 
 
 def _by_compliance(at: Solved, joint: str, way: str) -> Array:
-    """Return what is watched per compliance, (n, R)."""
+    """Return what is watched per compliance, (n, R, k): k as in `YieldingJoint.compliance`."""
     load, by = yield_of(at, joint, way)
-    return np.asarray((by @ load[..., None])[..., 0])
+    own = by * load[:, None, :]
+    if way != "across":
+        return own
+    both = by[..., 0] * load[:, None, 1] + by[..., 1] * load[:, None, 0]
+    return np.concatenate((own, both[..., None]), axis=2)
 
 
 def yield_of(at: Solved, joint: str, way: str) -> tuple[Array, Array]:
     """Return the loads (n, k) along the motions in which a joint may yield, and what is watched per motion, (n, R, k).
 
-    Across, that is about two axes across the joint's own.
+    Across, that is about two axes across the joint's own, which do not turn with it.
     """
     first, name = at.first, yielding_module(joint, way)
     across = way == "across"
@@ -65,15 +72,28 @@ def yield_of(at: Solved, joint: str, way: str) -> tuple[Array, Array]:
         load, by = first.loads(name), first.by_strain(name)
         return (load[:, 3:5], by[:, :, 3:5]) if across else (load, by)
     index = at.setup.mechanism.joint(joint)
-    axes = index.motions(across)
-    return first.joint_loads(index.id) @ axes, first.by_joint_motion(index.id) @ axes
+    load, by, axes = first.joint_loads(index.id), first.by_joint_motion(index.id), index.motions(across)
+    if not across:
+        return load @ axes, by @ axes
+    turned = first.found.state.joints[:, index.id, :3, :3].mT @ axes[3:]
+    return (load[:, None, 3:] @ turned)[:, 0], by[..., 3:] @ turned
 
 
-def yielding_values(yielding: Mapping[tuple[str, str], float]) -> dict[str, float]:
-    """Return the stiffnesses of the modules that stand for joints that yield, by their full names."""
-    return {
-        f"{yielding_module(joint, way)}.{'tilting_stiffness' if way == 'across' else 'stiffness'}": (
-            1 / compliance if compliance else np.inf
-        )
-        for (joint, way), compliance in yielding.items()
-    }
+def tilting_matrix(compliance: tuple[float, ...]) -> Array:
+    """Return the compliance across a joint as a matrix, (2, 2)."""
+    xx, yy, xy = compliance
+    return np.array([[xx, xy], [xy, yy]])
+
+
+def yielding_values(yielding: Mapping[tuple[str, str], tuple[float, ...]]) -> dict[str, Any]:
+    """Return the values of the modules that stand for joints that yield, by their full names."""
+    found: dict[str, Any] = {}
+    for (joint, way), compliance in yielding.items():
+        name = yielding_module(joint, way)
+        if way == "across":
+            matrix = np.zeros((6, 6))
+            matrix[3:5, 3:5] = tilting_matrix(compliance)
+            found[f"{name}.matrix"] = matrix
+        else:
+            found[f"{name}.stiffness"] = 1 / compliance[0] if compliance[0] else np.inf
+    return found
