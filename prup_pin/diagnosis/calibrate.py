@@ -243,12 +243,15 @@ def _left_by_joints(problem, begun: Calibrated, joints: Sequence[Candidate]) -> 
     beside = [begun.effect, *begun.effects]
     columns = [held]
     for item in joints:
-        nothing = item.values_of(item.starts()[0])
+        starts = item.starts()
         neutral = item.law.neutral_at(item.place, item.mechanism)
-        near = np.array([neutral[q.name] for q in item.quantities])
-        step = item.effect(item.coordinates_of(near + _LITTLE * (nothing - near)))
-        change = begun.influence.change(problem.simulator.setup([*beside, step]))
-        columns.append(problem.whitened_changes(begun.influence, change[..., None]))
+        for start in starts:
+            if (start != starts[0])[item.logarithmic].any():
+                continue  # as the first, but for its size
+            near = np.where(item.logarithmic, [neutral[q.name] for q in item.quantities], item.values_of(start))
+            step = item.effect(item.coordinates_of(near + _LITTLE * (item.values_of(start) - near)))
+            change = begun.influence.change(problem.simulator.setup([*beside, step]))
+            columns.append(problem.whitened_changes(begun.influence, change[..., None]))
     matrix = np.concatenate(columns, axis=1)
     sizes = np.linalg.norm(matrix, axis=0)
     sizes[: held.shape[1]] = 1.0

@@ -306,7 +306,7 @@ class Problem:
                 return fit
             if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
                 fit, taken_at = self.relinearised(fit), fit.x
-            step = _least_step(*self._with_usual(fit), fit.x, reach)
+            step = self._step(fit, reach)
             share, better = 1.0, None
             sizes = [term.candidate.size for term in fit.terms]
             while share > 0.1:
@@ -332,6 +332,29 @@ class Problem:
                 return fit
         return fit
 
+    def _step(self, fit: Fit, reach: float) -> Array:
+        """Return the Gauss-Newton step of a fit's coordinates and of its toleranced parameters.
+
+        Coordinates that it would take beyond their bounds go to these, and the others do what is best then. A logarithm
+        is trusted for less than that.
+        """
+        jacobian, residual, held = self._with_usual(fit)
+        bounds = [(term.coordinates, *term.candidate.bounds, term.candidate.logarithmic) for term in fit.terms]
+        if not bounds:
+            return _least_step(jacobian, residual, held, fit.x, reach)
+        here, low, high, logarithmic = (np.concatenate(parts) for parts in zip(*bounds, strict=True))
+        step, open_ = np.zeros(len(here)), np.ones(len(here), bool)
+        while True:
+            left = residual - jacobian[:, ~open_] @ step[~open_]
+            found = _least_step(jacobian[:, open_], left, held, fit.x, reach)
+            step[open_] = found[: open_.sum()]
+            within = np.clip(here + step, low, high) - here
+            beyond = open_ & ~logarithmic & (np.abs(step - within) > _ROUNDING * np.abs(within))
+            if not beyond.any():
+                return np.concatenate((step, found[open_.sum() :]))
+            step[beyond] = within[beyond]
+            open_ &= ~beyond
+
     def _with_usual(self, fit: Fit) -> tuple[Array, Array, Array]:
         """Return jacobian, residual and `held` with a row for each coordinate of the terms that may be unusual."""
         if not fit.terms:
@@ -348,14 +371,17 @@ class Problem:
         for index, term in enumerate(fit.terms):
             for place in range(term.candidate.size):
                 step = 1e-3 * term.candidate.scales()[place]
+                low, high = (bound[place] for bound in term.candidate.bounds)
+                here = term.coordinates[place]
+                begin, end = max(here - step, min(low, here)), min(here + step, max(high, here))
                 ends = []
-                for sign in (1.0, -1.0):
+                for coordinate in (end, begin):
                     moved = term.coordinates.copy()
-                    moved[place] += sign * step
+                    moved[place] = coordinate
                     changed = list(effects)
                     changed[index] = term.candidate.effect(moved)
                     ends.append(self.change(fit, changed))
-                columns.append(((ends[0] - ends[1]) / (2 * step)).ravel())
+                columns.append(((ends[0] - ends[1]) / (end - begin)).ravel())
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
 
 
@@ -424,6 +450,8 @@ class Beside:
         return values - self.basis @ ((self.ease * (self.basis.T @ values).T).T)
 
 
+#: Share of a step that adding and taking away may change.
+_ROUNDING = 1e-6
 #: Share of the reach at which a parameter stands at its end.
 _AT_REACH = 0.999
 #: Multiple of the noise by which a parameter may change the columns that nothing holds.

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -24,8 +25,17 @@ from scipy.stats import chi2 as chi_squared
 
 from ..channels import Noise, PoseChannel, Stack
 from ..laws import Effect, Place
+from ..laws.deeds import YieldingJoint
 from ..laws.deviations import Calibration, amounts_of, deviations_of
-from ..laws.joint_compliance import USUAL_ABOUT, USUAL_ALONG, JointCompliance, way_of
+from ..laws.joint_compliance import (
+    USUAL_ABOUT,
+    USUAL_ALONG,
+    JointCompliance,
+    UnevenJointCompliance,
+    least_tilting,
+    values_of,
+    way_of,
+)
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
 from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording, Together
@@ -119,7 +129,8 @@ class Spread:
 
         def speaks(item: Candidate) -> bool:
             if item.law.physics == JointCompliance.physics:
-                return way_of(item.place) in self.yielding
+                uneven = item.place.aspect == UnevenJointCompliance.variant
+                return (item.place.aspect if uneven else way_of(item.place)) in self.yielding
             return item.law.physics not in self.silent
 
         return [item for item in library if not self.kinds or speaks(item)]
@@ -168,7 +179,7 @@ class _Parameters:
     """
 
     toleranced: Toleranced
-    joints: tuple[tuple[JointCompliance, Place], ...]
+    joints: tuple[_Yielding, ...]
     units: Array
     kinds: np.ndarray
     floors: Array
@@ -177,10 +188,22 @@ class _Parameters:
     def effects(self, x: Array) -> list[Effect]:
         count = len(self.toleranced)
         found = [self.toleranced.effect(x[:count])] if count else []
-        for (law, place), unit, value in zip(self.joints, self.units, x[count:], strict=True):
-            if value > 0:
-                found.append(Effect(law, place, {"compliance": float(unit * value)}))
+        for place, parts in self._together(self.units * x[count:]).items():
+            if parts[0] <= 0:
+                continue
+            if any(parts[1:]):
+                law = Place(place.name, UnevenJointCompliance.variant)
+                found.append(Effect(UnevenJointCompliance(), law, values_of(*parts)))
+            else:
+                found.append(Effect(JointCompliance(), place, {"compliance": parts[0]}))
         return found
+
+    def _together(self, values: Array) -> dict[Place, tuple[float, float, float]]:
+        """Return the parts of each joint's compliance, the nearest that create no energy, by parameters (j,)."""
+        found: dict[Place, list[float]] = {}
+        for (place, part), value in zip(self.joints, values, strict=True):
+            found.setdefault(place, [0.0, 0.0, 0.0])[part] = float(value)
+        return {place: least_tilting(*parts) for place, parts in found.items()}
 
     def without(self, kind: str) -> _Parameters:
         """Return the parameters but for one kind."""
@@ -195,8 +218,10 @@ class _Parameters:
 
     def clipped(self, x: Array) -> Array:
         """Return x (p,) without compliances below zero."""
-        out = x.copy()
-        out[len(self.toleranced) :] = np.maximum(out[len(self.toleranced) :], 0.0)
+        out, count = x.copy(), len(self.toleranced)
+        together = self._together(self.units * x[count:])
+        out[count:] = [together[place][part] for place, part in self.joints]
+        out[count:] /= self.units
         return out
 
     def columns(self, simulator: Simulator, influence: Influence, x: Array, beside: Sequence[Effect]) -> Array:
@@ -205,16 +230,37 @@ class _Parameters:
         yielding = self.effects(x)[1 if count else 0 :]
         found = [changes_per_tolerance(simulator, influence, self.toleranced, x[:count], [*beside, *yielding])]
         here = [*self.effects(x), *beside]
-        for (law, place), unit in zip(self.joints, self.units, strict=True):
-            step = Effect(law, place, {"compliance": _STEP * unit})
-            found.append(influence.change(simulator.setup([*here, step]))[..., None] / _STEP)
+        for item, unit in zip(self.joints, self.units, strict=True):
+            setup = simulator.setup(here)
+            setup.take([item.deed(_STEP * unit)])
+            found.append(influence.change(setup)[..., None] / _STEP)
         return np.concatenate(found, axis=2)
 
 
 #: Share of a unit by which the simulation's first order is differentiated.
 _STEP = 1e-3
 #: Kinds that are left out first where little was measured.
-_FINEST = ("encoder_slope", "yields across", "direction", "position", "yields own")
+_FINEST = ("encoder_slope", "yields across by direction", "yields across", "direction", "position", "yields own")
+
+
+class _Yielding(NamedTuple):
+    """One part of a joint's compliance, across it as in `parts_of`: the even one, or one by which it is uneven."""
+
+    place: Place
+    part: int
+
+    @property
+    def kind(self) -> str:
+        return f"{_YIELDS}{UnevenJointCompliance.variant if self.part else way_of(self.place)}"
+
+    def deed(self, size: float) -> YieldingJoint:
+        if self.place.aspect != "across":
+            return YieldingJoint(self.place.name, "own", (size,))
+        return YieldingJoint(self.place.name, "across", tuple(size * each for each in _PARTS[self.part]))
+
+
+#: Compliance across in the axes of a joint, (xx, yy, xy), of each of its parts.
+_PARTS = ((1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def _parameters(
@@ -229,13 +275,13 @@ def _parameters(
     loose = [replace(item, group=None) for item in deviations]
     toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, usual))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
-    law = JointCompliance()
-    joints = tuple((law, place) for place in law.places(mechanism)) if weight else ()
-    units = [USUAL_ALONG if place.aspect == "along" else USUAL_ABOUT for _, place in joints]
+    places = JointCompliance().places(mechanism) if weight else ()
+    joints = tuple(_Yielding(place, part) for place in places for part in range(3 if place.aspect == "across" else 1))
+    units = [USUAL_ALONG if item.place.aspect == "along" else USUAL_ABOUT for item in joints]
     own = toleranced.law.deviations
-    labels = [*(item.kind for item in own), *(f"{_YIELDS}{way_of(place)}" for _, place in joints)]
+    labels = [*(item.kind for item in own), *(item.kind for item in joints)]
     names = [*(f"{item.physics} {item.kind} {item.place}" for item in own)]
-    names += [f"{law.physics} {place}" for _, place in joints]
+    names += [f"{JointCompliance.physics} {item.place}" for item in joints]
     floors = [declared.get(item.name, 0.0) / size for item, size in zip(own, toleranced.tolerances, strict=True)]
     floors += [0.0] * len(joints)
     return _Parameters(toleranced, joints, np.array(units), np.array(labels), np.array(floors), np.array(names))
@@ -310,6 +356,10 @@ def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
     return _Fit(variances, noise, mean, covariance, float(cost))
 
 
+#: Ways in which joints yield that must show beside another one.
+_BEFORE = (("own", "across"), ("own", UnevenJointCompliance.variant), ("across", UnevenJointCompliance.variant))
+
+
 def _without_kinds(
     data: _Linear, fit: _Fit, labels: np.ndarray, floors: Array, least: float
 ) -> tuple[_Fit, np.ndarray]:
@@ -323,7 +373,7 @@ def _without_kinds(
         trials = []
         names = np.unique(labels[labels != ""])
         for name in names:
-            if name == f"{_YIELDS}own" and f"{_YIELDS}across" in names:
+            if any(name == f"{_YIELDS}{one}" and f"{_YIELDS}{other}" in names for one, other in _BEFORE):
                 continue
             fewer = np.where(labels == name, "", labels)
             trials.append((_fitted(data, fit.variances, fit.noise, fewer, floors, least), fewer))

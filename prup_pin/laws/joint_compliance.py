@@ -107,10 +107,8 @@ class UnevenJointCompliance(Law):
         ]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        most, turn = values["compliance"], values["direction"]
-        even, uneven = most * (1 + values["share"]) / 2, most * (1 - values["share"]) / 2
-        compliance = even + uneven * np.cos(2 * turn), even - uneven * np.cos(2 * turn), uneven * np.sin(2 * turn)
-        yield YieldingJoint(place.name, "across", tuple(map(float, compliance)))
+        even, along, aslant = parts_of(values["compliance"], values["share"], values["direction"])
+        yield YieldingJoint(place.name, "across", (even + along, even - along, aslant))
 
     def drawn(self, place: Place, at: Solved) -> Drawn | None:
         load, by = yield_of(at, place.name, "across")
@@ -132,6 +130,32 @@ class UnevenJointCompliance(Law):
             f"{place.name} tilts across its axis by {_told(most)} about ({about}) of its axes at zero, and {other} the "
             "other way"
         )
+
+
+def parts_of(compliance: float, share: float, direction: float) -> tuple[float, float, float]:
+    """Return e, a and b of a compliance across, C = e [[1, 0], [0, 1]] + a [[1, 0], [0, -1]] + b [[0, 1], [1, 0]]."""
+    even, uneven = compliance * (1 + share) / 2, compliance * (1 - share) / 2
+    return even, float(uneven * np.cos(2 * direction)), float(uneven * np.sin(2 * direction))
+
+
+def least_tilting(even: float, along: float, aslant: float) -> tuple[float, float, float]:
+    """Return the nearest parts of a compliance that creates no energy: (e, a, b) with e no less than |(a, b)|."""
+    uneven = float(np.hypot(along, aslant))
+    if uneven <= even:
+        return even, along, aslant
+    size = max((even + uneven) / 2, 0.0)
+    share = size / max(uneven, 1e-300)
+    return size, along * share, aslant * share
+
+
+def values_of(even: float, along: float, aslant: float) -> dict[str, float]:
+    """Return the law's values for such parts of a compliance."""
+    uneven = float(np.hypot(along, aslant))
+    return {
+        "compliance": even + uneven,
+        "share": max(even - uneven, 0.0) / max(even + uneven, 1e-300),
+        "direction": float(np.arctan2(aslant, along)) / 2,
+    }
 
 
 #: Parts of a direction or of a tilt that are told as none.
