@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Robot"]
 
-#: A loaded robot has answered for home so many times.
+#: A loaded robot has answered for so many places about home.
 _REHEARSALS = 12
 
 
@@ -90,16 +90,16 @@ class Robot:
     def prepared(self) -> Robot:
         """Return this robot with what its task coordinates need for any pose worked out: the first one costs no more.
 
-        It has answered for home by then, so that processors, too, have everything at hand. Other robots need little.
-        What a robot cannot do is said when it is asked.
+        It has answered for places about home by then, so that processors, too, have everything at hand. Other robots
+        need little. What a robot cannot do is said when it is asked.
         """
         if self.mechanism.tasks:
             with suppress(PrupPinError):
-                at_home = self._kinematics.prepare()
+                about_home = self._kinematics.prepare(_REHEARSALS)
                 if self.mechanism.modules:
                     self.compliance(self.home)
-                for _ in range(_REHEARSALS if at_home else 0):
-                    pose = self.pose(**at_home)
+                for coordinates in about_home:
+                    pose = self.pose(**coordinates)
                     if self.mechanism.modules:
                         answer = self.compliance(pose)
                         _ = answer.parts, answer.K

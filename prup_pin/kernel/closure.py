@@ -176,7 +176,7 @@ class Closure:
         relative (12 L + 1,): see `product`.
         """
         entries = relative.tolist()
-        return not any(entries[at] < _LEAST_ALIGNED for at in self._aligned_at)
+        return min([entries[at] for at in self._aligned_at], default=1.0) >= _LEAST_ALIGNED
 
     def assembled_each(self, turn: Array) -> NDArray[np.bool_]:
         """Return `assembled` of many configurations, (...) of turn (..., L, 3, 3)."""

@@ -115,8 +115,8 @@ class LoopedTree:
 class FixedFrames:
     """Frames on the joints of one mechanism: where they are, by one compiled pass for all."""
 
-    def __init__(self, mechanism: Mechanism, frames: Sequence[Frame]):
-        self._given = mechanism, tuple(frames)
+    def __init__(self, mechanism: Mechanism, frames: Sequence[Frame], turned: int | None = None):
+        self._given = mechanism, tuple(frames), turned
         # Of the mechanism's model the joints alone: frames of links would be placed as well.
         tree, self.model = mechanism.model, pin.Model()
         for joint in range(1, tree.njoints):
@@ -126,26 +126,29 @@ class FixedFrames:
             placed = pin.SE3(frame.placement)
             self.model.addFrame(pin.Frame(f"{index}", frame.joint, 0, placed, pin.FrameType.OP_FRAME))
         # By frame and axis a: p_1 a_2, p_2 a_0, p_0 a_1 less p_2 a_1, p_0 a_2, p_1 a_0 is p x a.
-        first = 12 * np.arange(len(frames))[:, None, None]
+        first = 12 * np.arange(len(frames))[:turned, None, None]
         point, axis = first + 9, first + 3 * np.arange(3)[:, None]
         one, two = np.array([1, 2, 0]), np.array([2, 0, 1])
         places = (point + one, axis + two), (point + two, axis + one)
-        shape = (len(frames), 3, 3)
-        self._crossed = np.array([[np.broadcast_to(at, shape).ravel() for at in pair] for pair in places], int)
+        shape = (len(first), 3, 3)
+        self._crossed = np.array([np.broadcast_to(at, shape).ravel() for pair in places for at in pair], int)
         self._of_thread = _OfThread(lambda: _FrameMemory(self.model))
 
     def __reduce__(self):
         return FixedFrames, self._given
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Return the columns x, y, z, p of all frames, (12 n,), and p x x, p x y, p x z, (9 n,).
+        """Return the columns x, y, z, p of all frames, (12 n,), and p x x, p x y, p x z of the first `turned`, (9 t,).
 
         At a configuration (nq,). The columns are a view of memory that this thread's next question overwrites.
         """
         memory = self._of_thread.memory
         pin.framesForwardKinematics(self.model, memory.data, q)
-        p, a, r, b = memory.columns.take(self._crossed).reshape(4, -1)
-        return memory.columns, p * a - r * b
+        p, a, r, b = memory.columns.take(self._crossed)
+        p *= a
+        r *= b
+        p -= r
+        return memory.columns, p
 
 
 class _OfThread(threading.local):

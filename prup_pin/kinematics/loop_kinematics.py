@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from math import hypot, inf
 
@@ -81,15 +82,20 @@ class LoopKinematics:
                 other.__dict__[name] = self.__dict__[name]
         return other
 
-    def prepare(self) -> dict[str, float]:
-        """Work out what no pose decides, and return home's task coordinates; none where its joints leave their limits.
+    def prepare(self, count: int) -> list[dict[str, float]]:
+        """Work out what no pose decides, and return task coordinates of up to `count` places about home.
 
-        Raises UnreachablePoseError where the loops do not close.
+        There Newton's method goes straight from its start to joints within their limits. Raises UnreachablePoseError
+        where the loops do not close.
         """
         self._freeze(self.home, self._home, {})
-        here = self.task.values(self._home.placements)
-        self.start(here)
-        return {} if self._outside(self.home) else dict(zip(self.task.names, here.tolist(), strict=True))
+        found = []
+        for target in self.start.about_home(count):
+            start = self.start(target)
+            with suppress(_NotConvergedError):
+                if start is not None and not self._outside(self._near(start, self.task.goal(target), within=SURE)[0]):
+                    found.append(dict(zip(self.task.names, target.tolist(), strict=True)))
+        return found
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 

@@ -31,6 +31,8 @@ Mask = NDArray[np.bool_]
 _RADIUS, _HOLDS = 1.1, 0.75
 #: A second fit, more exact, holds in the inner part of a ball. Where the fit is poor a ball gives way to that part.
 _INNER = 0.73
+#: Places that are well within a ball are no farther along any coordinate than this part of it.
+_WELL_WITHIN = 0.4
 #: No ball is smaller.
 _LEAST = 0.1
 #: The degree, lower with more coordinates, so that there are no more terms than these; fewer for a costly solver.
@@ -155,6 +157,13 @@ class PolynomialStart:
             if motion is not None:
                 return self._tree.moved(self._home, motion)
         return None
+
+    def about_home(self, count: int) -> Array:
+        """Return coordinates (count, t) of places well within the inner ball, home's if there is none."""
+        if not self._polynomials:
+            return self._coordinates[None]
+        even = np.array([*itertools.islice(_even(len(self._coordinates)), count)])
+        return self._coordinates + _WELL_WITHIN * even / self._polynomials[0].factor
 
     @property
     def widest(self) -> _Polynomial | None:

@@ -126,7 +126,10 @@ class TaskFrame:
     def rates(self, pose: tuple[float, ...]) -> Array:
         """Return d(task)/d(base twist), (t, 6)."""
         rows = self._rate_rows(pose, sin, cos, tan)
-        return np.array([rate for component in self.components for rate in rows[component]]).reshape(-1, 6)
+        rates: list[float] = []
+        for component in self.components:
+            rates += rows[component]
+        return np.array(rates).reshape(-1, 6)
 
     def _rate_rows(self, pose: tuple, sin: Callable, cos: Callable, tan: Callable) -> list:
         """Return the rates of all six components, of numbers or arrays."""

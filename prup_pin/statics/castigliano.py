@@ -24,7 +24,7 @@ __all__ = ["Energies", "Statics", "compliances", "invalid", "problems_of", "solv
 
 _LOAD_ITERATIONS = 50
 #: In every place of C: numpy takes as long to look at a number as to multiply a matrix.
-_HALF = np.full((6, 6), 0.5)
+HALF = np.full((6, 6), 0.5)
 
 
 def _counting(loads: Array, self_stress: Array) -> Array:
@@ -93,14 +93,14 @@ class Statics(NamedTuple):
         for half, slots, varies in others:
             lam = self.layout.constant_compliances[half][slots] if varies is None else self.varying[varies]
             jacobian = self.jacobians[half][..., slots, :, :]
-            into[half][..., slots, :, :] = lam * jacobian if half else lam @ jacobian
+            (np.multiply if half else np.matmul)(lam, jacobian, out=into[half][..., slots, :, :])
         return rows, *into
 
     def compliance(self, deformations: Array) -> Array:
         """Return C (..., 6, 6), the sum over modules of J^T (Lambda J), as one product of all their rows, of the
         deformations (load rows, 6)."""
         c = product(self.loads.mT, deformations)
-        return (c + c.mT) * _HALF
+        return (c + c.mT) * HALF
 
     def displacement(self, strains, frame: str | None) -> Array:
         """Return the displacement (..., 6) of the tool, or of a named frame, when modules deform by `strains`.

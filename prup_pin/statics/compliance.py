@@ -13,7 +13,7 @@ from ..errors import InputError, NoStiffnessError, imported, named
 from ..kernel import NEGLIGIBLE_ENERGY
 from ..numbers import number
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius
-from .castigliano import Statics
+from .castigliano import HALF, Statics
 from .elastic_line import ElasticLine, elastic_line
 from .weight import weight_strains
 
@@ -157,7 +157,7 @@ class Compliance:
                     rigid,
                 )
         k = inverse * self._scaling
-        k = (k + k.T) * 0.5
+        k = (k + k.T) * HALF
         k.setflags(write=False)
         return k
 

@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 
-_ONES, _UNITS, _ZERO, _NO_LENGTHS = np.ones(3), np.eye(6), np.zeros(1), np.zeros(0)
+_ONES, _ZERO, _NO_LENGTHS = np.ones(3), np.zeros(1), np.zeros(0)
 #: The geometry of kinds that need none.
 _NOWHERE = ModuleGeometry(np.zeros(()), np.zeros(()), np.zeros((), bool), np.zeros((), bool))
 
@@ -280,15 +280,15 @@ class _LoadMap:
     """`load_maps` of one pose: which numbers stand where."""
 
     def __init__(self, layout: StaticsLayout, frames: list[Frame]):
-        self._frames = FixedFrames(layout.mechanism, frames)
         count, total = len(layout.wrench_names), len(frames)
+        self._frames = FixedFrames(layout.mechanism, frames, turned=count)
         # Frames' columns, what `FixedFrames` returns with them, the joints' Jacobian row by row, and a zero.
-        columns, crossed = np.arange(12 * total).reshape(-1, 4, 3), np.arange(9 * total).reshape(-1, 3, 3) + 12 * total
-        jacobian = np.arange(6 * layout.mechanism.model.nv).reshape(6, -1) + 21 * total
-        at = np.full((len(layout.row_joints), 6), jacobian.size + 21 * total)
+        columns, crossed = np.arange(12 * total).reshape(-1, 4, 3), np.arange(9 * count).reshape(-1, 3, 3) + 12 * total
+        jacobian = np.arange(6 * layout.mechanism.model.nv).reshape(6, -1) + crossed.size + 12 * total
+        at = np.full((len(layout.row_joints), 6), jacobian.size + crossed.size + 12 * total)
         block = at[: 6 * count].reshape(-1, 6, 6)
         block[:, :3, :3] = block[:, 3:, 3:] = columns[:count, :3]
-        block[:, 3:, :3] = crossed[:count]
+        block[:, 3:, :3] = crossed
         at[6 * count :] = jacobian[:, layout.row_dofs].T
         self._at = at
         self._ratios = np.ones(at.shape)
@@ -298,7 +298,9 @@ class _LoadMap:
         """Return all frames' columns x, y, z, p (4 n, 3) and what `load_maps` returns (rows, 6)."""
         columns, crossed = self._frames.at(pose.q)
         numbers = np.concatenate((columns, crossed, pose.jacobian.ravel(), _ZERO))
-        return columns.reshape(-1, 3), numbers.take(self._at) * self._ratios
+        maps = numbers.take(self._at)
+        maps *= self._ratios
+        return columns.reshape(-1, 3), maps
 
 
 def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
@@ -332,10 +334,9 @@ def loads_from_frame(
         return (maps[..., :count, :] @ unit) * layout.row_support[:count, frame.joint, None]
     # Unit wrenches and unit closure forces side by side, as each row's joint carries them.
     sources = np.concatenate((unit.mT, pose.closure_wrenches), axis=-2)
-    both = product(maps, sources.mT) * layout.row_carries[frame.joint]
+    both = product(maps, sources.mT)
+    both *= layout.row_carries[frame.joint]
     forces = product(pose.balance.inverse, both[..., count:, :6])
-    if both.ndim == 2 and both.dtype != object:
-        return both[:count].dot(np.concatenate((_UNITS, forces)))
     return both[..., :count, :6] + product(both[..., :count, 6:], forces)
 
 
