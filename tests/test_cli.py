@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -236,6 +237,12 @@ def test_info_of_a_robot_without_tool_still_answers(run):
 
 def test_info_shows_sprung_joints(run):
     assert "sprung" in run("info", "double_pendulum", "--joint-stiffness", "1e4").stdout
+
+
+def test_a_springs_stiffness_has_the_unit_of_its_joint():
+    gantry = prup_pin.load(Path(__file__).parents[1] / "examples" / "gantry.urdf")
+    assert gantry.parameters["left/belt.stiffness"].unit == "N/m"
+    assert prup_pin.load("ur5", joint_stiffness=1e4).parameters["elbow_joint.stiffness"].unit == "N m/rad"
 
 
 def test_robots_and_kinds(run):

@@ -38,7 +38,7 @@ def compensate(
         typer.Option(metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."),
     ] = None,
     plots: Annotated[
-        Path | None, typer.Option("--plots", metavar="DIR", help="Write path.png and path.svg there (extra: figures).")
+        Path | None, typer.Option("--plots", metavar="DIR", help="Write path.png and path.svg there.")
     ] = None,
     workers: Workers = 1,
     set_parameters: SetParameters = None,

@@ -186,9 +186,20 @@ class Mechanism:
         if problems:
             raise RobotFileError(description.path, sorted(problems, key=lambda found: found.line or 0))
         self._modules = {module.name: module for module in self.modules}
-        self.parameters: dict[str, Parameter] = _all_parameters(description, self.modules)
+        self.parameters: dict[str, Parameter] = {
+            name: self._with_one_unit(parameter)
+            for name, parameter in _all_parameters(description, self.modules).items()
+        }
         for name in locked:
             self.joint_id(name)
+
+    def _with_one_unit(self, parameter: Parameter) -> Parameter:
+        """Return the parameter in the unit that its joint gives it: 'N/m or N m/rad' along a slide is N/m."""
+        if " or " not in parameter.unit:
+            return parameter
+        joint = self.joint(self._modules[parameter.name.rpartition(".")[0]].joint)
+        slides, turns = parameter.unit.split(" or ")
+        return replace(parameter, unit={"m": slides, "rad": turns}.get(joint.unit or "", parameter.unit))
 
     def __reduce__(self):
         # Pinocchio's model is built anew: the description says all of it.

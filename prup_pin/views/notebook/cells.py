@@ -87,9 +87,10 @@ def compliance_html(compliance: Compliance) -> str:
     if answer.shares is not None:
         amount = quantity(answer.amount, "rad" if answer.load.turns else "m")
         names = ranked(answer.shares)
-        bars = [(name, answer.shares[name]) for name in names[:_SHOWN]]
-        if names[_SHOWN:]:
-            bars.append((f"{len(names) - _SHOWN} others", sum(answer.shares[name] for name in names[_SHOWN:])))
+        shown = names[:_SHOWN] if len(names) > _SHOWN + 1 else names  # one more is named rather than counted
+        bars = [(name, answer.shares[name]) for name in shown]
+        if more := names[len(shown) :]:
+            bars.append((f"{len(more)} others", sum(answer.shares[name] for name in more)))
         moves = "turns" if answer.load.turns else "moves"
         parts.append(_caption(f"What yields {load_text(answer)}: the tool {moves} {amount}") + _bars(bars))
     return _block(f"{pose.mechanism.name}: compliance at '{answer.tool}'", parts)

@@ -465,11 +465,10 @@ class Painter:
             if not headline:
                 lines.append(f"The tool moves {moved_text} and {turned}; drawn {number(scale or 0, 3)} times larger")
             names = ranked(shares)
-            shown = names[:6]
+            shown = names[:6] if len(names) > 7 else names  # one more is named rather than counted
             rows = [Row(map_colour(shares[name] / top), name, f"{100 * shares[name]:.1f} %") for name in shown if top]
-            rest = 100 * sum(shares[name] for name in names[6:])
-            if len(names) > 6:
-                rows.append(Row("", f"{len(names) - 6} others", f"{rest:.1f} %"))
+            if more := names[len(shown) :]:
+                rows.append(Row("", f"{len(more)} others", f"{100 * sum(shares[name] for name in more):.1f} %"))
             signs += [
                 Row(GHOST, "see-through: without load", sign="ghost"),
                 Row(LOAD, "load on the tool", sign="line"),

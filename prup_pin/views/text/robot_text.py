@@ -192,7 +192,7 @@ def print_robots(out: Console) -> None:
     examples = robots.example_folder()
     heading(out, "From example-robot-data,", "which describes no compliance: add --joint-stiffness")
     if examples is None:
-        paragraph(out, "not installed: pip install 'prup_pin[robots]'")
+        paragraph(out, "not installed: pip install example-robot-data")
     # a column says which are here only where some are not
     files = robots.example_files()
     missing = examples is None or not all((examples / file).is_file() for file in files.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -261,10 +261,8 @@ def redundancy_text(found: Mobility) -> str:
 
 
 def module_parameters(robot: Robot, module: Module) -> list[Parameter]:
-    """Return the parameters of a module in the order of its kind; a joint says which of two units is meant."""
-    along = {"m": "N/m", "rad": "N m/rad"}.get(robot.mechanism.joint(module.joint).unit or "")
-    found = [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
-    return [replace(parameter, unit=along) if along and " or " in parameter.unit else parameter for parameter in found]
+    """Return the parameters of a module in the order of its kind."""
+    return [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
 
 
 def given_parameters(parameters: Sequence[Parameter]) -> list[Parameter]:
