@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,17 +39,35 @@ class LowPass:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
-        from scipy import signal  # heavy; not needed to load a robot
-
-        sections = signal.butter(_ORDER, self.cutoff, fs=self.rate, output="sos")
-        longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
         table = np.reshape(values, (len(values), -1))
         there = np.flatnonzero(table.any(axis=0))  # what is nothing throughout stays so
-        out = np.zeros(table.shape)
+        rows, out = np.ascontiguousarray(table[:, there].T), np.zeros(table.shape)
+        longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
         for where in pieces(piece):
-            part = table[where][:, there]
-            out[where, there] = signal.sosfiltfilt(sections, part, axis=0, padlen=min(longest, len(part) - 1))
+            rows[:, where] = self._both_ways(rows[:, where], min(longest, where.stop - where.start - 1))
+        out[:, there] = rows.T
         return out.reshape(np.shape(values))
+
+    def _both_ways(self, rows: Array, more: int) -> Array:
+        """Return signals (m, n) filtered to and fro, continued by `more` samples turned about their ends."""
+        from scipy.signal import sosfilt  # heavy; not needed to load a robot
+
+        sections, settled = _butterworth(self.cutoff, self.rate)
+        first, last = rows[:, :1], rows[:, -1:]
+        before, after = rows[:, more:0:-1], rows[:, -2 : -2 - more : -1]
+        out = np.concatenate((2 * first - before, rows, 2 * last - after), axis=1)
+        for _ in range(2):
+            out = sosfilt(sections, out, axis=1, zi=settled * out[:, :1])[0][:, ::-1]
+        return out[:, more : more + rows.shape[1]]
+
+
+@lru_cache(maxsize=16)
+def _butterworth(cutoff: float, rate: float) -> tuple[Array, Array]:
+    """Return a filter's sections (s, 6), and the state (s, 1, 2) that a signal of ones leaves them in."""
+    from scipy.signal import butter, sosfilt_zi
+
+    sections = butter(_ORDER, cutoff, fs=rate, output="sos")
+    return sections, sosfilt_zi(sections)[:, None, :]
 
 
 def differences(values: Array, piece: np.ndarray, step: float) -> Array:

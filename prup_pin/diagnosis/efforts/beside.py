@@ -49,7 +49,7 @@ class Beside:
     def __init__(self, given: Gathered, chosen: Chosen):
         self.given, self.chosen = given, chosen
         columns = given.columns
-        self._total, self._pull = columns.folded.sum(axis=0), columns.moment.sum(axis=0)
+        self._total, self._pull = columns.total, columns.moment.sum(axis=0)
         bounded = {i for term in chosen.terms if term.law.one_sided for i in range(term.where.start, term.where.stop)}
         self.folds: list[_Fold] = []
         self.left = columns.power.copy()

@@ -53,12 +53,14 @@ def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> 
     Coefficients that cannot be negative are not.
     """
     where = np.array(chosen.where, int)
-    kept = np.ones(given.columns.count, bool)
-    if left_out is not None:
-        kept[left_out] = False
-    blocks = np.flatnonzero(kept)
-    matrix = given.columns.gram[np.ix_(blocks, where, where)].sum(axis=0) + np.diag(given.prior[where])
-    moment = given.columns.moment[np.ix_(blocks, where)].sum(axis=0)
+    columns, at = given.columns, np.ix_(where, where)
+    if left_out is None:
+        matrix, moment = columns.total[at], columns.moment[:, where].sum(axis=0)
+    else:  # summed, not taken away: a column may be nothing in all other blocks
+        blocks = np.setdiff1d(np.arange(columns.count), left_out)
+        matrix = np.sum([columns.gram[block][at] for block in blocks], axis=0)
+        moment = columns.moment[np.ix_(blocks, where)].sum(axis=0)
+    matrix = matrix + np.diag(given.prior[where])
     normal = Normal.of(matrix)
     x = normal.solve(moment)
     bounded = np.zeros(len(where), bool)

@@ -183,6 +183,7 @@ class Columns:
         self._tables: list[_Table] = []
         self._gram = np.zeros((self.count, 0, 0))
         self._folded = np.zeros((len(self.folds), 0, 0))
+        self._total = np.zeros((0, 0))
         self._moment = np.zeros((self.count, 0))
         self._touched = np.zeros((0, target.shape[1]), bool)
 
@@ -195,6 +196,11 @@ class Columns:
     def folded(self) -> Array:
         """The same summed over every fold (F, P, P)."""
         return self._folded[:, : self.size, : self.size]
+
+    @property
+    def total(self) -> Array:
+        """The same summed over all blocks (P, P)."""
+        return self._total[: self.size, : self.size]
 
     @property
     def moment(self) -> Array:
@@ -244,6 +250,8 @@ class Columns:
             cross = gram[blocks, :size, first:size].sum(axis=0)
             self._folded[fold, :size, first:size] = cross
             self._folded[fold, first:size, :size] = cross.T
+        self._total[:size, first:size] = self._folded[:, :size, first:size].sum(axis=0)
+        self._total[first:size, :size] = self._total[:size, first:size].T
         self.size = size
         return where
 
@@ -253,17 +261,20 @@ class Columns:
             return
         room, kept = max(size + 32, room + room // 2), self.size
         gram, folded = np.empty((self.count, room, room)), np.empty((len(self.folds), room, room))
-        moment = np.empty((self.count, room))
+        moment, total = np.empty((self.count, room)), np.empty((room, room))
         gram[:, :kept, :kept], folded[:, :kept, :kept], moment[:, :kept] = self.gram, self.folded, self.moment
+        total[:kept, :kept] = self.total
         touched = np.zeros((room, self.target.shape[1]), bool)
         touched[:kept] = self.touched
-        self._gram, self._folded, self._moment, self._touched = gram, folded, moment, touched
+        self._gram, self._folded, self._total = gram, folded, total
+        self._moment, self._touched = moment, touched
 
     def pick(self, where: Sequence[int]) -> None:
         """Forget all columns but these, which then stand in this order."""
         kept, size = np.asarray(where, int), len(where)
         self._gram[:, :size, :size] = self._gram[:, kept[:, None], kept]
         self._folded[:, :size, :size] = self._folded[:, kept[:, None], kept]
+        self._total[:size, :size] = self._total[kept[:, None], kept]
         self._moment[:, :size] = self._moment[:, kept]
         self._touched[:size] = self._touched[kept]
         new = np.full(self.size, size)

@@ -123,7 +123,7 @@ class Efforts:
         given, _ = self.with_curves(self._gathered(plain), plain, _ROUGH)
         everything = Chosen(tuple(range(given.columns.size)))
         # a pinch of shrinkage: columns that are nearly alike must not blow up
-        scale = np.diag(given.columns.gram.sum(axis=0))
+        scale = np.diag(given.columns.total)
         eased = self._given(given.columns, given.candidates, given.prior + 1e-6 * scale)
         x, _ = fit(eased, everything)
         residual = given.columns.residual(everything.where, x) / flat[:, 0]

@@ -60,7 +60,7 @@ def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
     where = chosen.where
     x, matrix = fit(given, chosen)
     gram = given.columns.gram
-    total = gram.sum(axis=0)
+    total = given.columns.total
     pull = given.columns.moment - gram[:, :, where] @ x
     cross = Normal.of(matrix).solve(total[where])  # (p, P)
     pull = pull - pull[:, where] @ cross
@@ -77,7 +77,7 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
     pull, rest, _ = pulls(given, chosen)
     signs = _flips(given.columns.count)
     flipped, true = signs @ pull, pull.sum(axis=0)
-    total = np.diag(given.columns.gram.sum(axis=0))
+    total = np.diag(given.columns.total)
     largest = float(np.sqrt(total.max(initial=0.0)))
     taken = {term.where.start for term in chosen.terms}
     found: list[tuple[EffortCandidate, float, Array, bool]] = []
