@@ -22,6 +22,10 @@ _SLOW_SHARE = 1e-2
 _SAMPLES = 4.0
 #: Of the shift along the motion for a numerical derivative [s].
 _STEP = 1e-4
+#: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
+_FINER, _RESTING = 16, 1e-3
+#: Share of a way below which a mean over it is that of a straight line.
+_SHORT = 1e-4
 #: Bins of a joint's travel in which periods are looked for: twenty in the shortest one.
 _BINS = 8192
 
@@ -119,12 +123,12 @@ class InMotion:
     def dragging(self, position: Array, way: float) -> Array:
         """Return the direction of dry friction (N,) of something at `position` (N,): dz = (sign(dq) - z) |dq| / way.
 
-        Between samples the motion goes one way, so that the way alone decides. A way of nothing is the sign itself.
+        Its mean over the step about each sample: a motion turns round between samples, and to count that from the next
+        one on would be to be late by half a step. A way of nothing is the sign itself.
         """
         out = np.empty(len(self))
         for where in pieces(self.motion.piece):
-            steps = np.diff(position[where], prepend=position[where.start])
-            out[where] = _dragged(steps, way)
+            out[where] = _direction(position[where], way)
         return out
 
     def loose(self, joint: str, gap: float) -> Array:
@@ -268,8 +272,42 @@ def _splines(motion: Motion, values: Array) -> list:
     return [CubicSpline(motion.time[where], values[where], axis=0) for where in pieces(motion.piece)]
 
 
+def _direction(position: Array, way: float) -> Array:
+    """Return the direction of dry friction (n,), its mean over the step about each sample."""
+    n = len(position)
+    if n < 3:
+        return _dragged(np.diff(position, prepend=position[:1]), way)
+    time, path = _between(position)
+    passed = np.concatenate(([0.0], np.cumsum(_dragged(np.diff(path), way) * np.diff(time))))
+    edges = np.clip(np.arange(n + 1) - 0.5, 0, n - 1)
+    return np.diff(np.interp(edges, time, passed)) / np.diff(edges)
+
+
+def _between(position: Array) -> tuple[Array, Array]:
+    """Return times [steps] and positions of samples (n,), with more of them where the motion turns round."""
+    n, steps = len(position), np.diff(position)
+    slope = np.gradient(position)
+    turns = slope[:-1] * slope[1:] < 0
+    turns[:-1] |= steps[:-1] * steps[1:] < 0
+    turns &= np.maximum(np.abs(slope[:-1]), np.abs(slope[1:])) > _RESTING * np.sqrt(np.mean(slope**2))
+    near = turns.copy()
+    for lag in (-1, 1, 2):
+        near |= np.roll(turns, lag)
+    here = np.flatnonzero(near)
+    # cubics by the slopes at both ends
+    u = np.arange(1, _FINER) / _FINER
+    first, last = (2 * u**3 - 3 * u**2 + 1, u**3 - 2 * u**2 + u), (3 * u**2 - 2 * u**3, u**3 - u**2)
+    fine = sum(
+        np.outer(position[at], of_place) + np.outer(slope[at], of_slope)
+        for at, (of_place, of_slope) in ((here, first), (here + 1, last))
+    )
+    time = np.concatenate((np.arange(n, dtype=float), (here[:, None] + u).ravel()))
+    order = np.argsort(time, kind="stable")
+    return time[order], np.concatenate((position, np.ravel(fine)))[order]
+
+
 def _dragged(steps: Array, way: float) -> Array:
-    """Return the direction of dry friction (n,) after steps (n,): stretches of one direction, one after the other."""
+    """Return the direction of dry friction over steps (n,), its mean over each: stretches of one direction in turn."""
     towards = np.sign(steps)
     moving = np.flatnonzero(towards)
     if not len(moving):
@@ -278,14 +316,19 @@ def _dragged(steps: Array, way: float) -> Array:
     last = np.maximum.accumulate(np.where(towards != 0, np.arange(len(steps)), moving[0]))
     towards = towards[last]
     starts = np.concatenate(([0], np.flatnonzero(np.diff(towards)) + 1))
-    gone = np.cumsum(np.abs(steps))
+    length = np.abs(steps)
+    gone = np.cumsum(length)
     before = np.concatenate(([0.0], gone))[starts]
-    length = np.diff(np.append(starts, len(steps)))
-    along = gone - np.repeat(before, length)
-    kept = np.exp(-along / way) if way > 0 else (along == 0).astype(float)
-    state, entering = float(towards[0]), np.empty(len(starts))
+    along = gone - np.repeat(before, np.diff(np.append(starts, len(steps))))
     ends = np.append(starts[1:], len(steps)) - 1
+    if not way > 0:
+        return towards
+    kept = np.exp(-along / way)
+    state, entering = float(towards[0]), np.empty(len(starts))
     for index, (sign, keep) in enumerate(zip(towards[starts].tolist(), kept[ends].tolist(), strict=True)):
         entering[index] = state
         state = sign + (state - sign) * keep
-    return towards + (np.repeat(entering, length) - towards) * kept
+    share = length / way
+    fell = np.exp(-np.maximum(along - length, 0.0) / way) - kept
+    mean = np.where(share > _SHORT, fell / np.maximum(share, _SHORT), kept)
+    return towards + (np.repeat(entering, np.diff(np.append(starts, len(steps)))) - towards) * mean

@@ -26,7 +26,7 @@ def device(folder, seed, robot, effects, multiple=(6.0, 20.0)):
     return read_recording(folder / "it.csv"), read_recording(folder / "it.heldout.csv")
 
 
-def axis(n=6000, *, damping=0.0, limit=0.0, drag=0.0, pinch=0.0, noise=0.5, seed=1):
+def axis(n=6000, *, damping=0.0, limit=0.0, slow=0.0, drag=0.0, pinch=0.0, noise=0.5, seed=1):
     """Return a recording of the ball-screw axis at 250 Hz whose efforts are known."""
     rng = np.random.default_rng(seed)
     time = np.arange(n) * 0.004
@@ -37,6 +37,7 @@ def axis(n=6000, *, damping=0.0, limit=0.0, drag=0.0, pinch=0.0, noise=0.5, seed
     for row in range(1, n):
         coloured[row] = 0.9 * coloured[row - 1] + rng.normal() * noise * np.sqrt(1 - 0.81)
     tau = 95 * a + damping * v + limit * np.sign(v) + drag * v * np.abs(v) + coloured
+    tau += slow * np.exp(-((v / 0.04) ** 2)) * np.sign(v)
     tau += pinch * np.sign(v) * (1 + np.sin(2 * np.pi * q / 0.12))
     q = np.round((q + 1e-8 * rng.normal(size=n)) * 1e7) / 1e7
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
@@ -87,6 +88,16 @@ def test_friction_is_found_with_intervals_that_hold_it(carriage):
         assert fitted.value == pytest.approx(true, rel=0.03)
         low, high = fitted.interval
         assert low < true < high or abs(fitted.value - true) < 0.01 * true
+
+
+def test_friction_many_times_the_noise_is_settled_so_far_that_nothing_imitates_what_is_left(carriage):
+    """A speed or a way between those that are scanned would leave what looks like a delay."""
+    found = diagnose(carriage, axis(4000, limit=60.0, slow=150.0, noise=0.2))
+    assert found.verdict == "explained"
+    assert named(found) == {("stribeck_friction", "carriage")}
+    (finding,) = found.findings
+    for name, true in (("limit", 60.0), ("extra", 150.0), ("speed", 0.04)):
+        assert finding.parameters[name].value == pytest.approx(true, rel=0.01)
 
 
 def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):

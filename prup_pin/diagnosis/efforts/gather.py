@@ -18,7 +18,7 @@ from ...laws.efforts.free_curve import CURVES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..criteria import AR_ORDER, EFFORT_TOLD
+from ..criteria import AR_ORDER, EFFORT_INDISTINCT, EFFORT_TOLD
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import (
@@ -33,6 +33,7 @@ from .columns import (
     usable,
 )
 from .combinations import Combinations
+from .normal import Normal
 from .search import pulls
 
 __all__ = ["Base", "Efforts"]
@@ -41,6 +42,8 @@ __all__ = ["Base", "Efforts"]
 _Seen = tuple[EffortLaw, Place, Mapping[str, float], ByJoint]
 #: Curves that stand for what no law explains when noise is told from it.
 _ROUGH = tuple(curve for curve in CURVES if curve.friction)
+#: Farthest that the logarithm of a scanned value is moved at a time, and squares of white noise that settle it.
+_FARTHEST, _SETTLED = 2.0, 0.5
 #: Samples whose regressors are multiplied at a time.
 _AT_ONCE = 4096
 
@@ -373,13 +376,78 @@ class Efforts:
             end = tried[taken - 1].where.stop
             columns.cut(end)
             given = self._given(columns, given.candidates, np.array(prior)[:end])
-        return given, best
+        return self._settled(given, best, which)
+
+    def _settled(self, given: Gathered, chosen: Chosen, which: Sequence[int]) -> tuple[Gathered, Chosen]:
+        """Return what is chosen with scanned values settled where the squares are least, all coefficients free.
+
+        A friction that turns round on a way a little too long looks like a delay, where it is large.
+        """
+        from scipy.optimize import minimize  # heavy; not needed to load a robot
+
+        columns = given.columns
+        for place in which:
+            term = chosen.terms[place]
+            law, count = term.law, len(term.law.settled)
+            if not count:
+                continue
+            at = self.at
+            if law.of_what_is_known:
+                before = Chosen(chosen.base, chosen.terms[:place])
+                at = self._knowing(*self._known(before, fit(given, before)[0]))
+            left = _Left(given, chosen.without(term), law.prior(term.place, self.at.mechanism))
+
+            def scaled(step: Array, term: EffortCandidate = term) -> Mapping[str, float]:
+                return term.law.scaled(term.values, np.exp(np.clip(step, -_FARTHEST, _FARTHEST)).tolist())
+
+            def cost(step: Array, term=term, at=at, left=left, scaled=scaled) -> float:
+                own = term.law.efforts_per(term.place, scaled(step), at)
+                return -left.saved_by(self.whitening(self.seen(own)))
+
+            near = law.near(term.values)
+            simplex = np.vstack((np.zeros(count), near * np.eye(count)))
+            options = {"initial_simplex": simplex, "maxfev": 25 * count, "xatol": 0.02 * near, "fatol": _SETTLED}
+            found = minimize(cost, np.zeros(count), method="Nelder-Mead", options=options)
+            if not cost(np.zeros(count)) - found.fun > _SETTLED:
+                continue
+            values = scaled(found.x)
+            size = columns.size
+            own = columns.add([self.whitening(self.seen(law.efforts_per(term.place, values, at)))])[0]
+            prior = np.concatenate((given.prior, law.prior(term.place, self.at.mechanism)))
+            other = EffortCandidate(law, term.place, values, own)
+            wider = self._given(columns, given.candidates, prior)
+            before_it, after_it = Beside(wider, chosen.without(term)).with_each([term, other]).sum(axis=1)
+            if after_it < before_it:
+                given, chosen = wider, chosen.replaced(place, other)
+            else:
+                columns.cut(size)
+        return given, chosen
 
     def start(self, freed: Gathered | None = None) -> Chosen:
         """Return what is there before any law: parameters within tolerance, and all masses where they are `freed`."""
         candidates = () if freed is None else freed.candidates
         every = [candidate for candidate in candidates if isinstance(candidate.law, AllLinks)]
         return Chosen(tuple(range(len(self.bases))), tuple(every))
+
+
+class _Left:
+    """What a fit leaves of the whitened efforts, and how much of it other columns beside it would save."""
+
+    def __init__(self, given: Gathered, chosen: Chosen, prior: Array):
+        x, matrix = fit(given, chosen)
+        self._columns, self._prior = given.columns.dense(chosen.where), np.diag(prior)
+        self._left, self._normal = given.columns.residual(chosen.where, x), Normal.of(matrix)
+
+    def saved_by(self, own: ByJoint) -> float:
+        """Return the squares that columns would save, all coefficients fitted together."""
+        matrix, pull = self._prior.copy(), np.zeros(own.size)
+        cross = np.zeros((len(self._normal.scale), own.size))
+        for joint, (which, values) in enumerate(own.joints):
+            matrix[np.ix_(which, which)] += values.T @ values
+            cross[:, which] += self._columns[joint].T @ values
+            pull[which] += values.T @ self._left[:, joint]
+        rest = matrix - cross.T @ self._normal.solve(cross)
+        return float(pull @ Normal.of(rest, np.diag(matrix), EFFORT_INDISTINCT).solve(pull))
 
 
 #: The law and parameter that stand for a tolerance of a kind.

@@ -33,6 +33,7 @@ class Cogging(MovingEffortLaw):
     of_what_is_known = True
     summary = "an effort that is periodic in the position"
     linear = ("cosine", "sine")
+    settled = ("period",)
     quantities = (
         Quantity("cosine", "N m", "amplitude of the cosine", 1.0, positive=False, lower=-1e6),
         Quantity("sine", "N m", "amplitude of the sine", 1.0, positive=False, lower=-1e6),
@@ -53,6 +54,12 @@ class Cogging(MovingEffortLaw):
         count = float(np.ptp(at.position(place.name))) / values["period"]
         others = [count + part * _STEP for part in (-0.5, -0.25, 0.25, 0.5)]
         return [{"period": values["period"] * count / other, "count": other} for other in others]
+
+    def scaled(self, values: Mapping[str, float], factors: Sequence[float]) -> Mapping[str, float]:
+        return {"period": values["period"] * float(factors[0]), "count": values["count"] / float(factors[0])}
+
+    def near(self, values: Mapping[str, float]) -> float:
+        return min(0.2, 0.3 * _STEP / values["count"])
 
     def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
         # poles, teeth and their harmonics stand side by side; several long waves are any shape

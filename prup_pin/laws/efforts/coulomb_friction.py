@@ -39,6 +39,7 @@ class SlidingFriction(JointEffortLaw):
     summary = "dry friction"
     family = "dry friction"
     linear = ("limit",)
+    settled = ("presliding",)
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide", 1.0, upper=1e6),
@@ -71,6 +72,7 @@ class LoadedFriction(MovingEffortLaw):
     variant = f"{EFFORT} by load"
     of_motion = True
     linear = ("limit", "share_of_load")
+    settled = ("presliding",)
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide without load", 1.0, positive=False, upper=1e6),
@@ -109,6 +111,7 @@ class ColdFriction(MovingEffortLaw):
     variant = f"{EFFORT} while it warms up"
     of_motion = True
     linear = ("limit", "cold")
+    settled = ("time", "presliding")
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide when warm", 1.0, positive=False, upper=1e6),

@@ -46,6 +46,8 @@ class EffortLaw(Law):
     family: ClassVar[str] = ""
     #: True where it needs joints that turn round or change speed: it says nothing of one at rest.
     of_motion: ClassVar[bool] = False
+    #: Scanned parameters that are settled between scanned values, by their logarithms.
+    settled: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
@@ -58,6 +60,14 @@ class EffortLaw(Law):
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         """Return scanned values about fitted `values`, where better ones may lie between those that were scanned."""
         return []
+
+    def scaled(self, values: Mapping[str, float], factors: Sequence[float]) -> Mapping[str, float]:
+        """Return scanned values of which the `settled` ones are so many times as large."""
+        return {**values, **{name: values[name] * float(f) for name, f in zip(self.settled, factors, strict=True)}}
+
+    def near(self, values: Mapping[str, float]) -> float:
+        """Return the change of the logarithms within which the best values lie about those that were scanned."""
+        return 0.2
 
     def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
         """Return whether it is there already where it has `other` scanned values; two may be there where it is not."""

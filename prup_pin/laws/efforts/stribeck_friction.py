@@ -36,6 +36,7 @@ class StribeckFriction(JointEffortLaw):
     family = "dry friction"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit (1994)"
     linear = ("limit", "extra")
+    settled = ("speed", "presliding")
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "friction at speed", 1.0, positive=False, upper=1e6),

@@ -28,6 +28,7 @@ class TransmissionCoupling(EffortLaw):
     physics = "transmission_coupling"
     summary = "a motor that moves with two joints"
     of_motion = True
+    settled = ("presliding",)
     linear = ("limit", "damping", "inertia")
     one_sided = True
     quantities = (
