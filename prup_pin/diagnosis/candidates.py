@@ -43,6 +43,11 @@ class Candidate:
         return np.array([quantity.positive and quantity.lower >= 0 for quantity in self.quantities])
 
     @cached_property
+    def known(self) -> Array:
+        """One over the standard deviation of coordinates that are known to lie about zero, (p,); 0 of the others."""
+        return self.logarithmic / self.law.spread if self.law.known else np.zeros(self.size)
+
+    @cached_property
     def deeds(self) -> tuple[Deed, ...]:
         """What the law does: kinds and places, no numbers."""
         return self.law.outline(self.place, self.mechanism)
@@ -165,6 +170,11 @@ class Term:
     @property
     def effect(self) -> Effect:
         return self.candidate.effect(self.coordinates)
+
+    @property
+    def off(self) -> Array:
+        """In how many standard deviations each coordinate is off what is known of it, (p,)."""
+        return self.candidate.known * self.coordinates
 
 
 def candidates(

@@ -20,6 +20,7 @@ from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
     BENT,
+    BEYOND,
     CHALLENGES,
     CLEAR_LEAD,
     CLEARLY,
@@ -67,6 +68,7 @@ from .criteria import (
     SWAP_LEAD,
     TRIED_WHOLE,
     UNLIKELY_PLACE,
+    WEIGHT_ACTS,
     beyond_tolerance,
     clean_bound,
 )
@@ -164,14 +166,14 @@ class Selection:
 
 
 def penalty(term: Term) -> float:
-    """Return what a term costs: its parameters, and how far they lie from where such effects usually are."""
-    return PARAMETER_COST * term.candidate.size + implausible(term)
+    """Return what a term costs: its parameters, but for known ones, and how far off they lie where such effects are."""
+    return PARAMETER_COST * int((term.candidate.known == 0).sum()) + implausible(term)
 
 
 def implausible(term: Term) -> float:
     """Return what a term costs beside its parameters: values far from where such effects usually are, a rare law."""
     candidate = term.candidate
-    logs = candidate.logarithmic
+    logs = candidate.logarithmic & (candidate.known == 0)  # what is known is part of chi squared
     starts = candidate.starts()
     far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
     far += float((candidate.unusual(term.coordinates) ** 2).sum())
@@ -202,18 +204,20 @@ def cross_validated(
     """
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
     held, x, residual = fit.held.reshape(*fit.residual.shape, -1), fit.x, fit.residual
-    logarithmic = [term.candidate.logarithmic for term in fit.terms]
-    narrow = np.concatenate([np.zeros(0), *(logs / FOLD_STEP for logs in logarithmic)])
+    candidates = [term.candidate for term in fit.terms]
+    own = [np.where(each.known > 0, each.known, each.logarithmic / FOLD_STEP) for each in candidates]
+    narrow, off = np.concatenate([np.zeros(0), *own]), np.concatenate([np.zeros(0), *(term.off for term in fit.terms)])
     if less is not None:
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         stays = np.ones(len(narrow), bool)
         stays[sizes[less] : sizes[less + 1]] = False
         others = [term.effect for place, term in enumerate(fit.terms) if place != less]
-        residual, jacobian, narrow = residual - problem.change(fit, others), jacobian[..., stays], narrow[stays]
+        residual, jacobian = residual - problem.change(fit, others), jacobian[..., stays]
+        narrow, off = narrow[stays], off[stays]
     if parameters is not None:
         residual = residual + held[..., parameters] @ x[parameters]
         held, x = held[..., ~parameters], x[~parameters]
-    return _held_out(residual, jacobian, blocks, folds, held, x, narrow, strained)
+    return _held_out(residual, jacobian, blocks, folds, held, x, (narrow, off), strained)
 
 
 def _held_out(
@@ -223,10 +227,11 @@ def _held_out(
     folds: int,
     held: Array,
     x: Array,
-    narrow: Array,
+    firm: tuple[Array, Array],
     strained: bool,
 ) -> float:
-    """`narrow` (p,): one over what a coordinate may move by when blocks are left out."""
+    """`firm`: one over what a coordinate may move by when blocks are left out, and by how many of these it is off."""
+    narrow, off = firm
     total = 0.0
     labels = _segments(blocks)
     kinds = np.unique(labels)
@@ -243,7 +248,7 @@ def _held_out(
             within = held[~out].reshape(inside, len(x))
             matrix, right = with_priors(columns / scale, within, residual[~out].ravel(), x)
             near = np.eye(len(narrow), matrix.shape[1]) * (narrow / scale)[:, None]
-            step = np.linalg.lstsq(np.vstack((matrix, near)), np.append(right, np.zeros(len(near))), rcond=1e-8)[0]
+            step = np.linalg.lstsq(np.vstack((matrix, near)), np.append(right, -off), rcond=1e-8)[0]
             step[: len(scale)] /= scale
             every = np.concatenate((jacobian[out], held[out]), axis=-1)
             target = target - every.reshape(-1, every.shape[-1]) @ step
@@ -325,7 +330,18 @@ def select(
     rivals = best.rivals
     if len(rivals) != len(fit.terms) or tried:
         rivals = tuple(tuple(_judged(search, fit, index, library)[0]) for index in range(len(fit.terms)))
+    rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
     return replace(best, rivals=rivals, work=search.spent)
+
+
+def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
+    """Return the rivals of a term that are no less to be expected.
+
+    A robot's weight of which nothing had to be fitted is not in doubt because something else could be fitted as well.
+    """
+    if not term.candidate.known.all() or np.abs(term.off).max() > BEYOND:
+        return tuple(rivals)
+    return tuple(rival for rival in rivals if rival.term.candidate.known.all())
 
 
 def needed(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
@@ -426,7 +442,7 @@ def _forward(
         challenged, rivals = _challenged(search, taken, library)
         if rivals and (paired := _in_pairs(search, challenged, rivals)) is not challenged:
             challenged, rivals = _challenged(search, paired, library)
-        fit = _pruned(search, _merged(search, challenged, library), least)
+        fit = _weighed(search, _pruned(search, _merged(search, challenged, library), least), library)
         if fit is not challenged:
             rivals = []
     last = search.released(fit)
@@ -485,6 +501,8 @@ class _Least:
 
     def __init__(self, problem: Problem, fit: Fit, kept: Sequence[Term], residual: Array, beside: Beside | None):
         self.problem, self.fit, self.beside = problem, fit, beside
+        if beside is not None and beside.back is not None:
+            residual = residual + beside.back.reshape(residual.shape)
         self.residual, self.left = residual, without(residual.ravel(), beside)
         self.effects = [term.effect for term in kept]
         self.known: dict[str | None, float] = {None: 0.0}
@@ -697,9 +715,8 @@ def _in_pairs(search: _Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> F
             start = search.settled(terms, fit)
             kept = [index for index in range(len(terms)) if index != other]
             rest, beside = [terms[index] for index in kept], problem.beside(start, kept)
-            left = without(
-                (problem.target(start) - problem.change(start, [term.effect for term in rest])).ravel(), beside
-            )
+            changed = problem.target(start) - problem.change(start, [term.effect for term in rest])
+            left = _Least(problem, start, rest, changed, beside).left
             better(rest, float(left @ left), start)
             for rival in _others(rivals[other], fit.terms[other])[:PAIRED] if weighs else ():
                 candidate = rival.term.candidate
@@ -735,6 +752,27 @@ def _merged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
                 if trial.chi2 + penalty(trial.terms[-1]) < both:
                     return trial
     return fit
+
+
+def _weighed(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
+    """Return the fit with the robot's own weight beside what hangs on it, or instead, where that is likelier.
+
+    Weight has nothing to be fitted, and where something else weighs it is no news: it need not pass what a law must
+    that nobody expects. Alone, a payload of any mass takes the place of both.
+    """
+    heavy = [term.candidate for term in fit.terms if "gravity" in term.candidate.law.needs]
+    if not heavy or any(candidate.known.any() for candidate in heavy):
+        return fit
+    best, found = fit, _cost(fit) - WEIGHT_ACTS * scale_of(search.problem, fit)
+    others = [term for term in fit.terms if term.candidate not in heavy]
+    for candidate in library:
+        if "gravity" in candidate.law.needs and candidate.known.any() and not search.over:
+            own = candidate.term(candidate.starts()[0])
+            trials = [search.refine([*kept, own], fit) for kept in (fit.terms, others)]
+            trial = min(trials, key=_cost)
+            if _cost(trial) < found:
+                best, found = trial, _cost(trial)
+    return best
 
 
 def _alike(one: Rival, other: Rival) -> bool:

@@ -311,7 +311,8 @@ TWINS: Final = 0.995
 #: so many parameters there.
 BEYOND: Final = 3.0
 #: Chi squared by which the robot's own weight may make a calibration worse and still be taken to act, as it does on
-#: every real robot: what noise does to it once in two hundred times ...
+#: every real robot: what noise does to it once in two hundred times; and by which weight beside a payload must be
+#: likelier ...
 WEIGHT_ACTS: Final = 8.0
 #: ... or where nothing else loads the robot, and by which it must show to be told: three deviations and more.
 WEIGHT_SHOWS: Final = 25.0

@@ -842,7 +842,8 @@ def _beside_others(term: Term, fit: Fit, index: int) -> bool:
 
 def _parameters(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
-    jacobian = problem.beyond(fit, problem.jacobian(fit))
+    firm = np.diag(np.concatenate([each.candidate.known for each in fit.terms]))
+    jacobian = np.vstack((problem.beyond(fit, problem.jacobian(fit)), firm))
     scale = np.linalg.norm(jacobian, axis=0)
     unseen = scale < UNSEEN
     scale = np.where(unseen, 1.0, scale)

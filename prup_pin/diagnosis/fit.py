@@ -26,9 +26,9 @@ class Fit:
     """A simulation with fitted terms: its run, influences, whitened residual (n, K) and chi squared.
 
     x (p,): toleranced parameters in multiples of their tolerances, fitted with the terms; their squares are part of
-    `chi2`. held (K n, p): the whitened change per tolerance, taken at this fit or at one near by: what is a little
-    stale is no error of the residual, only of what a further step of a parameter does. p = 0 where the robot file is
-    taken at its word.
+    `chi2`, as are those of coordinates that are known (`Candidate.known`). held (K n, p): the whitened change per
+    tolerance, taken at this fit or at one near by: what is a little stale is no error of the residual, only of what a
+    further step of a parameter does. p = 0 where the robot file is taken at its word.
     """
 
     terms: tuple[Term, ...]
@@ -176,7 +176,7 @@ class Problem:
     def _fit(self, terms: Sequence[Term], influence: Influence, x: Array, held: Array) -> Fit:
         run = influence.run
         residual = self.whitened(influence, self.stack.residual(run)[run.samples])
-        chi2 = float((residual**2).sum() + x @ x)
+        chi2 = float((residual**2).sum() + x @ x + sum(term.off @ term.off for term in terms))
         if (self.nominal.run.solved & ~run.solved).any():
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
         return Fit(tuple(terms), run, influence, residual, chi2, x, held)
@@ -226,7 +226,10 @@ class Problem:
         """
         effects = [term.effect for term in kept]
         target = self.target(fit)
+        if beside is not None and beside.back is not None:
+            target = target + beside.back.reshape(target.shape)
         low, high = candidate.bounds
+        firm = candidate.known > 0
         known: dict[bytes, tuple[Array, Array]] = {}
 
         def tried(coordinates: Array) -> tuple[Array, Array]:
@@ -236,7 +239,8 @@ class Problem:
                 changed = self.change(fit, [*effects, candidate.effect(coordinates)])
                 with np.errstate(invalid="ignore"):
                     rest = np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
-                known[key] = changed, np.concatenate((without(rest, beside), candidate.unusual(coordinates)))
+                off = candidate.known[firm] * coordinates[firm]
+                known[key] = changed, np.concatenate((without(rest, beside), candidate.unusual(coordinates), off))
             return known[key]
 
         def left(coordinates: Array) -> Array:
@@ -277,10 +281,18 @@ class Problem:
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
+        known = np.concatenate([np.zeros(0), *(fit.terms[place].candidate.known for place in kept)])
+        firm, back = known > 0, None
+        held, free = free[:, firm] / known[firm], free[:, ~firm]
+        if firm.any():
+            back = held @ np.concatenate([fit.terms[place].off for place in kept])[firm]
         if self.tolerances is not None:
             # What is kept holds the array by whose identity it is found: no other one can come to have it.
             key = ("beside", self, id(fit.held), tuple(kept))
-            return fit.influence.first.once(key, lambda: (fit.held, Beside.within(free, fit.held)))[1]
+            every = np.concatenate((held, fit.held), axis=1)
+            return fit.influence.first.once(key, lambda: (fit.held, Beside.within(free, every, back)))[1]
+        if firm.any():
+            return Beside.within(free, held, back)
         return Beside.free(free) if columns else None
 
     @property
@@ -359,8 +371,9 @@ class Problem:
         """Return jacobian, residual and `held` with a row for each coordinate of the terms that may be unusual."""
         if not fit.terms:
             return self.jacobian(fit), fit.residual.ravel(), fit.held
-        rows = np.concatenate([term.candidate.unusual(np.ones(term.candidate.size)) for term in fit.terms])
-        here = np.concatenate([term.candidate.unusual(term.coordinates) for term in fit.terms])
+        own = [(term.candidate, np.ones(term.candidate.size), term) for term in fit.terms]
+        rows = np.concatenate([candidate.unusual(one) + candidate.known for candidate, one, _ in own])
+        here = np.concatenate([candidate.unusual(term.coordinates) + term.off for candidate, _, term in own])
         jacobian = np.vstack((self.jacobian(fit), np.diag(rows)))
         return jacobian, np.append(fit.residual, -here), np.vstack((fit.held, np.zeros((len(rows), len(fit.x)))))
 
@@ -425,11 +438,13 @@ class Beside:
 
     Fitting them too takes the share `ease` of a residual's part along each: all of it, or less where a tolerance holds
     them. Numbers v of variance 1 plus what the tolerances scatter become numbers of variance 1 (`without`): the metric
-    of noise plus tolerances, of low rank.
+    of noise plus tolerances, of low rank. back (K n,): what terms do by which they are off what is known of them, to be
+    put back into a residual that has them.
     """
 
     basis: Array
     ease: Array
+    back: Array | None = None
 
     @classmethod
     def free(cls, jacobian: Array) -> Beside:
@@ -439,11 +454,11 @@ class Beside:
         return cls(basis, np.ones(basis.shape[1]))
 
     @classmethod
-    def within(cls, jacobian: Array, held: Array) -> Beside:
+    def within(cls, jacobian: Array, held: Array, back: Array | None = None) -> Beside:
         """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
         left, size, _ = np.linalg.svd(np.concatenate((_FREE * _scaled(jacobian), held), axis=1), full_matrices=False)
         kept = size > 1e-6
-        return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2))
+        return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), back)
 
     def without(self, values: Array) -> Array:
         """Return values (K n, ...) less what these parameters take of them."""

@@ -53,6 +53,8 @@ class Law(ABC):
     needs: ClassVar[tuple[str, ...]] = ()
     #: How far its positive parameters usually lie from where a fit starts, as a standard deviation of logarithms.
     spread: ClassVar[float] = 2.0
+    #: True where that is known beforehand of positive parameters that are 1 where a fit starts: they are fitted so.
+    known: ClassVar[bool] = False
     #: In units of chi squared: how much better it must fit than an explanation that is there anyway.
     cost: ClassVar[float] = 0.0
     #: True where parameters that are not given stand at their defaults.
