@@ -27,10 +27,12 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
+    CALIBRATION_CHORDS,
     CALIBRATION_ROUNDS,
     CALIBRATION_STEP,
     FAR_BEHIND,
     MUCH_LEFT,
+    NOT_BEHIND,
     SETTLED,
     SETTLED_SHARE,
     TWINS,
@@ -213,21 +215,56 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     joints = [item for item in library if item.law.physics in _YIELDS and item.place.name != "robot"]
     rigid = any(item.law.physics == "joint_compliance" for item in joints)
     weights = [[item.effect(item.coordinates_of(np.ones(item.size)))] for item in heavy[: 1 if rigid else None]]
-    begun = [_begun(problem, toleranced, effects, reach) for effects in ([], *weights)]
     if not weights:
-        return problem.within(begun[0])
+        return problem.within(_begun(problem, toleranced, [], reach))
     shows = -WEIGHT_SHOWS if problem.simulator.inputs.weight_alone else -WEIGHT_ACTS
     if rigid:
+        begun = [_begun(problem, toleranced, effects, reach) for effects in ([], *weights)]
         light, weighed = (_left_by_joints(problem, each, joints) for each in begun)
         return problem.within(begun[1] if weighed < light - shows else begun[0])
-    hopeful = FAR_BEHIND * min(each.objective for each in begun)
-    found = [problem.within(each) for each in begun if each.objective <= hopeful]
-    left = [each.first.chi2 for each in found]
-    if min(left) > FAR_BEHIND * begun[0].residual.size:
+    within = judged = _ways(problem, _first_steps(problem, toleranced, [*weights, []], reach))
+    if min(each.objective for each in within) > FAR_BEHIND * within[0].residual.size:
         # What is left out decides, at the ends of what tolerances may take; less so where they may take what they like.
-        left = [settled(problem, replace(each.tolerances.start, reach=np.inf)).objective for each in found]
-    judged = [chi2 + (shows if each.tolerances.effects else 0.0) for chi2, each in zip(left, found, strict=True)]
-    return found[int(np.argmin(judged))]
+        judged = _ways(problem, [replace(each, reach=np.inf) for each in within])
+    best = min(judged, key=lambda each: each.objective + (shows if each.effects else 0.0))
+    return problem.within(next(each for each in within if each.effects == best.effects))
+
+
+def _first_steps(problem, toleranced: Toleranced, ways: Sequence[Sequence[Effect]], reach: float) -> list[Calibrated]:
+    """Return where a first step leads with each way of weight: by the derivatives of the first, but where none acts."""
+    drawn: Calibrated | None = None
+    begun = []
+    for way in ways:
+        if drawn is None or not way:
+            drawn = here = _differentiated(problem, _drawn(problem, toleranced, way, reach), 0)
+        else:
+            here = _near(_at(problem, drawn.toleranced, drawn.x, way, None, reach), drawn)
+        begun.append(_near(_improved(problem, here) or here, here))
+    return begun
+
+
+def _ways(problem, begun: Sequence[Calibrated]) -> list[Calibrated]:
+    """Return calibrations that have begun, each with another way of weight, at their ends.
+
+    Derivatives are taken anew for the best, and for those that come near it. Where weight acts in two ways they are
+    alike; what is far behind at its begin is left out.
+    """
+    best, *others = sorted(begun, key=lambda each: each.objective)
+    found = [settled(problem, best)]
+    for other in others:
+        if other.objective > FAR_BEHIND * best.objective:
+            continue
+        if other.effects and best.effects:
+            beside = _at(problem, other.toleranced, found[0].x, other.effects, found[0].run, other.reach)
+            found.append(_followed(problem, _near(min(beside, other, key=_objective), found[0])))
+            continue
+        other = _followed(problem, other)
+        found.append(settled(problem, other) if other.objective < NOT_BEHIND * found[0].objective else other)
+    return found
+
+
+def _objective(found: Calibrated) -> float:
+    return found.objective
 
 
 #: Laws that say how soft a joint is.
@@ -294,14 +331,31 @@ def settled(problem, now: Calibrated) -> Calibrated:
         better = _improved(problem, now)
         if better is None:
             return now
-        now = better
+        now = _followed(problem, _near(better, now))
     return _differentiated(problem, now, CALIBRATION_ROUNDS)
 
 
+def _followed(problem, near: Calibrated) -> Calibrated:
+    """Return where steps lead with derivatives that were taken near by, which cost far more than a step.
+
+    Where a step does not help any more the derivatives are to be taken anew.
+    """
+    for _ in range(CALIBRATION_CHORDS):
+        better = _improved(problem, near, least_share=1.0)
+        if better is None:
+            break
+        near = _near(better, near)
+    return near
+
+
+def _near(here: Calibrated, differentiated: Calibrated) -> Calibrated:
+    """Return a calibration with the derivatives of another one near by."""
+    return replace(here, changes=differentiated.changes, jacobian=differentiated.jacobian)
+
+
 def _begun(problem, toleranced: Toleranced, effects: Sequence[Effect], reach: float) -> Calibrated:
-    """Return where the first step towards the posterior's mode leads."""
-    now = _differentiated(problem, _drawn(problem, toleranced, effects, reach), 0)
-    return _improved(problem, now) or now
+    """Return where the first step towards the posterior's mode leads, with the derivatives of where it began."""
+    return _first_steps(problem, toleranced, [effects], reach)[0]
 
 
 def _drawn(problem, toleranced: Toleranced, effects: Sequence[Effect], reach: float) -> Calibrated:
@@ -310,8 +364,8 @@ def _drawn(problem, toleranced: Toleranced, effects: Sequence[Effect], reach: fl
     return _at(problem, toleranced, np.zeros(len(toleranced)), effects, None, reach)
 
 
-def _improved(problem, now: Calibrated) -> Calibrated | None:
-    """Return where a Gauss-Newton step leads, shortened until it helps; None where none does any more."""
+def _improved(problem, now: Calibrated, least_share: float = CALIBRATION_STEP) -> Calibrated | None:
+    """Return where a Gauss-Newton step leads, shortened until it helps; None where none of `least_share` does."""
     normal = now.jacobian.T @ now.jacobian + np.eye(len(now.x))
     step = np.linalg.solve(normal, now.jacobian.T @ now.residual.ravel() - now.x)
     if np.abs(now.x + step).max(initial=0.0) > now.reach:
@@ -322,7 +376,7 @@ def _improved(problem, now: Calibrated) -> Calibrated | None:
     if float(step @ normal @ step) < SETTLED + SETTLED_SHARE * more:
         return None
     share = 1.0
-    while share > CALIBRATION_STEP:
+    while share >= least_share:
         trial = _at(problem, now.toleranced, now.x + share * step, now.effects, now.run, now.reach)
         if trial.objective < now.objective:
             return trial

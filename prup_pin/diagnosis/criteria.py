@@ -298,10 +298,12 @@ NO_FORCE: Final = 1e-6
 
 #: Gauss-Newton steps: tolerances are up to a hundred times the noise, and four or five steps settle them.
 CALIBRATION_ROUNDS: Final = 12
+#: ... each followed by this many at most with the same derivatives, which cost several times what a step does.
+CALIBRATION_CHORDS: Final = 3
 #: A step that gains less chi squared than this changes nothing that is told.
 SETTLED: Final = 0.05
 #: ... nor, where the mean squared residual exceeds this, one that gains less than this share of what exceeds it.
-MUCH_LEFT: Final = 4.0
+MUCH_LEFT: Final = 1.5
 SETTLED_SHARE: Final = 1e-3
 #: A step that does not help is shortened down to this share.
 CALIBRATION_STEP: Final = 0.01
@@ -318,6 +320,8 @@ WEIGHT_ACTS: Final = 8.0
 WEIGHT_SHOWS: Final = 25.0
 #: ... and after the first step: with or without weight, what is this many times worse is not followed to its end.
 FAR_BEHIND: Final = 4.0
+#: ... nor what is this many times worse when its own first derivatives lead no further.
+NOT_BEHIND: Final = 1.5
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
 #: A law is in without asking what parameters do beyond their tolerance, where it leaves this share of what they would.
