@@ -89,13 +89,18 @@ class Toleranced:
         kept = [item for item, fits in zip(self.law.deviations, able, strict=True) if fits]
         return Toleranced(Calibration(kept), self.tolerances[able])
 
-    def effect(self, x: Array) -> Effect:
-        """Return all parameters at amounts x (p,) in multiples of their tolerances."""
+    def effect(self, x: Array, among: np.ndarray | None = None) -> Effect:
+        """Return all parameters, or those `among` which they are (p,), at amounts x (p,) in their tolerances."""
+        places = np.arange(len(x)) if among is None else np.flatnonzero(among)
         amounts = x * self.tolerances
-        values = {
-            item.name: item.value(float(amount)) for item, amount in zip(self.law.deviations, amounts, strict=True)
-        }
+        of = self.law.deviations
+        values = {of[place].name: of[place].value(float(amounts[place])) for place in places}
         return Effect(self.law, Place("robot"), values)
+
+    @property
+    def adds_up(self) -> np.ndarray:
+        """Which parameters act on top of what acts already, (p,)."""
+        return np.array([item.adds_up for item in self.law.deviations], bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -405,11 +410,16 @@ def changes_per_tolerance(
     simulator: Simulator, influence: Influence, toleranced: Toleranced, x: Array, effects: Sequence[Effect]
 ) -> Array:
     """Return the change of the columns (n, K, p) per tolerance of each parameter, to first order about a run at x."""
+    alone = toleranced.adds_up
+    all_off = simulator.setup([toleranced.effect(x)])
+    robot_off = simulator.setup([toleranced.effect(x, alone)])  # the sensors come after it
     columns = []
-    for index in range(len(x)):
-        moved = x.copy()
-        moved[index] += _STEP
-        columns.append(influence.change(simulator.setup([toleranced.effect(moved), *effects])) / _STEP)
+    for index, step in enumerate(_STEP * np.eye(len(x))):
+        if alone[index]:
+            moved = simulator.setup([toleranced.effect(step, step > 0), *effects], all_off)
+        else:
+            moved = simulator.setup([toleranced.effect(x + step, ~alone), *effects], robot_off)
+        columns.append(influence.change(moved) / _STEP)
     return np.stack(columns, axis=-1) if columns else np.zeros((len(influence), influence.stack.size, 0))
 
 

@@ -55,6 +55,7 @@ class Deviation:
     `kind` is the key under which a tolerance of all its like is declared. `act(value, setup)` returns what another
     value does. `relative`: its tolerance is a share of the nominal value, and it stays positive. Beyond its tolerance
     it is a finding, of `physics` at `place`. `group`: the recordings to which it belongs, where these are not all.
+    `adds_up`: what is off a little more does so on top of what acts, in whatever order; not so of turns after turns.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Deviation:
     place: str
     act: Callable[[float, Setup], Iterable[Deed]]
     group: Sharing | None = None
+    adds_up: bool = True
 
     def value(self, amount: float) -> float:
         """Return the value that is off by `amount`: absolute [unit], or of the logarithm where it is relative."""
@@ -211,6 +213,7 @@ def _values(mechanism: Mechanism) -> Iterator[Deviation]:
                     "stiffness_changed",
                     module.name,
                     act,
+                    adds_up=kind != "value",
                 )
 
 
@@ -354,12 +357,16 @@ def _wrench_sensor() -> Iterator[Deviation]:
         unit, force = ("N", "force") if column < 3 else ("N m", "moment")
         bias, gain = partial(_bias, column), partial(_gain, column)
         kind = f"wrench_bias_{force}"
-        yield Deviation(f"{place}.bias_{name}", kind, unit, 0.0, False, "wrench_sensor_bias", place, bias)
-        yield Deviation(f"{place}.gain_{name}", "wrench_gain", "1", 1.0, True, "wrench_sensor_gain", place, gain)
+        yield Deviation(
+            f"{place}.bias_{name}", kind, unit, 0.0, False, "wrench_sensor_bias", place, bias, adds_up=False
+        )
+        yield Deviation(
+            f"{place}.gain_{name}", "wrench_gain", "1", 1.0, True, "wrench_sensor_gain", place, gain, adds_up=False
+        )
     for column, axis in enumerate(_AXES):
         turn = partial(_turned_wrench, np.eye(3)[column])
         physics = "wrench_sensor_misalignment"
-        yield Deviation(f"{place}.r{axis}", "wrench_rotation", "rad", 0.0, False, physics, place, turn)
+        yield Deviation(f"{place}.r{axis}", "wrench_rotation", "rad", 0.0, False, physics, place, turn, adds_up=False)
 
 
 def _bias(column: int, value: float, setup: Setup) -> Iterator[Deed]:
@@ -388,7 +395,7 @@ def _targets(mechanism: Mechanism, markers: Sequence[str]) -> Iterator[Deviation
             unit, axis = ("m", _AXES[column]) if column < 3 else ("rad", f"r{_AXES[column - 3]}")
             kind = "target_position" if column < 3 else "target_rotation"
             act = partial(_target, frame, _column(column))
-            yield Deviation(f"{place}.{axis}", kind, unit, 0.0, False, "target_misalignment", place, act)
+            yield Deviation(f"{place}.{axis}", kind, unit, 0.0, False, "target_misalignment", place, act, adds_up=False)
 
 
 def _target(frame: str, unit: Array, value: float, setup: Setup) -> Iterator[Deed]:
@@ -401,7 +408,7 @@ def _frame() -> Iterator[Deviation]:
         kind = "frame_position" if column < 3 else "frame_rotation"
         act = partial(_sensor_frame, _column(column))
         physics, place = "pose_sensor_misalignment", "pose_sensor"
-        yield Deviation(f"{place}.{axis}", kind, unit, 0.0, False, physics, place, act)
+        yield Deviation(f"{place}.{axis}", kind, unit, 0.0, False, physics, place, act, adds_up=False)
 
 
 def _sensor_frame(unit: Array, value: float, setup: Setup) -> Iterator[Deed]:

@@ -115,13 +115,20 @@ class FirstOrder:
 
     def by_joint(self, joint: int) -> Array:
         """Return what is watched per displacement of a joint's drawn place, (n, R, 6), as in `Conditions.offsets`."""
+        joints = self._neighbours(joint)
 
         def compute() -> Array:
             found = self.found
-            motions = self.chain.joint_motions(found.state, found.evaluation, found.conditions, [joint])
-            return self._by_motions(motions)
+            return self._by_motions(self.chain.joint_motions(found.state, found.evaluation, found.conditions, joints))
 
-        return self.once(("joint", joint), compute)
+        start = 6 * (joint - joints[0])
+        return self.once(("joints", joints[0]), compute)[..., start : start + 6]
+
+    def _neighbours(self, joint: int) -> range:
+        """Return the joints that are taken together with one: what equations look at is the same for all of them."""
+        count = max(1, _TOGETHER // (6 * len(self) * sum(self.chain.sizes)))
+        first = joint - (joint - 1) % count
+        return range(first, min(first + count, self.chain.structure.count))
 
     def by_joint_motion(self, joint: int) -> Array:
         """Return what is watched per motion of a joint beyond its own, (n, R, 6).
@@ -236,6 +243,8 @@ class FirstOrder:
         return np.concatenate(parts, axis=1)
 
 
+#: Numbers in the largest arrays by which joints are taken together.
+_TOGETHER = 4_000_000
 #: Step of differences at the present state [m, rad].
 _STEP = 1e-6
 #: Share of a change that the rest of the equations may miss, and what is rounding beside a unit of all unknowns.

@@ -144,8 +144,9 @@ class ScaledMass(Deed):
 
 def _by_mass(at: Solved, name: str) -> Array:
     """Return what is watched by the whole weight of a link, (n, R): along its beams where weight is spread."""
-    links = at.first.chain.structure.links
-    if at.setup.spread_weight:
+    structure = at.first.chain.structure
+    links = structure.links
+    if at.setup.spread_weight and any(module.body == name for module in structure.modules):
         now = at.first.found.conditions
         factors = np.ones(len(links)) if now.mass_factors is None else now.mass_factors
         more = factors + _LIGHT * np.array([link.name == name for link in links])
