@@ -21,6 +21,10 @@ from .criteria import LEAST_WARMING, USUAL_MULTIPLE
 __all__ = ["Candidate", "Term", "candidates"]
 
 
+#: Decades from a usual load to one that others do not come near.
+_FAR_LOAD = 1.5
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A law at a place, as something to fit. Positive parameters are fitted by their logarithms."""
@@ -122,14 +126,24 @@ class Candidate:
         return [self._coordinates(start) for start in self.law.starts(self.place, self.mechanism)]
 
     def scan(self) -> list[Array]:
-        """Return the starts, and the first of them at much larger and smaller sizes."""
+        """Return the starts, and the first of them at much larger and smaller sizes.
+
+        Of a law whose effect stops growing at a load, too, where no load comes near: a gap that is never closed is a
+        spring, and no step leads there from a closed one.
+        """
         found = self.starts()
         if self.logarithmic[0]:
             low, high = self.bounds
-            for decades in (-2, 2) if self.remembers else (-4, -2, -1, 1, 2, 4):  # histories are slow to follow
+            sizes = (-2, 2) if self.remembers else (-4, -2, -1, 1, 2, 4)  # histories are slow to follow
+            places = [(size, 0.0) for size in sizes]
+            if self.size > 1 and self.logarithmic[1] and not self.remembers:
+                places += [(size, _FAR_LOAD) for size in (-1, 0, 1, 2)]
+            for size, load in places:
                 moved = found[0].copy()
-                moved[0] += decades * np.log(10.0)
-                if low[0] < moved[0] < high[0]:
+                moved[0] += size * np.log(10.0)
+                if load:
+                    moved[1] += load * np.log(10.0)
+                if low[0] < moved[0] < high[0] and not (load and moved[1] >= high[1]):
                     found.append(moved)
         return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2 as chi_squared
@@ -173,8 +174,8 @@ class Asked:
         return within_tolerances(problem, self.toleranced, self.library, reach)
 
 
-def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell) -> Asked:
-    """Return what recordings ask of a robot. Raises as `diagnose` does."""
+def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, with_outliers: bool = False) -> Asked:
+    """Return what recordings ask of a robot, gross errors left out or not. Raises as `diagnose` does."""
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
     together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
@@ -218,6 +219,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell)
     tell("what is off all over", 0.01)
     spread = _spread(problem, together, library)
     if spread is not None:
+        spread = spread.with_all(problem.stack.exists) if with_outliers else spread
         remarks += spread.told(together, noise)
         stack, noise = spread.stack(stack), spread.noise(noise)
         together, library = spread.widened(together), spread.among(library)
@@ -246,7 +248,32 @@ def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) 
 
 def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:
     given = asked(robot, recording, tell)
-    robot = given.problem.simulator.robot
+    found = _searched(given, tell)
+    if given.spread is not None and given.spread.repeated(given.inputs.blocks):
+        whole = asked(robot, recording, tell, with_outliers=True)
+        again = _searched(whole, tell)
+        if is_clean(again.problem, again.selection.last):  # what explains them says that they are none
+            given, found = whole, again
+    problem, selection, labels, doubt = found
+    tell("the verdict", 0.9)
+    diagnosis = _verdict(problem, selection, given, labels, given.problem.simulator.robot, tell, doubt)
+    seen = diagnosis.residuals
+    residuals = None if seen is None else (seen.before, seen.after, seen.exists)
+    told = by_recording(given.together, problem.noise, diagnosis.samples, residuals)
+    return replace(diagnosis, recordings=told)
+
+
+class _Searched(NamedTuple):
+    """A problem as it was calibrated, what was selected, labels (N,) of what is held out together, and a doubt."""
+
+    problem: Problem
+    selection: Selection
+    labels: np.ndarray
+    doubt: Finding | None
+
+
+def _searched(given: Asked, tell: Tell) -> _Searched:
+    """Return what recordings say of laws and parameters."""
     inputs, library = given.inputs, given.library
     labels = _fold_labels(given)
     tell("calibration within tolerances", 0.02)
@@ -267,11 +294,7 @@ def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: T
         selection = needed(problem, selection, labels)
     if not given.kinds and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
         problem, selection = _otherwise(given, problem, selection, labels, tell)
-    tell("the verdict", 0.9)
-    found = _verdict(problem, selection, given, labels, robot, tell, doubt)
-    seen = found.residuals
-    residuals = None if seen is None else (seen.before, seen.after, seen.exists)
-    return replace(found, recordings=by_recording(given.together, problem.noise, found.samples, residuals))
+    return _Searched(problem, selection, labels, doubt)
 
 
 def _otherwise(
@@ -780,7 +803,7 @@ def _finding(
         without = cross_validated(problem, fit, labels, less=index)
     scale = scale_of(problem, fit)  # where more than noise is left, less can be told apart
     own = fit.chi2 + scale * implausible(term)
-    places, laws = [term.candidate.place.name], []
+    places, laws = [term.candidate.place.name], list[str]()
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
     for rival in selection.rivals[index]:
         # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
@@ -792,7 +815,8 @@ def _finding(
                 continue
             places += dict.fromkeys((rival.term.candidate.place.name, *rival.term.candidate.parts))
         elif rival.term is not term:
-            laws.append(rival.term.candidate.name)
+            if not any(_is_richer(rival.term.candidate.name, name) for name in laws):
+                laws.append(rival.term.candidate.name)
             places.append(rival.term.candidate.place.name)
     parameters = _parameters(problem, fit, index)
     return Finding(
@@ -805,6 +829,11 @@ def _finding(
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )
+
+
+def _is_richer(name: str, other: str) -> bool:
+    """Return True for the name of a law that is another one there with more parameters: 'across by direction'."""
+    return name.startswith(f"{other.removesuffix(')')} by ")
 
 
 def _told_alone(finding: Finding, robot: Robot) -> Finding:

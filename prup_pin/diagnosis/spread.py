@@ -15,6 +15,7 @@ left out.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -110,6 +111,15 @@ class Spread:
                 for channel, exists in zip(stack.channels, parts, strict=True)
             )
         )
+
+    def repeated(self, blocks: np.ndarray) -> bool:
+        """Return True where most outliers came again while nothing moved: no slip of a sensor does. blocks (N,)."""
+        seen = Counter((int(blocks[item.sample]), item.channel) for item in self.outliers)
+        return 2 * sum(count for count in seen.values() if count > 1) > len(self.outliers)
+
+    def with_all(self, exists: np.ndarray) -> Spread:
+        """Return the same with all that was measured, (N, K)."""
+        return replace(self, outliers=(), exists=exists)
 
     def noise(self, noise: Noise) -> Noise:
         """Return the noise: that of what is left where else it would be assumed."""

@@ -1,0 +1,69 @@
+"""What markers cannot tell apart is told as a class, the simplest first, and no gross error is made of a law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.diagnose import _is_richer
+from prup_pin.diagnosis.spread import Outlier, Spread
+from prup_pin.recordings import Noise, Recording
+
+from ..reference.posed_tree import PosedTree
+
+WRIST = """<robot name="wrist">
+  <link name="base"/>
+  <link name="fore"><inertial><origin xyz="0.1 0 0.02"/><mass value="1.5"/>{inertia}</inertial></link>
+  <link name="hand"><inertial><origin xyz="0.06 0 0"/><mass value="0.4"/>{inertia}</inertial></link>
+  <link name="ball"/><joint name="stem" type="fixed"><parent link="hand"/><child link="ball"/>
+    <origin xyz="0.15 0 0.02"/></joint>
+  <joint name="roll" type="revolute"><parent link="base"/><child link="fore"/><origin rpy="1.2 0 0"/>
+    <axis xyz="0 0 1"/>{limit}</joint>
+  <joint name="bend" type="revolute"><parent link="fore"/><child link="hand"/><origin xyz="0.25 0 0" rpy="0 0.3 0"/>
+    <axis xyz="0 1 0"/>{limit}</joint>
+</robot>"""
+NOISE = 5e-5
+
+
+@pytest.fixture(scope="module")
+def wrist(tmp_path_factory):
+    path = tmp_path_factory.mktemp("wrist") / "wrist.urdf"
+    inertia = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+    path.write_text(
+        WRIST.format(inertia=inertia, limit='<limit lower="-2" upper="2" effort="1" velocity="1"/>'), encoding="utf-8"
+    )
+    return path
+
+
+def test_a_gap_that_no_load_closes_is_told_beside_the_spring_that_it_looks_like(wrist):
+    tree = PosedTree(wrist, about={"bend": 0.02, "roll": 1e-4})
+    q = tree.postures(("roll", "bend"), 16, 1)
+    seen = tree.seen(q, ("ball",), NOISE, 1)
+    recording = Recording(np.arange(16.0), positions=q, markers=seen, noise=Noise(position=NOISE))
+    robot = prup_pin.load(wrist, tool="ball", joint_stiffness={"roll": 1e4, "bend": 1e4})
+    found = next(item for item in diagnose(robot, recording).findings if item.physics != "self_weight")
+    # the spring has a number less, and stands first
+    assert (found.physics, found.location) == ("stiffness_changed", "bend")
+    assert found.parameters["factor"].value == pytest.approx(1 / (0.02 * 1e4), rel=0.05)
+    assert "backlash at bend" in found.alternatives
+
+
+def test_a_law_with_more_numbers_is_none_to_tell_beside_the_same_one_with_fewer():
+    assert _is_richer("joint_compliance at a (across by direction)", "joint_compliance at a (across)")
+    assert not _is_richer("joint_compliance at a (across)", "joint_compliance at a (across by direction)")
+    assert not _is_richer("joint_compliance at ab (across by direction)", "joint_compliance at a (across)")
+
+
+def test_what_came_again_while_nothing_moved_is_no_slip_of_the_sensor():
+    blocks = np.repeat(np.arange(4), 3)
+
+    def spread(*samples: int) -> Spread:
+        found = tuple(Outlier(sample, "marker hand position", 20.0, 1e-3, "m") for sample in samples)
+        return Spread({}, (), frozenset(), 1.0, found, np.ones((12, 3), bool))
+
+    assert spread(3, 4, 5).repeated(blocks)
+    assert spread(3, 4, 9).repeated(blocks)
+    assert not spread(0, 3, 6, 7).repeated(blocks)
+    assert not spread().repeated(blocks)
