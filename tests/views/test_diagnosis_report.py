@@ -5,14 +5,17 @@ import html
 import json
 import re
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from prup_pin.diagnosis.diagnosis import Detectable
+from prup_pin.diagnosis.diagnosis import Detectable, Finding
+from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
 from prup_pin.errors import MissingExtraError
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
+from prup_pin.views.drawing.diagnosis_figures import _lines
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
@@ -170,3 +173,21 @@ def test_a_browser_shows_it_without_a_network(page, tmp_path):
             pixels = np.asarray(image.convert("RGB")).astype(int)
         assert pixels.shape[1] == width
         assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
+
+
+def test_what_no_law_takes_away_is_not_drawn_with_a_laws_curve():
+    """A joint that has a law and something unknown beside it: the law's curve is the law's."""
+    x = np.linspace(-1, 1, 5)
+    drawn = EffortCurve("elbow", "speed", x, x, np.ones(5), x, "rad/s", "N m")
+    own = EffortCurve("elbow", "position", x, x, np.ones(5), None, "rad", "N m")
+    unknown = Finding("unknown", "elbow", ("elbow",), {}, 0.0, "something is left")
+    assert effort_curve_of(unknown, SimpleNamespace(curves=(drawn,))) is None
+    assert effort_curve_of(unknown, SimpleNamespace(curves=(drawn, own))) is own
+    here = SimpleNamespace(curves=(own, drawn))
+    assert effort_curve_of(dataclasses.replace(unknown, physics="coulomb_friction"), here) is drawn
+
+
+def test_rows_of_a_marker_are_named_in_short_lines():
+    assert _lines("position") == ["position"]
+    assert _lines("marker leg2_bush rotation") == ["leg2_bush", "rotation"]
+    assert _lines(f"marker {'x' * 60} position") == ["x" * 17 + "…", "position"]

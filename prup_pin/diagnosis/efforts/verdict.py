@@ -721,10 +721,11 @@ def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> Effort
     """Return what the efforts ask for at a finding's joint, against what drives it; None where nothing was drawn."""
     if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
         return None
-    against = _AGAINST.get(finding.physics)
-    if against is None and finding.physics != "unknown":
+    against, unknown = _AGAINST.get(finding.physics), finding.physics == "unknown"
+    if against is None and not unknown:
         return None
-    here = [curve for curve in efforts.curves if curve.joint == finding.location]
+    # beside what no law gives, a joint may have a law of its own, whose curve is another finding's
+    here = [curve for curve in efforts.curves if curve.joint == finding.location and (curve.law is None) == unknown]
     return next((curve for curve in here if against in (None, curve.against)), None)
 
 

@@ -27,6 +27,8 @@ __all__ = ["AFTER", "BEFORE", "Mark", "histogram_figure", "marks", "place_figure
 
 #: What is measured less simulated before a diagnosis, and after it.
 BEFORE, AFTER = "#9AA3AD", "#0B6AA8"
+#: Letters that stand beside a row.
+_LINE = 18
 _BAND = "#DCE3EA"
 _WIDE = Layout(
     (11, 6.6), (0.02, 0.02, 0.62, 0.86), (0.725, 0.49, 0.255, 0.34), (0.015, 0.02, 0.13, 0.19), (0.715, 0.39),
@@ -334,7 +336,8 @@ def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
             axes.axvline(edge - 0.5, color="#C3C9D0", lw=0.8, zorder=1)
         axes.plot(samples, factor * before, ".", color=BEFORE, ms=3.2, zorder=2, label="before")
         axes.plot(samples, factor * after, ".", color=AFTER, ms=2.6, zorder=3, label="after")
-        axes.set_ylabel(f"{kind}\n{_AXIS_NAMES[si][channel - block.start]} [{unit}]", fontsize=8.5)
+        axis = _AXIS_NAMES[si][channel - block.start]
+        axes.set_ylabel("\n".join([*_lines(kind), f"{axis} [{unit}]"]), fontsize=8.5)
         axes.tick_params(labelsize=8)
         axes.margins(x=0.005)
         axes.grid(axis="y", color="#EDF0F2", zorder=0)
@@ -357,6 +360,12 @@ def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
     title = "Residual" if narrow else "Measured less simulated"
     figure.text(0.04 if narrow else 0.1, 1 - 0.2 / height, title, fontsize=12, weight="bold", va="center")
     return figure
+
+
+def _lines(channel: str) -> list[str]:
+    """Return a channel's name in lines as short as a row is high: a marker's own name, then what of it."""
+    name, _, what = channel.removeprefix("marker ").rpartition(" ")
+    return [text if len(text) <= _LINE else f"{text[: _LINE - 1]}…" for text in (name, what) if text]
 
 
 @plain_words

@@ -27,7 +27,7 @@ def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
     gain = [efforts.by_joint[name]["before"] - efforts.by_joint[name]["after"] for name in efforts.joints]
     chosen = sorted(np.argsort(gain)[::-1][:_MOST_JOINTS].tolist())
     rows = len(chosen)
-    height = 0.7 + 2.1 * rows
+    height = (0.9 if narrow else 0.7) + 2.1 * rows
     figure = Figure(figsize=(5.2 if narrow else 11, height), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(
@@ -36,13 +36,13 @@ def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
         width_ratios=(1,) if narrow else (2.3, 1),
         left=0.14 if narrow else 0.09,
         right=0.985,
-        top=1 - 0.62 / height,
+        top=1 - (0.82 if narrow else 0.62) / height,
         bottom=0.55 / height,
-        hspace=0.55,
+        hspace=0.65 if narrow else 0.55,
     )
     shown = _window(efforts)
     for row, column in enumerate(chosen):
-        _draw_time(figure.add_subplot(grid[row, 0]), efforts, column, shown, row == rows - 1)
+        _draw_time(figure.add_subplot(grid[row, 0]), efforts, column, shown, row == rows - 1, narrow)
         if not narrow:
             _draw_left(figure.add_subplot(grid[row, 1]), efforts, column, row == rows - 1)
     for x, colour, label in (
@@ -68,7 +68,7 @@ def _window(efforts: EffortDiagnosis) -> np.ndarray:
     return np.flatnonzero((time >= start) & (time < start + _SECONDS))
 
 
-def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, last: bool) -> None:
+def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, last: bool, narrow: bool) -> None:
     name, unit = efforts.joints[column], efforts.units[column]
     time = efforts.time[shown]
     # pieces apart in time are no line
@@ -85,7 +85,7 @@ def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, l
     share = efforts.shares[name]
     drawn, found = (number(100 * share[of], 3) for of in ("rigid", "heldout"))
     text = f"{drawn} % of it unexplained as drawn, {found} % with the findings"
-    axes.set_title(f"{name}: {text}", fontsize=9.5, loc="left")
+    axes.set_title(f"{name}\n{text}" if narrow else f"{name}: {text}", fontsize=8.5 if narrow else 9.5, loc="left")
     axes.set_ylabel(f"effort [{unit}]", fontsize=9)
     if last:
         axes.set_xlabel("time [s]", fontsize=9)
@@ -111,9 +111,9 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
 
     `narrow`: for a phone.
     """
-    figure = Figure(figsize=(5.2, 4.2) if narrow else (9.5, 4.2), dpi=130, facecolor="white")
+    figure = Figure(figsize=(5.2, 4.9) if narrow else (9.5, 4.2), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.15, 0.14, 0.81, 0.73) if narrow else (0.1, 0.14, 0.87, 0.73))
+    axes = figure.add_axes((0.15, 0.26, 0.81, 0.62) if narrow else (0.1, 0.14, 0.87, 0.73))
     unit, factor = readable_unit(float(np.abs(curve.x).max(initial=0.0)), curve.x_unit)
     x = factor * curve.x
     axes.axhline(0, color="#C3C9D0", lw=0.8, zorder=1)
@@ -127,7 +127,10 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
         axes.plot(x, curve.law, color=FOUND, lw=2.2, zorder=4, label=f"the law: {finding.physics.replace('_', ' ')}")
     axes.set_xlabel(f"{curve.against} of {curve.joint} [{unit}]", fontsize=10)
     axes.set_ylabel(f"effort beyond the rest of the model [{curve.y_unit}]", fontsize=10)
-    axes.legend(frameon=False, fontsize=9.5, loc="best")
+    if narrow:  # no place beside a curve is wide enough
+        axes.legend(frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(0, -0.17))
+    else:
+        axes.legend(frameon=False, fontsize=9.5, loc="best")
     _plain(axes)
     figure.text(
         0.04 if narrow else 0.1,

@@ -41,7 +41,8 @@ def path_figure(found: Compensation) -> Figure:
         right.set_ylabel(f"{name} [{prefix}{unit}]")
     grid[0, 0].set_title("What the loaded tool misses", fontsize=10, color=INK)
     grid[0, 1].set_title("What compensation leaves of it", fontsize=10, color=INK)
-    grid[0, 0].legend(frameon=False, fontsize=8, ncols=2, loc="best")
+    lines, words = grid[0, 0].get_legend_handles_labels()
+    figure.legend(lines, words, frameon=False, fontsize=8, ncols=2, loc="outside upper left")
     for axes in grid[-1]:
         axes.set_xlabel("row" if several else "time [s]")
     for axes in grid.flat:

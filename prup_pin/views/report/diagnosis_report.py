@@ -101,7 +101,10 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
     rows = [("Samples", [str(len(recording)), f"{used} used"] if used != len(recording) else [str(used)])]
     if len(recordings) > 1:
         rows += [(name, [*texts]) for name, *texts in recording_rows(diagnosis)]
-    rows.append(("Poses", [f"{blocks} standstills of the actuators"]))
+    if diagnosis.efforts is not None and 2 * blocks > len(recording):
+        rows.append(("Motion", [f"{number(float(np.ptp(diagnosis.efforts.time)), 3)} s"]))
+    else:
+        rows.append(("Poses", [f"{blocks} standstills of the actuators"]))
     sizes = []
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
         size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
