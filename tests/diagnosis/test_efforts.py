@@ -100,6 +100,55 @@ def test_friction_many_times_the_noise_is_settled_so_far_that_nothing_imitates_w
         assert finding.parameters[name].value == pytest.approx(true, rel=0.01)
 
 
+def by_position(recording, effort):
+    """Return a recording of the axis whose drive gives an effort of its position too."""
+    tau = recording.efforts["carriage"] + effort(recording.positions["carriage"])
+    return recording.with_measurements(efforts={"carriage": tau})
+
+
+def test_a_wave_longer_than_the_travel_is_told_by_its_shape_and_predicted_beyond(carriage):
+    """The axis sees 0.7 of a period; the same motion 1.6 times as wide sees more than one."""
+
+    def wave(q):
+        return 20 * np.sin(2 * np.pi * q / 0.4 + 1)
+
+    found = diagnose(carriage, by_position(axis(3000), wave))
+    assert found.verdict == "explained"
+    assert named(found) == {("cogging", "carriage")}
+    assert found.findings[0].parameters["period"].value == pytest.approx(0.4, rel=0.01)
+    wider = axis(3000, noise=0.0)
+    q = 1.6 * wider.positions["carriage"]
+    wider = replace(wider, positions={"carriage": q})
+    added = simulate(carriage, wider, found.effects).efforts["carriage"] - simulate(carriage, wider).efforts["carriage"]
+    assert added[100:-100] == pytest.approx(wave(q)[100:-100], abs=0.5)
+
+
+def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(carriage):
+    """A spring that hardens is no law of the library: what is known of it ends with the travel."""
+
+    def hardening(q):
+        return 300 * q + 9000 * q**3
+
+    found = diagnose(carriage, by_position(axis(3000), hardening))
+    assert found.verdict == "unexplained"
+    assert "cogging" not in {finding.physics for finding in found.findings}
+    wider = axis(3000, noise=0.0)
+    seen = wider.positions["carriage"]
+    q = 1.6 * seen
+    wider = replace(wider, positions={"carriage": q})
+    added = simulate(carriage, wider, found.effects).efforts["carriage"] - simulate(carriage, wider).efforts["carriage"]
+    held = hardening(np.clip(q, seen.min(), seen.max()))
+    assert added[100:-100] == pytest.approx(held[100:-100], abs=3.0)
+    assert any("held beyond the travel" in remark for remark in found.remarks)
+
+
+def test_a_spring_and_a_wave_of_which_little_is_seen_are_told_beside_each_other(carriage):
+    found = diagnose(carriage, by_position(axis(3000, noise=2.0), lambda q: 12 * np.sin(2 * np.pi * q / 0.9 + 0.4)))
+    (finding,) = found.findings
+    assert finding.physics == "counterbalance"
+    assert "cogging at carriage" in finding.alternatives
+
+
 def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
     found = diagnose(carriage, axis(drag=2500.0))
     assert found.verdict == "unexplained"

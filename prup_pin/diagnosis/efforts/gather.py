@@ -376,9 +376,9 @@ class Efforts:
             end = tried[taken - 1].where.stop
             columns.cut(end)
             given = self._given(columns, given.candidates, np.array(prior)[:end])
-        return self._settled(given, best, which)
+        return self.settled(given, best, which)
 
-    def _settled(self, given: Gathered, chosen: Chosen, which: Sequence[int]) -> tuple[Gathered, Chosen]:
+    def settled(self, given: Gathered, chosen: Chosen, which: Sequence[int]) -> tuple[Gathered, Chosen]:
         """Return what is chosen with scanned values settled where the squares are least, all coefficients free.
 
         A friction that turns round on a way a little too long looks like a delay, where it is large.

@@ -208,7 +208,7 @@ def _with_curves(
             if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or _of_time(curve):
                 continue  # what changes with time is still what it is
             own = float((held_out(given, chosen.without(term)) - left).sum())
-            if shape > EFFORT_IMITATED * own:
+            if term.law.by_shape or shape > EFFORT_IMITATED * own:
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in chosen.terms if term.place.name != curve.place.name] + imitating
@@ -297,6 +297,12 @@ class _Verdict:
                 "the library takes it away; no noise was declared that it could be"
             )
             unknown = [_plain_unknown(worst, text)]
+        doubtful = self._doubtful(unknown)
+        remarks += [
+            f"what {name} needs by its position is held beyond the travel that was seen: no law for it was found that "
+            "explains all"
+            for name in dict.fromkeys(term.place.name for term in doubtful)
+        ]
         verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
         return EffortDiagnosis(
             joints=self.at.driven,
@@ -316,7 +322,7 @@ class _Verdict:
             by_joint=by_joint,
             shares=shares,
             findings=(*findings, *unknown),
-            effects=tuple(self._effects()),
+            effects=tuple(self._effects(doubtful)),
             curves=tuple(self._curves()),
             verdict=verdict,
             not_detectable=tuple(self._not_detectable()),
@@ -528,12 +534,24 @@ class _Verdict:
             if score.possible and score.candidate.size <= term.size
         ]
         others = [other for other in others if other.law is not term.law or other.place != term.place]
-        for other, after in zip(others, Beside(self.given, rest).with_each(others), strict=True):
+
+        def alike(after: Array, strained: float) -> bool:
             apart = after - self.held
-            error = uncertainty(apart)
-            worse = float(apart.sum()) + self._strain(rest.with_term(other)) - self.strained
-            if worse > min(max(EFFORT_ALIKE * error, EFFORT_CLASS * gain), 0.2 * gain):
-                continue
+            worse = float(apart.sum()) + strained - self.strained
+            return worse <= min(max(EFFORT_ALIKE * uncertainty(apart), EFFORT_CLASS * gain), 0.2 * gain)
+
+        for other, after in zip(others, Beside(self.given, rest).with_each(others), strict=True):
+            taken = rest.with_term(other)
+            if not alike(after, self._strain(taken)):
+                if other.law.family != term.law.family or not (other.law.family and other.law.settled):
+                    continue
+                # the same thing by another shape: with its own values free
+                size = self.given.columns.size
+                given, taken = self.efforts.settled(self.given, taken, [len(taken.terms) - 1])
+                good = alike(held_out(given, taken), _squared(strain(taken, fit(given, taken)[0])))
+                self.given.columns.cut(size)
+                if not good:
+                    continue
             if other.law.physics == term.law.physics:
                 places += [other.place.name, *other.law.same_places(other.place, self.mechanism)]
             else:
@@ -579,7 +597,22 @@ class _Verdict:
             share,
         )
 
-    def _effects(self) -> Iterator[Effect]:
+    def _doubtful(self, unknown: Sequence[Finding]) -> list[EffortCandidate]:
+        """Return laws by a joint's position beside which structure is left there: beyond its travel they say nothing."""
+        places = {finding.location for finding in unknown} & set(self.at.driven)
+        return [term for term in self.named.terms if term.law.family == "counterbalance" and term.place.name in places]
+
+    def _as_seen(self, term: EffortCandidate, efforts: Array) -> Effect:
+        """Return efforts (N, k) that follow a joint's position as a curve through knots, which ends where it does."""
+        law = FreeCurve("position")
+        place = Place(term.place.name, law.variant)
+        knots = law.scanned(place, self.at)[0]
+        columns = law.efforts_per(place, knots, self.at)[:, :, : law.count]
+        heights = np.zeros(len(law.linear))
+        heights[: law.count] = np.linalg.lstsq(columns.reshape(-1, law.count), efforts.ravel(), rcond=None)[0]
+        return Effect(law, place, dict(law.fitted(place, heights, knots)))
+
+    def _effects(self, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
         """Yield everything that the corrected model holds: what was found, and what lies within tolerance."""
         yield from self.efforts.within_tolerance(self.x_named[: len(self.named.base)])
         for term in self.named.terms:
@@ -587,6 +620,9 @@ class _Verdict:
             if isinstance(term.law, AllLinks):
                 for link, change in zip(term.law.links, own.reshape(-1, len(INERTIAL)), strict=True):
                     yield Effect(InertialParameters(), link, dict(zip(INERTIAL, map(float, change), strict=True)))
+                continue
+            if any(term is other for other in doubtful):
+                yield self._as_seen(term, term.law.efforts_per(term.place, term.values, self.at) @ own)
                 continue
             yield self._effect(term, term.law.fitted(term.place, own, term.values))
         if self.gains is not None:

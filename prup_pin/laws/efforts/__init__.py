@@ -5,7 +5,7 @@ They share their words with the laws of the pose channel where it is the same ph
 """
 
 from .backlash import LostLoad
-from .cogging import Cogging
+from .cogging import Cogging, CoggingOfFewPeriods
 from .coulomb_friction import ColdFriction, LoadedFriction, SlidingFriction
 from .counterbalance import Counterbalance, CounterbalanceSpring
 from .effort_law import EFFORT, EffortLaw
@@ -43,6 +43,7 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     DelayedEncoder(),
     DelayedEncoders(),
     Cogging(),
+    CoggingOfFewPeriods(),
     LostLoad(),
 )
 

@@ -13,25 +13,27 @@ from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import MovingEffortLaw, effort_unit, in_units, way_unit
+from .effort_law import EFFORT, MovingEffortLaw, effort_unit, in_units, way_unit
 
-#: Fewest periods in a joint's travel, and the most that are looked for.
-_FEWEST, _MOST = 2.0, 400.0
+#: Most periods in a joint's travel that are looked for.
+_MOST = 400.0
 #: Steps between frequencies, as a share of one period over the whole travel.
 _STEP = 0.3
+#: Periods among which they are looked for where there are few.
+_FEW = (0.6, 0.85, 1.2, 1.65)
+#: Share of all squares that so few must save beside a counterbalance: any shape is a little like a wave.
+_SURELY = 0.3
 #: Fewest periods in the travel of each of several.
 _MANY = 10.0
 #: Periods whose logarithms differ by less are one.
 _APART = 0.2
 
 
-class Cogging(MovingEffortLaw):
+class Periodic(MovingEffortLaw):
     """tau = c cos(2 pi q / p) + s sin(2 pi q / p); the period p is looked for."""
 
     physics = "cogging"
     of_motion = True  # postures would be taken for any period
-    of_what_is_known = True
-    summary = "an effort that is periodic in the position"
     linear = ("cosine", "sine")
     settled = ("period",)
     quantities = (
@@ -40,31 +42,16 @@ class Cogging(MovingEffortLaw):
         Quantity("period", "rad", "in the joint's position", 0.1, upper=1e3),
     )
     neutral: ClassVar = {"cosine": 0.0, "sine": 0.0}
+    #: Fewest periods in the joint's travel.
+    fewest: ClassVar[float]
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         effort = effort_unit(place, mechanism)
         return in_units(self.quantities, [effort, effort, way_unit(place, mechanism)])
 
-    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        """Return the periods that the residual of the moment asks for, strongest first."""
-        travel = float(np.ptp(at.position(place.name)))
-        return [{"period": travel / count, "count": count} for count in at.periods(place.name, _FEWEST, _MOST, _STEP)]
-
-    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        count = float(np.ptp(at.position(place.name))) / values["period"]
-        others = [count + part * _STEP for part in (-0.5, -0.25, 0.25, 0.5)]
-        return [{"period": values["period"] * count / other, "count": other} for other in others]
-
     def scaled(self, values: Mapping[str, float], factors: Sequence[float]) -> Mapping[str, float]:
-        return {"period": values["period"] * float(factors[0]), "count": values["count"] / float(factors[0])}
-
-    def near(self, values: Mapping[str, float]) -> float:
-        return min(0.2, 0.3 * _STEP / values["count"])
-
-    def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
-        # poles, teeth and their harmonics stand side by side; several long waves are any shape
-        few = min(values["count"], other["count"]) < _MANY
-        return few or bool(abs(np.log(values["period"] / other["period"])) < _APART)
+        count = max(values["count"] / float(factors[0]), self.fewest)
+        return {"period": values["period"] * values["count"] / count, "count": count}
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         phase = 2 * np.pi * at.position(place.name) / values["period"]
@@ -76,3 +63,50 @@ class Cogging(MovingEffortLaw):
             f"an effort of {number(size, 3)} {effort_unit(place, mechanism)} at {place.name} comes back every "
             f"{quantity(values['period'], way_unit(place, mechanism), 4)}"
         )
+
+
+class Cogging(Periodic):
+    """A wave that comes back in the joint's travel, twice and more."""
+
+    summary = "an effort that is periodic in the position"
+    of_what_is_known = True
+    fewest = 2.0
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        """Return the periods that the residual of the moment asks for, strongest first."""
+        travel, counts = float(np.ptp(at.position(place.name))), at.periods(place.name, self.fewest, _MOST, _STEP)
+        return [{"period": travel / count, "count": count} for count in counts]
+
+    def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
+        count = float(np.ptp(at.position(place.name))) / values["period"]
+        others = [count + part * _STEP for part in (-0.5, -0.25, 0.25, 0.5)]
+        return [{"period": values["period"] * count / other, "count": other} for other in others]
+
+    def near(self, values: Mapping[str, float]) -> float:
+        return min(0.2, 0.3 * _STEP / values["count"])
+
+    def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
+        # poles, teeth and their harmonics stand side by side; several long waves are any shape
+        few = min(values["count"], other["count"]) < _MANY
+        return few or bool(abs(np.log(values["period"] / other["period"])) < _APART)
+
+
+class CoggingOfFewPeriods(Periodic):
+    """A wave of which the joint's travel holds less than two periods, in the place of a counterbalance.
+
+    It was not seen to come back: its shape alone tells it, where that is no counterbalance's by far.
+    """
+
+    summary = "an effort that is periodic in the position, in a short travel"
+    variant = f"{EFFORT} of few periods"
+    family = "counterbalance"
+    least_gain = _SURELY
+    by_shape = True
+    fewest = 0.3
+
+    def unlike(self, place: Place) -> Sequence[tuple[str, str]]:
+        return [("counterbalance", place.name)]
+
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        travel = float(np.ptp(at.position(place.name)))
+        return [{"period": travel / count, "count": count} for count in _FEW]

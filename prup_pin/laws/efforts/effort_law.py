@@ -46,6 +46,8 @@ class EffortLaw(Law):
     family: ClassVar[str] = ""
     #: True where it needs joints that turn round or change speed: it says nothing of one at rest.
     of_motion: ClassVar[bool] = False
+    #: True where the shape of a curve alone tells it: it is not named where that shape is not all.
+    by_shape: ClassVar[bool] = False
     #: Scanned parameters that are settled between scanned values, by their logarithms.
     settled: ClassVar[tuple[str, ...]] = ()
 

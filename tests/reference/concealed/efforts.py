@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import interp1d
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from .chain import Chain, example_file, read_chain
@@ -360,15 +361,18 @@ def draw_motion(rng, chain: Chain, kind: Kind, duration: float, pauses: int) -> 
     return draw_excitation(rng, centre, reach, speeds, duration, pauses)
 
 
-def left_by_the_file(device: Moving, nominal: Moving, excitation: Excitation, duration: float) -> float:
-    """Return RMS of what the nominal robot leaves of a device's efforts over RMS of the efforts, all joints moving."""
-    t = np.arange(0.0, duration, 1 / RATE)
+def left_by_the_file(log: Mapping[str, np.ndarray], device: Moving, nominal: Moving, excitation: Excitation) -> float:
+    """Return RMS of what the nominal robot leaves of logged efforts over RMS of these, all joints moving.
+
+    Their noise is among both, as it is among what a prediction leaves of them.
+    """
+    t = np.arange(log["time"][0], log["time"][-1], 1 / RATE)
     motion = device.reported(t, excitation)
-    true, moves = device.given(t, excitation), (np.abs(motion[1]) > 1e-3).all(axis=1)
+    told, moves = interp1d(log["time"], log["tau"], axis=0)(t), (np.abs(motion[1]) > 1e-3).all(axis=1)
     left = sosfiltfilt(
-        butter(4, CUT, fs=RATE, output="sos"), true - nominal.rigid(nominal.chain.closed(*motion)), axis=0
+        butter(4, CUT, fs=RATE, output="sos"), told - nominal.rigid(nominal.chain.closed(*motion)), axis=0
     )
-    return float(np.sqrt(np.mean(left[moves] ** 2) / np.mean(true[moves] ** 2)))
+    return float(np.sqrt(np.mean(left[moves] ** 2) / np.mean(told[moves] ** 2)))
 
 
 def draw_efforts(seed: int, robot: str, effects: Sequence[str] = (), multiple=(3.0, 40.0)) -> dict[str, Any]:
@@ -418,14 +422,19 @@ def draw_efforts(seed: int, robot: str, effects: Sequence[str] = (), multiple=(3
         )
     device = Moving(chain, kind.tool, chosen, scatter)
     own = np.random.default_rng([seed, 32])
+    logs = [
+        logger.log(own, device, motion, lasting, number)
+        for motion, lasting, number in ((fit, duration, seed), (held, shorter, seed + 1))
+    ]
+    declares = bool(rng.random() > 0.15)
     return {
         "robot": robot,
         "logger": logger,
         "device": device,
         "tolerances": declared,
-        "declared": bool(rng.random() > 0.15),
-        "fit": logger.log(own, device, fit, duration, seed),
-        "heldout": logger.log(own, device, held, shorter, seed + 1),
+        "declared": declares,
+        "fit": logs[0],
+        "heldout": logs[1],
         "truth": {
             "seed": seed,
             "robot": robot,
@@ -433,7 +442,7 @@ def draw_efforts(seed: int, robot: str, effects: Sequence[str] = (), multiple=(3
             "size": "multiples of the efforts' noise below 8 Hz: RMS in the strongest joint, and of what is left after "
             "the best fit within tolerance (or half its length in tolerances); the smaller",
             "joints": list(chain.names),
-            "left_by_the_file": left_by_the_file(device, Moving(chain, kind.tool), held, shorter),
+            "left_by_the_file": left_by_the_file(logs[1], device, Moving(chain, kind.tool), held),
             "scatter": scatter,
             "logger": {key: getattr(logger, key) for key in Logger.__dataclass_fields__},
             "pauses": [list(pause) for pause in fit.pauses],
