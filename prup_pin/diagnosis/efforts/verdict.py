@@ -598,7 +598,7 @@ class _Verdict:
         )
 
     def _doubtful(self, unknown: Sequence[Finding]) -> list[EffortCandidate]:
-        """Return laws by a joint's position beside which structure is left there: beyond its travel they say nothing."""
+        """Return laws by a joint's position beside which structure is left: beyond its travel they say nothing."""
         places = {finding.location for finding in unknown} & set(self.at.driven)
         return [term for term in self.named.terms if term.law.family == "counterbalance" and term.place.name in places]
 
