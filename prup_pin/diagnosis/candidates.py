@@ -196,11 +196,12 @@ def candidates(
     inputs: Inputs,
     markers: Sequence[str] = (),
     groups: Mapping[str, Sequence[Sharing]] | None = None,
+    alone: Sequence[Sharing] = (),
 ) -> list[Candidate]:
     """Return every law at every place that these inputs could show.
 
     markers: frames that were measured beside the tool; groups: recordings that share a sensor, by the sensors that not
-    all share.
+    all share; alone: each recording, where there are several.
     """
     warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > LEAST_WARMING
     fast = inputs.speeds is not None and np.nanmax(np.abs(inputs.speeds), initial=0.0) > 0
@@ -210,7 +211,7 @@ def candidates(
     return [
         Candidate(law, place, mechanism, step)
         for whole in (*LAWS, *of_markers(mechanism, markers))
-        for law in in_groups(whole, groups or {})
+        for law in in_groups(whole, groups or {}, alone)
         if all(has[need] for need in law.needs)
         for place in law.places(mechanism)
     ]

@@ -215,7 +215,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
         remarks += [together.told(source, text) for text in quieter]
     noise = Noise.of_several(noises, together.which)
     problem = Problem.of(simulator, stack, noise, nominal)
-    library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups)
+    library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups, together.alone)
     tell("what is off all over", 0.01)
     spread = _spread(problem, together, library)
     if spread is not None:
@@ -335,8 +335,11 @@ def _inputs(robot: Robot, together: Together) -> Inputs:
     """Return the inputs; speeds only where they were recorded for every actuator."""
     inputs = inputs_of(together.recording, robot)
     every = all(name in together.recording.velocities for name in robot.mechanism.actuated)
-    sources = together.which if together.several else None
-    return replace(inputs, speeds=inputs.speeds if every else None, sources=sources)
+    inputs = replace(inputs, speeds=inputs.speeds if every else None)
+    if not together.several:
+        return inputs
+    began = np.array([inputs.time[here].min(initial=np.inf) for _, here in together.each()])
+    return replace(inputs, sources=together.which, began=began[together.which])
 
 
 def _thinned(together: Together, remarks: list[str]) -> Together:

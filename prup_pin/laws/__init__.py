@@ -22,7 +22,7 @@ from .lead_error import LeadError, PeriodicLeadError
 from .loop_places import LoopEndPosition, SeatPosition
 from .model_equation_error import ModelEquationError
 from .payload import OffCentrePayload, Payload
-from .pose_sensor import PoseSensorMisalignment
+from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
@@ -68,6 +68,7 @@ LAWS: tuple[Law, ...] = (
     WrenchSensorCommonGain(),
     WrenchSensorBias(),
     PoseSensorMisalignment(),
+    PoseSensorDrift(),
     TargetMisalignment(),
     CreepLaw(),
     ModelEquationError(),

@@ -15,7 +15,7 @@ __all__ = ["InRecording", "in_groups", "lasting"]
 
 #: Words of the laws of each sensor that a recording may have for itself.
 _OF_SENSOR: Mapping[str, tuple[str, ...]] = {
-    "pose_sensor": ("pose_sensor_misalignment",),
+    "pose_sensor": ("pose_sensor_misalignment", "pose_sensor_drift"),
     "target": ("target_misalignment",),
     "wrench_sensor": ("wrench_sensor_misalignment", "wrench_sensor_gain", "wrench_sensor_bias"),
     "encoders": ("encoder_offset",),
@@ -51,11 +51,17 @@ class InRecording(OfAnother):
         return f"{self.law.statement(self.inner(place, mechanism), values, mechanism)}{self._words}"
 
 
-def in_groups(law: Law, groups: Mapping[str, Sequence[Sharing]]) -> Iterator[Law]:
+def in_groups(law: Law, groups: Mapping[str, Sequence[Sharing]], alone: Sequence[Sharing] = ()) -> Iterator[Law]:
     """Yield a law once for each group of recordings that shares its sensor, or the law itself where all share it.
 
-    groups: by the sensors that not all recordings share.
+    groups: by the sensors that not all recordings share; alone: each recording, where there are several. A pose sensor
+    that all share wanders in each for itself, and may have been pushed before any but the first.
     """
+    if alone and law.physics in _OF_SENSOR["pose_sensor"] and "pose_sensor" not in groups:
+        if law.lasts:
+            yield law
+        yield from (InRecording(law, group) for group in alone[1 if law.lasts else 0 :])
+        return
     whose = [groups[sensor] for sensor, words in _OF_SENSOR.items() if law.physics in words and sensor in groups]
     if whose:
         yield from (InRecording(law, group) for group in whose[0])
@@ -64,7 +70,7 @@ def in_groups(law: Law, groups: Mapping[str, Sequence[Sharing]]) -> Iterator[Law
 
 
 def lasting(effects: Iterable[Effect], mechanism: Mechanism) -> tuple[Effect, ...]:
-    """Return effects without what is off in single recordings: that tells nothing of another one."""
+    """Return effects without what is off in single recordings, or goes on in one: that tells nothing of another."""
     found = []
     for effect in effects:
         law = effect.law
@@ -72,6 +78,8 @@ def lasting(effects: Iterable[Effect], mechanism: Mechanism) -> tuple[Effect, ..
             kept = {item.name for item in law.deviations if item.group is None or not item.group.label}
             values = {name: value for name, value in effect.values.items() if name in kept}
             found.append(Effect(calibration_of(mechanism), effect.place, values))
+        elif not law.lasts:
+            continue
         elif not isinstance(law, InRecording):
             found.append(effect)
         elif not law.group.label:

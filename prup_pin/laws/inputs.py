@@ -23,6 +23,7 @@ class Inputs:
     blocks (N,) labels of samples between two moves of the actuators; runs (N,) labels of samples recorded one after
     another, one run where they are None; gravity (N, 3), acceleration of free fall in the base frame [m/s^2], or None
     where it is the robot file's; sources (N,), which of several recordings a sample is from, or None for one.
+    began (N,), when the recording of each sample began [s], or None: with the first one here.
     weight_alone: no wrench was recorded, so that nothing but the robot's weight acts.
     """
 
@@ -36,6 +37,7 @@ class Inputs:
     gravity: Array | None = None
     sources: np.ndarray | None = None
     weight_alone: bool = False
+    began: Array | None = None
 
     @classmethod
     def empty(cls, actuators: int) -> Inputs:
@@ -53,6 +55,11 @@ class Inputs:
     def from_sources(self, places: Sequence[int]) -> np.ndarray:
         """Return which samples are from the recordings with these places, (N,); none where there is one alone."""
         return np.zeros(len(self), bool) if self.sources is None else np.isin(self.sources, list(places))
+
+    @property
+    def elapsed(self) -> Array:
+        """Time since the beginning of a sample's recording [s], (N,)."""
+        return self.time - (self.time[:1] if self.began is None else self.began)
 
     @property
     def warming(self) -> Array:

@@ -57,6 +57,8 @@ class Law(ABC):
     known: ClassVar[bool] = False
     #: In units of chi squared: how much better it must fit than an explanation that is there anyway.
     cost: ClassVar[float] = 0.0
+    #: False for what goes on in a recording and tells nothing of another one.
+    lasts: ClassVar[bool] = True
     #: True where parameters that are not given stand at their defaults.
     partial: ClassVar[bool] = False
     #: Kinds of modules where it is most often found; decides between places that data cannot tell apart.

@@ -14,7 +14,7 @@ from .law import Law, Place
 
 __all__ = ["OfAnother"]
 
-_SAME = ("physics", "summary", "source", "neutral", "needs", "spread", "cost", "likely", "strong")
+_SAME = ("physics", "summary", "source", "neutral", "needs", "spread", "cost", "likely", "strong", "lasts")
 
 
 class OfAnother(Law):

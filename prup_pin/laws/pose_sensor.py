@@ -11,7 +11,7 @@ from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
 from ..spatial import rotation_exp
-from .deeds import Deed, Moved, PoseReport
+from .deeds import Deed, Moved, PoseReport, Wandering
 from .law import Law, Place
 from .setup import Setup
 
@@ -41,3 +41,32 @@ class PoseSensorMisalignment(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         turn, shift = (float(np.linalg.norm([values[kind + axis] for axis in "xyz"])) for kind in "rt")
         return f"the pose sensor's frame is turned by {quantity(turn, 'rad')} and shifted by {quantity(shift, 'm')}"
+
+
+class PoseSensorDrift(Law):
+    """The measuring frame wanders while it measures: it reports p + v t, t since the recording began.
+
+    A tripod that settles, a tracker that warms up. Where the recording began is `pose_sensor_misalignment`'s to say.
+    """
+
+    physics = "pose_sensor_drift"
+    summary = "a pose sensor whose frame wanders in time"
+    quantities = tuple(
+        Quantity(f"v{axis}", "m/s", f"shift along {axis} per time", 1e-7, lower=-1e-2, upper=1e-2) for axis in "xyz"
+    )
+    neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities}
+    lasts = False
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("pose_sensor", "drift")]
+
+    def is_named(self, place: Place) -> bool:
+        return place.aspect.startswith("drift")
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        speed = np.array([values[f"v{axis}"] for axis in "xyz"])
+        yield PoseReport(Wandering(setup.inputs.elapsed[:, None] * speed))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        by = quantity(60 * float(np.linalg.norm(list(values.values()))), "m")
+        return f"the pose sensor's frame wanders by {by} a minute"

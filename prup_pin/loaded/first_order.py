@@ -126,7 +126,7 @@ class FirstOrder:
 
     def _neighbours(self, joint: int) -> range:
         """Return the joints that are taken together with one: what equations look at is the same for all of them."""
-        count = max(1, _TOGETHER // (6 * len(self) * sum(self.chain.sizes)))
+        count = max(1, _TOGETHER // max(6 * len(self) * sum(self.chain.sizes), 1))
         first = joint - (joint - 1) % count
         return range(first, min(first + count, self.chain.structure.count))
 

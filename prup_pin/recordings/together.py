@@ -125,6 +125,12 @@ class Together:
             found[sensor] = tuple(Group(label, places, self._tolerances(places, kinds)) for label, places in parts)
         return found
 
+    @property
+    def alone(self) -> tuple[Group, ...]:
+        """Each recording by itself, where there are several."""
+        named = enumerate(self.sources) if self.several else ()
+        return tuple(Group(source.name, (place,), {}) for place, source in named)
+
     def _tolerances(self, places: tuple[int, ...], kinds: Sequence[str]) -> dict[str, float]:
         """Return what recordings that share a sensor say of it, and where they say nothing what the others do."""
         declared = [source.recording.tolerances.declared for source in self.sources]

@@ -97,6 +97,7 @@ def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
         taken(inputs.runs),
         taken(inputs.gravity),
         taken(inputs.sources),
+        began=taken(inputs.began),
     )
 
 

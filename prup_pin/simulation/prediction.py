@@ -100,6 +100,7 @@ def inputs_of(recording: Recording, robot: Robot) -> Inputs:
         runs=recording.run,
         gravity=recording.gravity,
         weight_alone=not recording.has_wrench,
+        began=np.repeat(recording.time[:1], len(recording)),
     )
 
 

@@ -1,4 +1,4 @@
-"""What markers cannot tell apart is told as a class, the simplest first, and no gross error is made of a law."""
+"""What markers cannot tell apart is told as a class, the simplest first; a tracker's faults are none of the robot."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.diagnose import _is_richer
 from prup_pin.diagnosis.spread import Outlier, Spread
+from prup_pin.laws.in_recording import lasting
 from prup_pin.recordings import Noise, Recording
 
 from ..reference.posed_tree import PosedTree
@@ -48,6 +49,47 @@ def test_a_gap_that_no_load_closes_is_told_beside_the_spring_that_it_looks_like(
     assert (found.physics, found.location) == ("stiffness_changed", "bend")
     assert found.parameters["factor"].value == pytest.approx(1 / (0.02 * 1e4), rel=0.05)
     assert "backlash at bend" in found.alternatives
+
+
+def seen(path, seed: int, speed=(0.0, 0.0, 0.0), step=(0.0, 0.0, 0.0), **of_tree) -> Recording:
+    """Return what a tracker sees of two markers that wanders by `speed` [m/s] and stands `step` [m] beside itself."""
+    tree, time = PosedTree(path, **of_tree), 500.0 + 10.0 * np.arange(16.0)
+    q = tree.postures(("roll", "bend"), 16, seed)
+    found = tree.seen(q, ("ball", "fore"), NOISE, seed)
+    moved = np.outer(time - time[0], speed) + np.array(step)
+    found = {name: values + moved for name, values in found.items()}
+    return Recording(time, positions=q, markers=found, noise=Noise(position=NOISE), path=f"day{seed}.csv")
+
+
+def told(path, *recordings: Recording):
+    """Return the findings by physics and place."""
+    found = diagnose(prup_pin.load(path, tool="ball"), recordings)
+    assert found.verdict == "explained"
+    return {(item.physics, str(item.effect.place)): item for item in found.findings if item.physics != "self_weight"}
+
+
+def test_a_tracker_that_wanders_is_named_and_says_nothing_of_another_day(wrist):
+    speed = np.array([2e-6, 0.0, -1e-6])
+    found = told(wrist, seen(wrist, 1, speed))
+    finding = found.pop(("pose_sensor_drift", "pose_sensor (drift)"))
+    assert not found
+    fitted = np.array([finding.parameters[name].value for name in ("vx", "vy", "vz")])
+    assert np.abs(fitted - speed).max() < 0.15 * speed.max()
+    assert lasting([finding.effect], prup_pin.load(wrist).mechanism) == ()
+
+
+def test_that_a_tracker_was_pushed_between_two_days_is_none_of_the_robots_faults(wrist):
+    soft = {"about": {"bend": 0.02}}
+    found = told(wrist, seen(wrist, 1, **soft), seen(wrist, 2, step=(1e-3, 0.0, 0.0), **soft))
+    assert set(found) == {
+        ("joint_compliance", "bend (about)"),
+        ("pose_sensor_misalignment", "pose_sensor (in day2.csv)"),
+    }
+
+
+def test_of_two_days_the_one_is_named_on_which_a_tracker_wandered(wrist):
+    found = told(wrist, seen(wrist, 1), seen(wrist, 2, speed=(3e-6, 0.0, 0.0)))
+    assert set(found) == {("pose_sensor_drift", "pose_sensor (drift in day2.csv)")}
 
 
 def test_a_law_with_more_numbers_is_none_to_tell_beside_the_same_one_with_fewer():

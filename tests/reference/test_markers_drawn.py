@@ -100,8 +100,7 @@ def test_what_is_off_shows_where_it_should():
     by_hand = Sagging(chain, UR5.tool).seen(q + 0.002 * np.eye(6)[2], MARKERS, np.zeros(5)) - usual
     assert np.abs(late - by_hand).max() < 1e-12
     assert np.abs(same - by_hand).max() < 1e-12
-    drifting = {"physics": "alien", "kind": "camera_drift", "location": "pose_sensor", "coefficient": 1e-4}
-    away = seen(None, drifting | {"way": [0, 1, 0]})
+    away = seen(None, {"physics": "pose_sensor_drift", "location": "pose_sensor", "speed": [0, 1e-4, 0]})
     assert np.abs(away - np.arange(5.0)[:, None, None] * [0, 1e-4, 0]).max() < 1e-12
 
 

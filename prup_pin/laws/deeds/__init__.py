@@ -6,7 +6,7 @@ A deed of a new kind: a final class in a file of its own, and one line in `DEEDS
 from .deed import BLOCK, RUN, Deed, History, Moment, Solved
 from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
 from .remembered import RememberedStrain
-from .report import Moved, PoseReport
+from .report import Moved, PoseReport, Wandering
 from .resistance import JointResistance
 from .strain import Along, ExtraStrain, Strain, Strains
 from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
@@ -56,6 +56,7 @@ __all__ = [
     "ToolLoad",
     "ToolSpring",
     "Travel",
+    "Wandering",
     "Weight",
     "WrenchReading",
     "YieldingJoint",

@@ -14,7 +14,7 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["Moved", "PoseReport"]
+__all__ = ["Moved", "PoseReport", "Wandering"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +51,20 @@ class Moved:
 
 
 @dataclass(frozen=True, eq=False)
+class Wandering:
+    """A report of poses shifted along the sensor's own axes, at each sample by another amount: `by` (N, 3) [m]."""
+
+    by: Array
+
+    def __call__(self, position: Array, rotation: Array) -> tuple[Array, Array]:
+        return position + self.by, rotation
+
+    def at(self, samples: np.ndarray | None) -> Wandering:
+        """Return the report at some samples (n,), or at all."""
+        return self if samples is None else Wandering(self.by[samples])
+
+
+@dataclass(frozen=True, eq=False)
 class PoseReport(Deed):
     """The pose sensor makes `reported(position, rotation)` of a true pose, (N, 3) [m] and (N, 3, 3).
 
@@ -67,7 +81,8 @@ class PoseReport(Deed):
 
     def of(self, position: Array, rotation: Array, samples: np.ndarray | None) -> tuple[Array, Array]:
         """Return the reports of true poses (n, 3), (n, 3, 3) of some samples (n,), or of all."""
-        position_there, rotation_there = self.reported(position, rotation)
+        reported = self.reported.at(samples) if isinstance(self.reported, Wandering) else self.reported
+        position_there, rotation_there = reported(position, rotation)
         if self.rows is None:
             return position_there, rotation_there
         here = self.rows if samples is None else self.rows[samples]

@@ -134,12 +134,13 @@ class Sagging:
         here = self.target.get(e["location"], np.zeros(3))
         self.target[e["location"]] = here + np.asarray(e["translation"], float)
 
+    def _effect_pose_sensor_drift(self, e):
+        """speed [m/s] (3) of what the camera reports, since time 0."""
+        self.drift = self.drift + np.asarray(e["speed"], float)
+
     def _effect_alien(self, e):
         """Physics outside every library, by kind: cubic_compliance (coefficient x moment^3 about the axis),
-        eccentric_encoder (coefficient sin(2 q + phase)), camera_drift (coefficient [m/s] along `way` (3))."""
-        if e["kind"] == "camera_drift":
-            self.drift = e["coefficient"] * np.asarray(e["way"], float)
-            return
+        eccentric_encoder (coefficient sin(2 q + phase))."""
         i = self.names.index(e["location"])
         if e["kind"] == "cubic_compliance":
             self.cubic[i] = e["coefficient"]
