@@ -82,7 +82,8 @@ def best_camera(gravity: Array, parts: Skeleton) -> Camera:
             drawn = np.linalg.norm(camera.flat(ends[:, 1] - ends[:, 0]), axis=1) / np.maximum(lengths, 1e-12)
             score *= 0.2 + float(np.mean(np.minimum(drawn, 0.5)) + np.min(np.minimum(drawn, 0.5)))
             if len(pairs):
-                gaps = np.linalg.norm(flat[pairs[:, 0], :, None] - flat[pairs[:, 1], None], axis=-1)
+                across, upwards = (c[pairs[:, 0], :, None] - c[pairs[:, 1], None] for c in np.moveaxis(flat, -1, 0))
+                gaps = np.sqrt(across * across + upwards * upwards)
                 clear = np.minimum(gaps / apart, 0.4).mean(axis=(1, 2))
                 score *= 0.1 + float(clear.mean() + clear.min())
             views.append((score, camera))
