@@ -4,6 +4,7 @@ Workers wait for each other by a lock on a file, as POSIX has it: the tests do n
 """
 
 import fcntl
+import hashlib
 import os
 import pickle
 from dataclasses import dataclass
@@ -141,3 +142,24 @@ def diagnosed(answer, bench):
 def diagnosed_strange(answer_strange, strange_bench):
     """(robot, recording, diagnosis) of `strange_bench`."""
     return diagnosed_of(answer_strange, strange_bench)
+
+
+@pytest.fixture
+def remembered(once, monkeypatch):
+    """Diagnoses and calibrations are made once for all pages: the same question has the same answer."""
+    import prup_pin.diagnosis
+    from prup_pin.recordings import Recording
+
+    def kept(name, function):
+        def asked(robot, recordings, **options):
+            several = [recordings] if isinstance(recordings, Recording) else recordings
+            question = [robot.name, robot.mechanism.description.content, robot.mechanism.parameters]
+            question += [(Path(one.path).read_bytes(), one.tolerances) for one in several]
+            question += sorted((key, value) for key, value in options.items() if key != "tell")
+            key = hashlib.sha256(repr(question).encode()).hexdigest()[:24]
+            return once(f"{name}-{key}", lambda folder: function(robot, recordings, **options))
+
+        return asked
+
+    for name in ("diagnose", "calibrate"):
+        monkeypatch.setattr(prup_pin.diagnosis, name, kept(name, getattr(prup_pin.diagnosis, name)))

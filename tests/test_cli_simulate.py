@@ -1,6 +1,7 @@
 """`prup-pin simulate`, `predict` and `laws`, as a user meets them."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -25,13 +26,23 @@ def run(monkeypatch, tmp_path):
     return lambda *arguments: runner.invoke(app, [str(argument) for argument in arguments])
 
 
-@pytest.fixture
-def bench(run):
-    """The names of a plan's file and of the recording simulated from it, with play in a nut."""
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """A folder with a plan and the recording simulated from it, with play in a nut."""
+    folder = tmp_path_factory.mktemp("simulated")
     noise = type(NOISE)(**{**vars(NOISE), "effort": 0.5})
-    write_plan(plan(poses=4, cycle=(0, 1, 0, -1), noise=noise), "plan.json")
-    done = run("simulate", "--plan", "plan.json", "--out", "bench.csv", "--effect", GAP)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        write_plan(plan(poses=4, cycle=(0, 1, 0, -1), noise=noise), "plan.json")
+        done = CliRunner().invoke(app, ["simulate", "--plan", "plan.json", "--out", "bench.csv", "--effect", GAP])
     assert done.exit_code == 0, done.output
+    return folder
+
+
+@pytest.fixture
+def bench(run, simulated, tmp_path):
+    """The name of that recording, in a folder of the test's own."""
+    shutil.copytree(simulated, tmp_path, dirs_exist_ok=True)
     return "bench.csv"
 
 

@@ -7,7 +7,6 @@ scripts/stranger.sh and by .ci/run.
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shlex
 from collections.abc import Iterator
@@ -18,9 +17,7 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-import prup_pin.diagnosis
 from prup_pin.cli import app
-from prup_pin.recordings import Recording
 
 from .carried_out import ROOT
 
@@ -55,25 +52,6 @@ def commands(block: Block) -> list[str]:
     """Return the command lines of a block, continued lines joined."""
     lines = block.text.replace("\\\n", " ").splitlines()
     return [line.removeprefix("$ ").strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
-
-
-@pytest.fixture
-def remembered(once, monkeypatch):
-    """Diagnoses and calibrations are made once for all pages: the same question has the same answer."""
-
-    def kept(name, function):
-        def asked(robot, recordings, **options):
-            several = [recordings] if isinstance(recordings, Recording) else recordings
-            question = [robot.name, robot.mechanism.description.content, robot.mechanism.parameters]
-            question += [(Path(one.path).read_bytes(), one.tolerances) for one in several]
-            question += sorted((key, value) for key, value in options.items() if key != "tell")
-            key = hashlib.sha256(repr(question).encode()).hexdigest()[:24]
-            return once(f"{name}-{key}", lambda folder: function(robot, recordings, **options))
-
-        return asked
-
-    for name in ("diagnose", "calibrate"):
-        monkeypatch.setattr(prup_pin.diagnosis, name, kept(name, getattr(prup_pin.diagnosis, name)))
 
 
 WITH_BLOCKS = [page for page in PAGES if any(True for _ in blocks(page))]

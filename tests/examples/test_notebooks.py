@@ -1,7 +1,9 @@
 """The notebooks run from top to bottom, in the folder that `prup-pin examples --copy` makes."""
 
+import ast
 import shutil
 
+import matplotlib.pyplot as plt
 import nbformat
 import pytest
 from nbclient import NotebookClient
@@ -11,7 +13,12 @@ from .test_robots import EXAMPLES
 NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+#: A kernel of its own for each takes long; cells of the others run in the process of the tests.
+IN_A_KERNEL = [pytest.param(path, marks=[pytest.mark.slow] if path.stem != "workspace" else []) for path in NOTEBOOKS]
+IN_PROCESS = [path for path in NOTEBOOKS if path.stem != "workspace"]
+
+
+@pytest.mark.parametrize("path", IN_A_KERNEL, ids=lambda path: path.stem)
 def test_a_notebook_runs(path, tmp_path):
     for file in EXAMPLES.iterdir():
         shutil.copy(file, tmp_path)
@@ -20,6 +27,32 @@ def test_a_notebook_runs(path, tmp_path):
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     assert not [output for output in outputs if output.output_type == "stream" and output.name == "stderr"]
     assert sum(output.output_type in ("display_data", "execute_result") for output in outputs) >= 2
+
+
+@pytest.mark.parametrize("path", IN_PROCESS, ids=lambda path: path.stem)
+def test_its_cells_run(path, tmp_path, monkeypatch, remembered):
+    for file in EXAMPLES.iterdir():
+        shutil.copy(file, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    names, shown = {"__name__": "__main__"}, []
+    try:
+        for cell in nbformat.read(path, as_version=4).cells:
+            if cell.cell_type == "code":
+                shown.append(run_cell(cell.source, names))
+        figures = plt.get_fignums()
+    finally:
+        plt.close("all")
+    pages = [value._repr_html_() for value in shown if hasattr(value, "_repr_html_")]
+    assert len(pages) + len(figures) >= 2
+    assert all(len(page) > 500 for page in pages)
+
+
+def run_cell(source, names):
+    """Run a cell in a notebook's names and return what it shows: the value of its last line, unless that ends in ;."""
+    tree = ast.parse(source)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) and not source.endswith(";") else None
+    exec(compile(tree, "cell", "exec"), names)
+    return None if last is None else eval(compile(ast.Expression(last.value), "cell", "eval"), names)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
