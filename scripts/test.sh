@@ -54,12 +54,14 @@ done
 if [ "${#failed[@]}" -gt 0 ]; then
   printf '== failed: %s\n' "${failed[*]}"
 fi
-# One worker a core, each with one thread of linear algebra; `-n 0` among the options runs the tests in one process.
+# One worker more than cores, as some wait for a browser or a shell, each with one thread of linear algebra; `-n 0` among
+# the options runs the tests in one process.
+workers="$("$VENV_PYTHON" -c 'import os; print(1 + (os.cpu_count() or 1))')"
 export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 # pytest comes last, so that its closing line is the last one; OpenSees would say goodbye after it, on stderr.
 printf '== pytest\n'
 status=0
-"$VENV_PYTHON" -m pytest -n auto --dist worksteal ${selection[@]+"${selection[@]}"} ${rest[@]+"${rest[@]}"} \
+"$VENV_PYTHON" -m pytest -n "$workers" --dist worksteal ${selection[@]+"${selection[@]}"} ${rest[@]+"${rest[@]}"} \
   2> >(grep -v '^Process 0 Terminating$' >&2) || status=$?
 if [ "$status" -eq 0 ] && [ "${#failed[@]}" -gt 0 ]; then
   status=1

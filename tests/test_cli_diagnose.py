@@ -361,8 +361,8 @@ def test_noise_declared_far_too_small(clean_bench, run, tmp_path):
     assert any("what is left is noise" in text for text in document["remarks"])
 
 
-def test_noise_declared_far_too_large(bench, run, tmp_path):
-    path = changed(bench, tmp_path, lambda columns: columns)
+def test_noise_declared_far_too_large(clean_bench, run, tmp_path):
+    path = changed(clean_bench, tmp_path, lambda columns: columns)
     declare(path, position_noise=2e-4, rotation_noise=1e-3)
     done = run("diagnose", path, "--out", tmp_path / "out", "--no-report")
     assert done.exit_code == 0, done.output

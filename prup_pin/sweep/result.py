@@ -83,7 +83,7 @@ class SweepResult(_Answers):
     def __init__(self, engine: Engine, places: Places, answer: Answer, remarks: tuple[str, ...] = ()):
         super().__init__(engine, places, remarks)
         self._values = {
-            name: _frozen(values.reshape(*places.shape, *values.shape[1:])) for name, values in answer.values.items()
+            name: _frozen(values.reshape((*places.shape, *values.shape[1:]))) for name, values in answer.values.items()
         }
         self._codes = _frozen(answer.status.reshape(places.shape))
 
@@ -275,7 +275,7 @@ class SweepFile(_Answers):
             values.transpose(*range(1, values.ndim), 0)[index] = table[column]
             if quantity.symmetric:
                 values.transpose(*range(1, values.ndim), 0)[index[::-1]] = table[column]
-        return _frozen(values.reshape(*self.shape, *values.shape[1:]))
+        return _frozen(values.reshape((*self.shape, *values.shape[1:])))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._engine.asked.quantities)

@@ -20,8 +20,9 @@ BLOCK = re.compile(r"^<!-- (?P<what>.*?) -->\n```\w*\n(?P<text>.*?)^```$", re.MU
 
 
 def carry_out(page: str, folder: Path) -> list[str]:
-    """Copy the tree to `folder`, do there what a page says, and return what its scripts printed."""
-    for part in PARTS:
+    """Do what a page says in `folder`, in a copy of the tree or of what other pages left, and return what its scripts
+    printed."""
+    for part in PARTS if not (folder / PARTS[0]).exists() else ():
         source = ROOT / part
         if source.is_dir():
             shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.png"))

@@ -69,7 +69,7 @@ print(pose.q.tobytes().hex(), robot.compliance(pose).K.tobytes().hex())
 
 def test_threads_of_blas_do_not_change_a_bit():
     answers = set()
-    for threads in ("1", "2", "3"):
+    for threads in ("1", "3"):
         variables = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), threads)
         code = ASK.format(root=str(ROOT))
         done = subprocess.run(
