@@ -5,7 +5,7 @@ import pytest
 
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack
-from prup_pin.diagnosis.calibrate import Toleranced, calibrate
+from prup_pin.diagnosis.calibrate import Toleranced, calibrate, changes_per_tolerance
 from prup_pin.diagnosis.fit import Problem
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.laws.deviations import amounts_of, deviations_of
@@ -64,6 +64,21 @@ def test_first_order_of_every_parameter_is_the_simulations_slope(name, stride):
         for columns in (slice(0, 3), slice(3, 6)):
             size = np.abs(expected[:, columns]).max()
             assert np.abs(found - expected)[:, columns].max() < 3e-3 * size + 2e-10, item.name
+
+
+@pytest.mark.parametrize("name", ["3prup", "ur5"])
+def test_changes_where_all_is_off_are_those_of_a_step_of_all(name):
+    """What is a little more off acts on top of what is off already, turns after turns not so: alike, all at once."""
+    robot, simulator = bench.robot(name), bench.simulator(name)
+    toleranced = toleranced_of(robot)
+    x, beside = 3.0 * np.random.default_rng(5).normal(size=len(toleranced)), [weight_of(robot)]
+    influence = Influence(simulator, simulator.run([toleranced.effect(x), *beside]))
+    found = changes_per_tolerance(simulator, influence, toleranced, x, beside)
+    for index, step in enumerate(1e-3 * np.eye(len(x))):
+        moved = simulator.setup([toleranced.effect(x + step), *beside])
+        expected = influence.change(moved) / 1e-3
+        far = np.abs(found[..., index] - expected).max()
+        assert far < 1e-6 * np.abs(expected).max() + 1e-11, toleranced.law.deviations[index].name
 
 
 def test_parameters_have_the_names_units_and_values_of_the_robot_file():

@@ -7,7 +7,7 @@ import pytest
 
 import prup_pin
 from prup_pin.errors import JointLimitWarning
-from prup_pin.loaded import Conditions, find_equilibria, loaded_rod
+from prup_pin.loaded import Conditions, FirstOrder, find_equilibria, first_order, loaded_rod
 from prup_pin.modules import KINDS
 from prup_pin.spatial import rotation_log, rotation_tangent
 
@@ -41,6 +41,18 @@ def test_matrix_and_tangent_of_every_machine(tmp_path, build):
     found = at_load(robot, pose, LARGE)
     assert matrix_error(found) < 1e-7
     assert scaled_error(found.tangent_compliance()[0], difference_compliance(robot, pose, LARGE)) < 1e-7
+
+
+def test_joints_taken_together_move_the_tool_as_each_alone(monkeypatch):
+    robot = prup_pin.load("3prup")
+    found = at_load(robot, robot.pose(z=0.33, theta=0.2, phi=-0.1), LARGE, gravity=np.array([0.0, 0.0, -9.81]))
+    joints = range(1, found.chain.structure.count)
+    together = [FirstOrder(found).by_joint(joint) for joint in joints]
+    monkeypatch.setattr(first_order, "_TOGETHER", 1)
+    for joint, expected in zip(joints, together, strict=True):
+        alone = FirstOrder(found).by_joint(joint)
+        assert alone.shape == (1, 6, 6)
+        np.testing.assert_allclose(alone, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)
