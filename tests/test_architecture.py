@@ -1,8 +1,10 @@
 """Imports point one way, and importing the package stays light."""
 
 import inspect
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import prup_pin
 from prup_pin.compensation import compensate
@@ -83,3 +85,19 @@ def test_import_is_light():
 def test_public_names_exist():
     for name in prup_pin.__all__:
         assert getattr(prup_pin, name).__doc__
+
+
+def test_nothing_names_a_place_outside_the_project():
+    """Whoever clones it has no such folder: what lies elsewhere is named by environment variables."""
+    outside = re.compile(r"(?<![\w./])/(?:work|root|home|Users)/|\.\./" + "shared|[\"']" + "shared[\"'/]")
+    assert all(outside.search(text) for text in ("open('/root/a.csv')", "see ../" + "shared/a", "/ 'sha" + "red' /"))
+    whole = ROOT.parent
+    folders = [
+        path for path in whole.iterdir() if path.name in {"prup_pin", "tests", "docs", "scripts", "examples", ".ci"}
+    ]
+    written = [
+        path for folder in folders for path in folder.rglob("*") if path.suffix in {".py", ".md", ".sh", ".ipynb", ""}
+    ]
+    texts = {path: path.read_text(encoding="utf-8") for path in (*written, *whole.glob("*.md")) if path.is_file()}
+    assert len(texts) > 500
+    assert [path for path, text in texts.items() if outside.search(text) and path != Path(__file__)] == []

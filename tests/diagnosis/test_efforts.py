@@ -15,9 +15,10 @@ from prup_pin.recordings import Recording, Tolerances, read_recording
 from prup_pin.simulation import CorrectedModel, simulate
 from tests.reference.concealed.efforts import draw_efforts, write
 
+from ..elsewhere import EMPS, needs_emps
+
 ROBOTS = Path(__file__).parents[1] / "robots"
 AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
-REAL = Path(__file__).parents[3] / "shared" / "real" / "emps" / "emps.csv"
 
 
 def device(folder, seed, robot, effects, multiple=(6.0, 20.0)):
@@ -223,9 +224,9 @@ def test_a_concealed_robot_is_told_its_place_and_physics(tmp_path, robot, seed, 
         assert left < 2.0 * recording.noise.effort, name
 
 
-@pytest.mark.skipif(not REAL.is_file(), reason="the public recording of the ball-screw axis is not here")
+@needs_emps
 def test_the_ball_screw_axis_is_friction_and_no_other_mass(carriage):
-    found = diagnose(carriage, read_recording(REAL))
+    found = diagnose(carriage, read_recording(EMPS))
     words = {finding.physics for finding in found.findings}
     assert {"viscous_friction", "coulomb_friction"} <= words
     assert not words & {"inertial_parameters", "payload", "rotor_inertia", "unknown"}

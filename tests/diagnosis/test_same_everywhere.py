@@ -17,12 +17,11 @@ from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, inputs_of
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 
+from ..elsewhere import PRACTICE, needs_practice
 from ..simulation.bench import inputs
 from .test_parts import problem_of, term
 
 CLOCKS = ("time", "perf_counter", "process_time", "monotonic", "thread_time")
-#: Bench tests with their answers, where they lie beside the project.
-PRACTICE = Path(__file__).resolve().parents[3] / "shared" / "practice"
 DEVICES = [*(f"p{number:02}" for number in range(1, 11)), *(f"ups{number}" for number in range(1, 5))]
 
 
@@ -62,7 +61,7 @@ def test_no_clock_is_read():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice recordings do not lie beside the project")
+@needs_practice
 @pytest.mark.parametrize("name", DEVICES)
 def test_practice_devices_hurried(name, hurried):
     beside = json.loads((PRACTICE / f"{name}.json").read_text())["robot"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ import pytest
 from prup_pin.errors import RecordingFileError
 from prup_pin.recordings import KeyProblem, Noise, TableProblem, read_recording, reader, suspicions, thinning
 
-PRACTICE = Path("/work/shared/practice")
-REAL = Path("/work/shared/real")
+from ..elsewhere import EMPS, PRACTICE, needs_emps, needs_practice
+
 HEADER = "time,q.slide,q.turn,tau.slide,w.fx,w.mz,p.x,p.y,p.z,r.x,r.y,r.z"
 ROWS = (
     "0,0.1,0.5,12,0,0,0.01,0.02,0.3,0.001,0.002,0.003",
@@ -502,7 +501,7 @@ def test_problems_say_file_line_and_column(write):
     assert isinstance(caught.value.problems[0], KeyProblem)
 
 
-@pytest.mark.skipif(not PRACTICE.exists(), reason=f"no practice recordings in {PRACTICE}")
+@needs_practice
 def test_practice_recordings():
     paths = [path for device in range(1, 11) for path in sorted(PRACTICE.glob(f"p{device:02d}.*csv"))]
     assert len(paths) == 20
@@ -520,9 +519,9 @@ def test_practice_recordings():
         assert not suspicions(recording), path
 
 
-@pytest.mark.skipif(not REAL.exists(), reason=f"no real recordings in {REAL}")
+@needs_emps
 def test_real_recording():
-    recording = read_recording(REAL / "emps" / "emps.csv")
+    recording = read_recording(EMPS)
     assert len(recording) == 24_841
     assert list(recording.positions) == list(recording.efforts) == ["carriage"]
     assert recording.position is None
