@@ -232,9 +232,9 @@ class Mechanism:
 
     @cached_property
     def _tips(self) -> list[str]:
-        """Names of the links at the ends of chains."""
+        """Names of the links at the ends of chains; all of a robot that cannot move."""
         parents = {int(parent) for parent in list(self.model.parents)[1:]}
-        ends = set(range(1, self.model.njoints)) - parents
+        ends = set(range(1, self.model.njoints)) - parents or {0}
         return [f.name for f in self.model.frames if f.parentJoint in ends and f.type == pin.FrameType.BODY]
 
     @property
