@@ -76,6 +76,8 @@ def main() -> None:
     found = {key: first[key] for key in HIDDEN}
     if verdict["verdict"] != "explained" or found != HIDDEN:
         sys.exit(f"the shipped recording hides {HIDDEN}, and the diagnosis found {verdict['verdict']}: {found}")
+    if first["statement"] not in (stranger.checkout / "README.md").read_text(encoding="utf-8"):
+        sys.exit(f"README quotes the diagnosis of the shipped recording, which says: {first['statement']}")
     print(f"{time.monotonic() - begun:6.1f} s  all of it")
 
 
