@@ -132,5 +132,5 @@ def test_a_robot_without_movable_joints_says_what_it_lacks(tmp_path):
     assert robot.pose() is not None
     with pytest.raises(Exception, match="no compliant module"):
         robot.compliance(robot.home)
-    with pytest.raises(Exception, match="Frames at the ends of its chains: a$"):
+    with pytest.raises(Exception, match=r"Frames at the ends of its chains: a$"):
         load(path).mechanism.need_tool()
