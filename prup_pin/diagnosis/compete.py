@@ -66,6 +66,7 @@ from .criteria import (
     SEGMENTS,
     SMALL_MISJUDGED,
     SWAP_LEAD,
+    TOLD_ALONE,
     TRIED_WHOLE,
     UNLIKELY_PLACE,
     WEIGHT_ACTS,
@@ -442,7 +443,8 @@ def _forward(
         challenged, rivals = _challenged(search, taken, library)
         if rivals and (paired := _in_pairs(search, challenged, rivals)) is not challenged:
             challenged, rivals = _challenged(search, paired, library)
-        fit = _weighed(search, _pruned(search, _merged(search, challenged, library), least), library)
+        fit = _apart(search, _merged(search, challenged, library), library)
+        fit = _weighed(search, _pruned(search, fit, least), library)
         if fit is not challenged:
             rivals = []
     last = search.released(fit)
@@ -773,6 +775,40 @@ def _weighed(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
             if _cost(trial) < found:
                 best, found = trial, _cost(trial)
     return best
+
+
+def _apart(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
+    """Return the fit with laws at a few places in the place of one at all of them, where they do as well for less."""
+    problem, scale = search.problem, scale_of(search.problem, fit)
+    single = {(candidate.law.physics, candidate.place): candidate for candidate in library if candidate.size == 1}
+    for index, term in enumerate(fit.terms):
+        law, names = term.candidate.law, [quantity.name for quantity in term.candidate.quantities]
+        places = law.apart(term.candidate.place, term.candidate.mechanism)
+        if not all(name in places and (law.physics, places[name]) in single for name in names):
+            continue
+        sure = _surety(problem, fit, index)
+        kept = [other for place, other in enumerate(fit.terms) if place != index]
+        told = [place for place in np.argsort(-sure) if sure[place] > TOLD_ALONE]
+        if not told or len(told) + len(kept) > MOST_TERMS:
+            continue
+        for place in told:
+            candidate, name = single[law.physics, places[names[place]]], names[place]
+            kept.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
+        trial = search.refine(kept, fit, rounds=MERGE_ROUNDS)
+        before, after = (each.chi2 + scale * sum(map(penalty, each.terms)) for each in (fit, trial))
+        if after < before:
+            return trial
+    return fit
+
+
+def _surety(problem: Problem, fit: Fit, index: int) -> Array:
+    """Return by how many standard deviations the coordinates of a term differ from zero, (p,)."""
+    jacobian = problem.beyond(fit, problem.jacobian(fit))
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    covariance = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12, hermitian=True)
+    begin = sum(term.candidate.size for term in fit.terms[:index])
+    own = slice(begin, begin + fit.terms[index].candidate.size)
+    return fit.terms[index].coordinates * size[own] / np.sqrt(np.maximum(np.diag(covariance)[own], 1e-300))
 
 
 def _alike(one: Rival, other: Rival) -> bool:

@@ -155,6 +155,8 @@ PARALLEL: Final = 1e-6
 SAME_CHI2: Final = 1.0
 #: Single laws tried in the place of two at one part.
 MERGES_TRIED: Final = 3
+#: Standard deviations from nothing at which one of many values of a law is told alone, in the place of all.
+TOLD_ALONE: Final = 1.96
 #: A term whose whole effect exceeds this many times the threshold needs no check that the others made it needless.
 NEEDED: Final = 4
 #: Steps of a refinement that starts near its end.

@@ -202,6 +202,9 @@ class EveryJointCompliance(Law):
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return [item.name for item in _own(mechanism)]
 
+    def apart(self, place: Place, mechanism: Mechanism) -> Mapping[str, Place]:
+        return {item.name: item for item in _own(mechanism)}
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for name, compliance in values.items():
             if compliance:

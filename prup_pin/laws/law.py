@@ -123,6 +123,10 @@ class Law(ABC):
         """Return other parts to which one and the same effect could be ascribed just as well."""
         return ()
 
+    def apart(self, place: Place, mechanism: Mechanism) -> Mapping[str, Place]:
+        """Return where a law of the same word has a parameter alone, by parameter: of a law at many places at once."""
+        return {}
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         """Return one sentence that a machine builder understands."""
         return f"{self.summary} at {place}"

@@ -9,6 +9,7 @@ import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.diagnose import _is_richer
 from prup_pin.diagnosis.spread import Outlier, Spread
+from prup_pin.laws import Place, law_at
 from prup_pin.laws.in_recording import lasting
 from prup_pin.recordings import Noise, Recording
 
@@ -109,3 +110,12 @@ def test_what_came_again_while_nothing_moved_is_no_slip_of_the_sensor():
     assert spread(3, 4, 9).repeated(blocks)
     assert not spread(0, 3, 6, 7).repeated(blocks)
     assert not spread().repeated(blocks)
+
+
+def test_each_value_of_a_law_at_all_joints_has_a_law_that_has_it_alone():
+    robot = prup_pin.load("ur5")
+    mechanism = robot.mechanism
+    law = law_at("joint_compliance", Place("robot", "each joint"), mechanism)
+    apart = law.apart(Place("robot", "each joint"), mechanism)
+    assert list(apart) == [item.name for item in law.quantities_at(Place("robot", "each joint"), mechanism)]
+    assert all(law_at("joint_compliance", place, mechanism).apart(place, mechanism) == {} for place in apart.values())
