@@ -304,11 +304,13 @@ def _otherwise(
     # what laws have taken may be what a kind is off by where nothing asks for them but the tolerances
     wider = misjudged(problem, selection.first if is_clean(problem, selection.first) else selection.last)
     taken = False
-    if wider and (selection.last.terms or beyond_of(selection.last)):
+    if wider:
         other = replace(given, toleranced=widened(given.toleranced, wider))
         reach = beyond_tolerance(len(given.toleranced))
         again = other.within_tolerances(replace(problem, tolerances=None), reach)
-        found = select(again, given.library, labels, again.first, tell)
+        found = Selection.nothing(again.first, given.library)
+        if selection.last.terms or beyond_of(selection.last) or not is_clean(again, again.first):
+            found = select(again, given.library, labels, again.first, tell)
         taken = judged(found.last, len(given.library), wider) < judged(selection.last, len(given.library))
         if taken:
             problem, selection = again, found
@@ -582,6 +584,7 @@ def _beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Findi
     """Return the finding that a parameter lies beyond its tolerance."""
     reach = 1.96 * item.sd
     gain = (item.x / item.share) ** 2
+    own = item.deviation.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
     return Finding(
         physics=item.deviation.physics,
         location=item.deviation.place,
@@ -593,6 +596,7 @@ def _beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Findi
         statement=(
             f"{item.name} lies {number(abs(item.x), 3)} tolerances beside the robot file: "
             f"{number(item.value, 6)} {item.deviation.unit} instead of {number(item.deviation.nominal, 6)}"
+            + (f"; where it just is there, declare it (tolerance {item.deviation.kind})" if own else "")
         ),
     )
 

@@ -55,11 +55,15 @@ def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str], free: Se
         others = []
         for kind in free:
             fewer = [name for name in free if name != kind]
-            others.append((*_likeliest(normal, right, labels, fewer), fewer))
-        least = min(others, key=lambda each: each[1])
-        if least[1] - cost > MISJUDGED_COST:
+            found, left = _likeliest(normal, right, labels, fewer)
+            # one part that is far off, wherever it is, needs no other tolerance for its whole kind
+            own = labels == kind
+            alone = left - _one_gains(normal, right, found)[own].max(initial=0.0) + 2 * np.log(max(own.sum(), 1))
+            others.append((min(left - MISJUDGED_COST, alone), found, left, fewer))
+        least = min(others, key=lambda each: each[0])
+        if least[0] > cost:
             break
-        variances, cost, free = least
+        _, variances, cost, free = least
     return {kind: float(np.sqrt(variances[labels == kind][0])) for kind in free}
 
 
@@ -120,6 +124,14 @@ def _likeliest(normal: Array, right: Array, labels: np.ndarray, free: Sequence[s
         if moved < _AGREED:
             break
     return variances, _posterior(normal, right, variances)[2]
+
+
+def _one_gains(normal: Array, right: Array, variances: Array) -> Array:
+    """Return by how much -2 log L falls where one parameter alone, each in turn, may be off by any amount, (p,)."""
+    inside = normal @ np.linalg.inv(np.diag(1 / variances) + normal)
+    size = np.maximum(np.diagonal(normal - inside @ normal), 1e-300)
+    far = np.maximum((right - inside @ right) ** 2 / size, 1.0)
+    return np.asarray(far - 1 - np.log(far))
 
 
 def _posterior(normal: Array, right: Array, variances: Array) -> tuple[Array, Array, float]:

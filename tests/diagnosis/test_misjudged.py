@@ -44,6 +44,19 @@ def test_two_kinds_at_once():
     assert set(found) == {"position", "stiffness"}
 
 
+def test_one_part_far_off_is_no_matter_of_its_kind():
+    """Its leg is: all tolerances of that kind three times as wide would hide it."""
+    rng = np.random.default_rng(5)
+    columns = 5 * rng.normal(size=(400, len(KINDS)))
+    off = np.where(np.arange(len(KINDS)) == 7, 9.0, 0.5 * rng.normal(size=len(KINDS)))
+    target = columns @ off + rng.normal(size=400)
+    normal, right = columns.T @ columns, columns.T @ target
+    assert not factors_of_kinds(normal, right, KINDS, FREE)
+    off[20:26] = 6.0, -5.0, 4.0, -5.0, 4.0, 6.0
+    right = columns.T @ (columns @ off + rng.normal(size=400))
+    assert set(factors_of_kinds(normal, right, KINDS, FREE)) == {"stiffness"}
+
+
 def test_what_may_not_be_misjudged_is_not():
     assert not factors_of_kinds(*seen(1, {"position": 2.5}), KINDS, ["stiffness", "mass"]).get("position")
 
