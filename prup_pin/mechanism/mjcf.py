@@ -40,6 +40,8 @@ _ORIENTATIONS = {"axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 _POINT = frozenset({"rx", "ry", "rz"})
 #: Elements of a body that would add to the tree, and are not read.
 _GENERATORS = ("attach", "replicate", "composite", "flexcomp", "plugin")
+#: What stands in a body; MuJoCo knows nothing else there.
+_BODY_PARTS = ("body", "frame", "joint", "freejoint", "site", "inertial", "geom", "camera", "light", *_GENERATORS)
 
 
 @dataclass(frozen=True)
@@ -360,6 +362,7 @@ class MjcfDocument(ExtensionDocument):
 
     def _gather(self, element: etree._Element, body: Body, at: Array, childclass: str) -> None:
         """Read the children of a body or of a <frame>, which stands at `at` in the body."""
+        self.known_children(element, _BODY_PARTS, f"body '{body.name[:60]}'", ("inertial",))
         for child in element:
             if child.tag == "body":
                 name = self._name(child, "body", f"{body.name}_body" if body.parent else "body")

@@ -657,6 +657,10 @@ def test_coupled_joints_of_mjcf_must_be_unloaded(mjcf, joint):
         (('<joint name="left_elbow"/>', '<joint name="left_elbow" type="hing"/>'), "Did you mean 'hinge'"),
         (('<joint name="left_elbow"/>', '<joint name="left_elbow" axis="0 0 0"/>'), "its axis is zero"),
         (
+            ('<joint name="left_elbow"/>', '<joint name="left_elbow"/><geon size="1"/>'),
+            "<geon> is not read. Did you mean",
+        ),
+        (
             ('<joint name="left_elbow"/>', '<joint name="left_elbow" range="1 0"/>'),
             "expected a lower and a higher limit",
         ),
