@@ -10,7 +10,10 @@ import pytest
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.before import prospects
+from prup_pin.dynamics import INERTIAL
 from prup_pin.errors import InputError
+from prup_pin.laws import Effect, Place
+from prup_pin.laws.efforts.inertial_parameters import InertialParameters, is_impossible
 from prup_pin.recordings import Recording, Tolerances, read_recording
 from prup_pin.simulation import CorrectedModel, simulate
 from tests.reference.concealed.efforts import draw_efforts, write
@@ -141,6 +144,61 @@ def test_a_spring_that_leaves_structure_is_held_where_the_joint_was_not_seen(car
     held = hardening(np.clip(q, seen.min(), seen.max()))
     assert added[100:-100] == pytest.approx(held[100:-100], abs=3.0)
     assert any("held beyond the travel" in remark for remark in found.remarks)
+
+
+def test_waves_that_together_are_any_shape_are_none(carriage):
+    found = diagnose(carriage, by_position(axis(3000), lambda q: 30 * np.exp(-(((q - 0.05) / 0.03) ** 2)) + 200 * q))
+    assert found.verdict == "unexplained"
+    assert "cogging" not in {finding.physics for finding in found.findings}
+
+
+PENDULUM = """<robot name="pendulum"><link name="base"/>{links}</robot>"""
+LINK = """<joint name="joint_{i}" type="revolute"><parent link="{parent}"/><child link="link_{i}"/>
+<origin xyz="{x} 0 0"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="99" velocity="9"/></joint>
+<link name="link_{i}"><inertial><origin xyz="0.2 0 0"/><mass value="2"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.04" iyz="0" izz="0.04"/></inertial>
+</link>"""
+
+
+@pytest.mark.parametrize("body", [True, False])
+def test_masses_that_no_body_has_are_not_named(tmp_path, body):
+    """Two links move as if the outer one carried a kilogram half a metre out; or the moment of that, and no inertia."""
+    links = [LINK.format(i=i, parent=parent, x=x) for i, parent, x in ((1, "base", 0), (2, "link_1", 0.4))]
+    (tmp_path / "pendulum.urdf").write_text(PENDULUM.format(links="".join(links)))
+    robot, rng = load(tmp_path / "pendulum.urdf"), np.random.default_rng(3)
+    time = np.arange(2500) * 0.01
+    q = np.column_stack([0.8 * np.sin(1.7 * time) + 0.4 * np.sin(4.1 * time), 0.9 * np.sin(2.3 * time + 1)])
+    names = ("joint_1", "joint_2")
+    positions, nothing = dict(zip(names, q.T, strict=True)), dict.fromkeys(names, np.zeros(len(q)))
+    recording = Recording(time=time, positions=positions, efforts=nothing)
+    change = dict(zip(INERTIAL, [1, 0.5, 0, 0.4, 0.16, 0, 0.41, -0.2, 0, 0.25], strict=True))
+    if not body:
+        change = dict.fromkeys(INERTIAL, 0.0) | {"mx": 3.0, "mz": 3.0}
+    law = InertialParameters()
+    true = simulate(robot, recording, (Effect(law, Place("link_2", law.variant), change),)).efforts
+    noisy = {name: np.nan_to_num(values) + 0.05 * rng.normal(size=len(q)) for name, values in true.items()}
+    found = diagnose(robot, recording.with_measurements(efforts=noisy))
+    words = {finding.physics for finding in found.findings}
+    if body:
+        assert words <= {"payload", "inertial_parameters"}
+        assert found.verdict == "explained"
+    else:
+        assert named(found) == {("unknown", "joint_2")}
+        assert found.findings[0].candidates == ("joint_2", "link_2")
+        assert found.efforts.shares["all"]["heldout"] < 0.1
+
+
+def test_a_body_has_a_moment_of_inertia_about_every_axis_that_its_mass_is_off():
+    robot = load("ur5")
+    drawn = robot.mechanism.model.inertias[robot.mechanism.frame("forearm_link").joint].toDynamicParameters()
+    mass = sum(float(inertia.mass) for inertia in robot.mechanism.model.inertias)
+    whole = np.array([mass, 0.0, 2.0, 0.0, 4.0 / mass + 1e-9, 0, 1.0, 0, 0, 4.0 / mass + 1.0])
+    short = whole * np.where(np.arange(10) == 4, 0.99, 1.0)
+    exactly, nothing = np.zeros(10), np.zeros(10)
+    assert not is_impossible("forearm_link", nothing, exactly, robot.mechanism)
+    assert not is_impossible("forearm_link", whole - drawn, exactly, robot.mechanism)
+    assert is_impossible("forearm_link", short - drawn, exactly, robot.mechanism)
+    assert not is_impossible("forearm_link", short - drawn, 0.02 * whole, robot.mechanism)
+    assert is_impossible("forearm_link", -1.01 * drawn, exactly, robot.mechanism)
 
 
 def test_a_spring_and_a_wave_of_which_little_is_seen_are_told_beside_each_other(carriage):

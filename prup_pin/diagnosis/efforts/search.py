@@ -116,7 +116,7 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
     with np.errstate(divide="ignore"):
         logs = np.log(gammaincc(np.array(freedoms)[:, None] / 2, np.array(chances) / 2))
     scored = [
-        Score(candidate, float(chance), gain, coefficients, possible)
+        Score(candidate, min(0.0, float(chance + np.log(candidate.law.looked_at))), gain, coefficients, possible)
         for (candidate, gain, coefficients, possible), chance in zip(found, logs[:, -1], strict=True)
     ]
     return scored, np.minimum(0.0, logs[:, :-1].min(axis=0))
@@ -400,6 +400,8 @@ def can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
 def excluded(term: EffortCandidate, other: EffortCandidate) -> bool:
     """Return whether one is the other with other values, or the same delay told by another signal."""
     if _key(term) == _key(other):
+        return term.law.is_same(term.values, other.values)
+    if term.name == other.name and term.law.physics == "cogging":
         return term.law.is_same(term.values, other.values)
     if isinstance(term.law, AllLinks) and other.law.physics in ("inertial_parameters", "payload"):
         return True

@@ -16,7 +16,7 @@ from ...laws.efforts import EffortLaw
 from ...laws.efforts.all_links import AllLinks
 from ...laws.efforts.effort_sensor import EffortUnit
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
-from ...laws.efforts.inertial_parameters import InertialParameters
+from ...laws.efforts.inertial_parameters import InertialParameters, is_impossible
 from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
@@ -247,6 +247,8 @@ class _Verdict:
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, _ = fit(given, self.named)
         self.held = held_out(given, self.named)
+        self.impossible = self._no_bodies()
+        self.laws = [term for term in self.laws if not self._stands_for_one(term)]
         self.strained = _squared(strain(self.named, self.x_named))
 
     def whole(self) -> EffortDiagnosis:
@@ -262,7 +264,7 @@ class _Verdict:
             *self._of_gains(),
             *(self._finding(term) for term in self.laws),
         ]
-        unknown = [self._unknown(term) for term in self.free]
+        unknown = [*(self._unknown(term) for term in self.free), *map(self._of_no_body, self.impossible)]
         beyond = list(self._beyond())
         remarks = self._remarks()
         if unknown and beyond:
@@ -596,6 +598,45 @@ class _Verdict:
             + ("" if _of_time(term) else ", and the corrected model follows it"),
             share,
         )
+
+    def _no_bodies(self) -> list[EffortCandidate]:
+        """Return links whose parameters no body has: what is told there is something else, which they imitate."""
+        bodies = [term for term in self.laws if isinstance(term.law, InertialParameters)]
+        if not bodies:
+            return []
+        covariance, _ = self._covariance(self.named, self.x_named)
+        reach = EFFORT_SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        own = [self.named.own(term) for term in bodies]
+        return [
+            term
+            for term, at in zip(bodies, own, strict=True)
+            if is_impossible(term.place.name, self.x_named[at], reach[at], self.mechanism)
+        ]
+
+    def _carries(self, link: str) -> str:
+        """Return the joint that carries a link."""
+        return str(self.mechanism.model.names[self.mechanism.frame(link).joint])
+
+    def _saves(self, term: EffortCandidate) -> float:
+        """Return the held-out squares that a term saves beside all others."""
+        return float((held_out(self.given, self.named.without(term)) - self.held).sum())
+
+    def _stands_for_one(self, term: EffortCandidate) -> bool:
+        """Return whether a law is no body, or needs one beside it at its joint: it imitates what that imitates."""
+        if any(term is other for other in self.impossible):
+            return True
+        beside = [other for other in self.impossible if self._carries(other.place.name) == term.place.name]
+        return any(self._saves(other) > EFFORT_IMITATED * self._saves(term) for other in beside)
+
+    def _of_no_body(self, term: EffortCandidate) -> Finding:
+        joint, link = self._carries(term.place.name), term.place.name
+        saved = self._saves(term)
+        share = float(np.clip(saved / max(saved + float(self.held.sum()), np.finfo(float).tiny), 0.0, 1.0))
+        text = (
+            f"structure is left over at {joint} that no law of the library takes away; masses of {link} that no body "
+            f"has would take away {100 * share:.0f} % of what is left, and the corrected model follows them"
+        )
+        return replace(_plain_unknown(joint, text, share), candidates=(joint, link))
 
     def _doubtful(self, unknown: Sequence[Finding]) -> list[EffortCandidate]:
         """Return laws by a joint's position beside which structure is left: beyond its travel they say nothing."""

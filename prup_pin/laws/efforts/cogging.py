@@ -15,8 +15,8 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EFFORT, MovingEffortLaw, effort_unit, in_units, way_unit
 
-#: Most periods in a joint's travel that are looked for.
-_MOST = 400.0
+#: Most periods in a joint's travel that are looked for: so many waves have nothing in common. Of these some are taken.
+_MOST, _TAKEN = 400.0, 3
 #: Steps between frequencies, as a share of one period over the whole travel.
 _STEP = 0.3
 #: Periods among which they are looked for where there are few.
@@ -53,6 +53,11 @@ class Periodic(MovingEffortLaw):
         count = max(values["count"] / float(factors[0]), self.fewest)
         return {"period": values["period"] * values["count"] / count, "count": count}
 
+    def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
+        # poles, teeth and their harmonics stand side by side; several long waves are any shape
+        few = min(values["count"], other["count"]) < _MANY
+        return few or bool(abs(np.log(values["period"] / other["period"])) < _APART)
+
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         phase = 2 * np.pi * at.position(place.name) / values["period"]
         return np.stack([at.along(place.name, np.cos(phase)), at.along(place.name, np.sin(phase))], axis=-1)
@@ -70,11 +75,15 @@ class Cogging(Periodic):
 
     summary = "an effort that is periodic in the position"
     of_what_is_known = True
+    looked_at = _MOST / _TAKEN
     fewest = 2.0
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         """Return the periods that the residual of the moment asks for, strongest first."""
-        travel, counts = float(np.ptp(at.position(place.name))), at.periods(place.name, self.fewest, _MOST, _STEP)
+        travel, counts = (
+            float(np.ptp(at.position(place.name))),
+            at.periods(place.name, self.fewest, _MOST, _STEP, _TAKEN),
+        )
         return [{"period": travel / count, "count": count} for count in counts]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
@@ -84,11 +93,6 @@ class Cogging(Periodic):
 
     def near(self, values: Mapping[str, float]) -> float:
         return min(0.2, 0.3 * _STEP / values["count"])
-
-    def is_same(self, values: Mapping[str, float], other: Mapping[str, float]) -> bool:
-        # poles, teeth and their harmonics stand side by side; several long waves are any shape
-        few = min(values["count"], other["count"]) < _MANY
-        return few or bool(abs(np.log(values["period"] / other["period"])) < _APART)
 
 
 class CoggingOfFewPeriods(Periodic):

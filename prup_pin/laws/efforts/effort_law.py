@@ -46,6 +46,8 @@ class EffortLaw(Law):
     family: ClassVar[str] = ""
     #: True where it needs joints that turn round or change speed: it says nothing of one at rest.
     of_motion: ClassVar[bool] = False
+    #: How many scanned values were looked at for each that stands in the library: chance had so many goes.
+    looked_at: ClassVar[float] = 1.0
     #: True where the shape of a curve alone tells it: it is not named where that shape is not all.
     by_shape: ClassVar[bool] = False
     #: Scanned parameters that are settled between scanned values, by their logarithms.

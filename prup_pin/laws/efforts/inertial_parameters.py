@@ -77,6 +77,21 @@ class InertialParameters(EffortLaw):
         )
 
 
+def is_impossible(link: str, change: Array, reach: Array, mechanism: Mechanism) -> bool:
+    """Return whether no body has the parameters of a link (10,), changed, that weighs no more than the whole robot.
+
+    reach (10,): by how much each change may be off. Mass moved off an axis turns about it with at least h^2 / m.
+    """
+    drawn = mechanism.model.inertias[mechanism.frame(link).joint].toDynamicParameters()
+    whole = drawn + change
+    mass = min(float(whole[0] + reach[0]), sum(float(inertia.mass) for inertia in mechanism.model.inertias))
+    about = (whole + reach)[[INERTIAL.index(name) for name in ("Ixx", "Iyy", "Izz")]]
+    if not (mass > 0 and (about > 0).all()):
+        return True
+    first = np.maximum(np.abs(whole[1:4]) - reach[1:4], 0.0) ** 2
+    return bool((about < (first.sum() - first) / mass).any())
+
+
 class ScaledInertia(EffortLaw):
     """All of a link's inertial parameters in proportion: it is heavier or lighter than drawn."""
 
