@@ -155,7 +155,8 @@ def test_waves_that_together_are_any_shape_are_none(carriage):
 PENDULUM = """<robot name="pendulum"><link name="base"/>{links}</robot>"""
 LINK = """<joint name="joint_{i}" type="revolute"><parent link="{parent}"/><child link="link_{i}"/>
 <origin xyz="{x} 0 0"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="99" velocity="9"/></joint>
-<link name="link_{i}"><inertial><origin xyz="0.2 0 0"/><mass value="2"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.04" iyz="0" izz="0.04"/></inertial>
+<link name="link_{i}"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.04" iyz="0" izz="0.04"/></inertial>
 </link>"""
 
 
