@@ -47,7 +47,7 @@ def test_nothing_is_found_where_nothing_is_missing(clean_bench, diagnosed_clean)
     ("seed", "physics"),
     [
         (21, "backlash"),
-        pytest.param(22, "geometric_offset", marks=pytest.mark.slow),
+        pytest.param(28, "geometric_offset", marks=pytest.mark.slow),
         pytest.param(23, "root_tilt_compliance", marks=pytest.mark.slow),
         pytest.param(24, "wrench_sensor_misalignment", marks=pytest.mark.slow),
     ],
@@ -65,6 +65,19 @@ def test_one_effect_is_placed_named_and_modelled(robot, tmp_path, seed, physics)
     for parameter in finding.parameters.values():
         low, high = parameter.interval
         assert low <= parameter.value <= high
+
+
+@pytest.mark.slow
+def test_a_joint_that_sits_farther_along_its_slide_is_an_encoder_that_is_off(robot, tmp_path):
+    """No recording tells the two apart: one is named, the other stands beside it, with the same size."""
+    recording, heldout, (truth,) = recorded(tmp_path, 22, ["geometric_offset"])
+    found = diagnose(robot, recording)
+    (finding,) = findings(found)
+    assert finding.physics == "encoder_offset"
+    assert f"geometric_offset at {truth['location']}" in finding.alternatives
+    assert truth["location"] in finding.candidates
+    assert finding.parameters["offset"].value == pytest.approx(truth["parameters"]["offset"], rel=0.01)
+    assert heldout_residual(robot, heldout, found.effects) < 1.15
 
 
 def test_what_no_law_explains_is_called_unknown(diagnosed_strange):
