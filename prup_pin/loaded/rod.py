@@ -194,11 +194,12 @@ def _followed(
         local = np.concatenate((_turned_back(r, n), _turned_back(r, about)))
         strain = soft * local
         # r [-kappa]x, row by row
-        turning = _cross(strain[3:], r.swapaxes(0, 1)).swapaxes(0, 1)
+        turning = _cross(strain[3:, None], r.swapaxes(0, 1)).swapaxes(0, 1)
         moving = -(r[:, 0] * strain[0] + r[:, 1] * strain[1] + r[:, 2] * (strain[2] + 1.0))
         new_r = begin_r + lengths * (_MATRIX @ turning)
         new_p = begin_p + lengths * (_MATRIX @ moving)
-        change = np.maximum(np.abs(new_r - r).max((0, 1, 2)), np.abs(new_p - p).max((0, 1)))
+        moved = np.concatenate(((new_r - r).reshape(-1, len(lengths)), (new_p - p).reshape(-1, len(lengths))))
+        change = np.abs(moved, out=moved).max(0)
         r, p = new_r, new_p
         # What is lost (NaN) does not hold up, or hurry, the others.
         if not (change > _ROUNDING).any():
@@ -221,8 +222,10 @@ def _followed(
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Return a x b by components along the first axis."""
-    return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
+    """Return a x b by components along the first of as many axes."""
+    crossed = a.take(_NEXT, axis=0) * b.take(_AFTER, axis=0)
+    crossed -= a.take(_AFTER, axis=0) * b.take(_NEXT, axis=0)
+    return crossed
 
 
 def _turned_back(r: Array, vector: Array) -> Array:
@@ -247,6 +250,7 @@ def piece_count(law: SectionFlexibilities, length: Array, wrench: Array) -> np.n
 
 
 _AXIS = np.array([0.0, 0.0, 1.0])
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def _flexibilities(law: SectionFlexibilities, u: Array) -> Array:
