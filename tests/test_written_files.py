@@ -5,6 +5,7 @@ import os
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -73,6 +74,18 @@ def test_a_pipe_is_not_replaced(run, tmp_path, through_a_link):
     assert stat.S_ISFIFO(os.lstat("pipe.csv").st_mode)
     with pytest.raises(InputError, match="a pipe or a device"):
         write_whole({tmp_path / out: ("new",)})
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs /dev/fd")
+def test_a_pipe_that_has_no_path_is_told_as_a_pipe():
+    """What /dev/stdout leads to where the output is piped."""
+    ends = os.pipe()
+    try:
+        with pytest.raises(InputError, match=r"^cannot write /dev/fd/\d+: it is a pipe or a device"):
+            write_whole({Path(f"/dev/fd/{ends[1]}"): ("new",)})
+    finally:
+        for end in ends:
+            os.close(end)
 
 
 def test_a_pipe_where_the_json_beside_goes_is_refused_before_anything_is_computed(run):

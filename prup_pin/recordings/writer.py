@@ -193,10 +193,13 @@ def writable(path: Path) -> Path:
         target = path.resolve()
         if target.is_dir():
             raise InputError(f"cannot write {path}: it is a folder")
-        if os.path.lexists(target) and not target.is_file():
+        # what /dev/stdout leads to is there, though its path may be none
+        if not path.is_file() and (path.exists() or os.path.lexists(target)):
             raise InputError(f"cannot write {path}: it is a pipe or a device, not a file")
         if not target.parent.is_dir():
             raise InputError(f"cannot write {path}: No such file or directory: there is no folder {path.parent}")
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from error
     except (RuntimeError, ValueError) as error:  # links in a circle, a NUL character
