@@ -76,7 +76,7 @@ from .misjudged import beyond_of, judged, misjudged, told, widened
 from .next_experiment import next_experiment
 from .plausible import beside_allowed, check_belongs, unused_columns, what_is_missing
 from .recovered import recovered, residuals
-from .registration import Registered, registered
+from .registration import Registered, own_frames, registered
 from .sensor_noise import estimate_noise, scatter_of_repeats
 from .spread import Spread, spread_of
 from .whiteness import compared, could_show_structure, noise_of_the_rest
@@ -195,6 +195,9 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     linear = Linear.of(simulator)
     allowed = beside_allowed(recording.tolerances.declared, robot.mechanism)
     placed = registered(measured, linear, together, robot.mechanism, allowed)
+    if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
+        together, placed = apart
+        recording = together.recording
     stack = placed.stack
     allowed = allowed[0] + placed.beside, allowed[1]
     remarks += placed.remarks

@@ -34,7 +34,7 @@ from .criteria import (
     trusted,
 )
 
-__all__ = ["Registered", "registered"]
+__all__ = ["Registered", "own_frames", "registered"]
 
 _ROUNDS, _STILL = 200, 1e-9
 #: Points nearer than this are where they should be [m].
@@ -136,6 +136,36 @@ def registered(
             out = replace(out, stack=stack, found=(*out.found, effect), remarks=(*out.remarks, text))
             out = replace(out, deviations=(*out.deviations, motion.deviation), beside=max(out.beside, motion.beside))
     return out
+
+
+def own_frames(
+    stack: Stack,
+    placed: Registered,
+    linear: Linear,
+    together: Together,
+    mechanism: Mechanism,
+    allowed: tuple[float, float],
+) -> tuple[Together, Registered] | None:
+    """Return recordings that each have a pose sensor of their own, with its frame, where one frame does not fit all.
+
+    stack: what was measured; placed: what one frame for all has made of it. None where that fits, or where frames of
+    their own do not either.
+    """
+    if not together.several or "pose_sensor" in together.groups or not _some_apart(placed, linear, together, allowed):
+        return None
+    own = together.with_own("pose_sensor")
+    again = registered(stack, linear, own, mechanism, allowed)
+    if _some_apart(again, linear, own, allowed):
+        return None
+    told = 'the pose sensor stood elsewhere in each recording; where that is so, declare "own_sensors": ["pose_sensor"]'
+    return own, replace(again, remarks=(*again.remarks, told))
+
+
+def _some_apart(placed: Registered, linear: Linear, together: Together, allowed: tuple[float, float]) -> bool:
+    reach = allowed[0] + placed.beside, allowed[1]
+    return any(
+        _worlds_apart(channel, linear, here, reach) for channel in placed.stack.poses for _, here in together.each()
+    )
 
 
 def _length(metres: float) -> str:

@@ -102,6 +102,12 @@ class Together:
         own = replace(self.recording, tolerances=replace(self.recording.tolerances, **kinds))
         return replace(self, recording=own, sources=sources)
 
+    def with_own(self, sensor: str) -> Together:
+        """Return the same recordings, each with a sensor of its own."""
+        own = [tuple(dict.fromkeys((*source.own, sensor))) for source in self.sources]
+        sources = (replace(source, own=names) for source, names in zip(self.sources, own, strict=True))
+        return replace(self, sources=tuple(sources))
+
     def each(self) -> Iterator[tuple[Source, np.ndarray]]:
         """Yield every recording with the mask (N,) of its samples here."""
         for place, source in enumerate(self.sources):

@@ -13,7 +13,7 @@ from prup_pin.laws import Place, law_at
 from prup_pin.laws.in_recording import lasting
 from prup_pin.recordings import Noise, Recording
 
-from ..reference.posed_tree import PosedTree
+from ..reference.posed_tree import PosedTree, placed, turned
 
 WRIST = """<robot name="wrist">
   <link name="base"/>
@@ -86,6 +86,15 @@ def test_that_a_tracker_was_pushed_between_two_days_is_none_of_the_robots_faults
         ("joint_compliance", "bend (about)"),
         ("pose_sensor_misalignment", "pose_sensor (in day2.csv)"),
     }
+
+
+def test_a_tracker_that_was_set_up_anew_each_day_is_found_wherever_it_stood(wrist):
+    there = [placed(turned((0.3, 1.1, -0.7)), (1.5, -2.0, 0.4)), placed(turned((-2.0, 0.4, 0.3)), (-3.0, 0.5, 2.0))]
+    found = told(wrist, *(seen(wrist, day, tracker=frame) for day, frame in enumerate(there, 1)))
+    for day, frame in enumerate(there, 1):
+        where = found.pop(("pose_sensor_misalignment", f"pose_sensor (in day{day}.csv)")).effect.values
+        assert [where[name] for name in ("tx", "ty", "tz")] == pytest.approx(frame[:3, 3], abs=2e-3)
+    assert not found
 
 
 def test_of_two_days_the_one_is_named_on_which_a_tracker_wandered(wrist):

@@ -104,6 +104,13 @@ def test_a_robot_that_was_weighed_out_does_not_weigh():
     assert [(item.physics, item.location) for item in found.findings] == [("joint_compliance", "bend")]
 
 
+@pytest.mark.slow
+def test_a_few_joints_that_yield_are_named_and_not_all_of_them():
+    soft = {"bend": 4e-4, "left_swing": 5e-4, "right_lift": 6e-4}
+    found = diagnose(prup_pin.load(TORSO), bench(PosedTree(TORSO, about=soft)))
+    assert sorted(named(found)) == [("joint_compliance", joint) for joint in soft]
+
+
 def test_gears_that_all_yield_are_one_finding_with_a_value_for_each_joint():
     soft = dict(zip(JOINTS, (1e-4, 2e-4, *(4e-4, 3e-4, 5e-4, 6e-4) * 2), strict=True))
     found = diagnose(prup_pin.load(TORSO), bench(PosedTree(TORSO, about=soft), 80))
