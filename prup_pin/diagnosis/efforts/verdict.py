@@ -530,11 +530,10 @@ class _Verdict:
         laws: list[str] = []
         ranked, _ = scores(self.given.without_curves(), rest)
         gain = float((without - self.held).sum()) + self._strain(rest) - self.strained
-        others = [
-            score.candidate
-            for score in sorted(ranked, key=lambda item: -item.gain)[:_RIVALS]
-            if score.possible and score.candidate.size <= term.size
-        ]
+        ranked.sort(key=lambda item: -item.gain)
+        # one body for another: beside masses within tolerance all of them seem to save nothing
+        near = ranked[:_RIVALS] + [s for s in ranked[_RIVALS:] if term.law.of_bodies and s.candidate.law.of_bodies]
+        others = [score.candidate for score in near if score.possible and score.candidate.size <= term.size]
         others = [other for other in others if other.law is not term.law or other.place != term.place]
 
         def alike(after: Array, strained: float) -> bool:
