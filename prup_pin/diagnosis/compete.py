@@ -410,8 +410,8 @@ def _forward(
         screened = screen(search, fit, library, told)
         if step == MOST_TERMS or search.over:
             break
-        left = problem.beyond(fit, problem.target(fit).ravel()).reshape(fit.residual.shape)
-        least = threshold(len(library), left, labels, screened)
+        left = _left_beside(problem, fit)
+        least = asked = threshold(len(library), left, labels, screened)
         before = cross_validated(problem, fit, labels)
         rest: Fit | None = None
         taken = None
@@ -423,13 +423,15 @@ def _forward(
             trial = search.refine([*fit.terms, rival.term], fit)
             if trial.chi2 > CLEARLY * float((left**2).sum()):
                 # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
-                rest = rest or search.released(fit)
+                if rest is None:
+                    rest = search.released(fit)
+                    asked = threshold(len(library), _left_beside(problem, rest), labels, screened)
                 trial = search.released(trial)
             without_it = rest or fit
             helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before or _relieves(
-                without_it, trial, least(size)
+                without_it, trial, asked(size)
             )
-            if without_it.chi2 - trial.chi2 >= least(size) and helps:
+            if without_it.chi2 - trial.chi2 >= asked(size) and helps:
                 # what bends has not come to its end, and a second law would make up for that
                 taken = trial if trial.chi2 < rival.chi2 + CLEAR_LEAD else search.refine(trial.terms, trial)
                 break
@@ -449,6 +451,11 @@ def _forward(
             rivals = []
     last = search.released(fit)
     return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.spent)
+
+
+def _left_beside(problem: Problem, fit: Fit) -> Array:
+    """Return what toleranced parameters leave of a fit's residual, (n, K), in the metric of noise and tolerances."""
+    return problem.beyond(fit, problem.target(fit).ravel()).reshape(fit.residual.shape)
 
 
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:
