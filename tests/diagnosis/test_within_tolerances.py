@@ -1,6 +1,7 @@
 """Devices on which everything is a little off, and one thing is left out, or nothing."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import Noise, Tolerances, add_noise, read_recording, write_recording
 from prup_pin.simulation import effect_named, simulate
 
+from ..reference.concealed.scattered import draw_scattered, write
 from ..simulation.bench import inputs
 
 DECLARED = {
@@ -25,6 +27,7 @@ DECLARED = {
     "wrench_gain": 0.01, "wrench_rotation": 5e-3,
 }  # fmt: skip
 CYCLE = (0.0, 0.5, 1.0, 0.0, -0.5, -1.0)
+ARM = Path(__file__).parents[1] / "robots/elastic_arm/elastic_arm.urdf"
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +91,23 @@ def test_a_fault_beyond_the_tolerances_is_named(robot, physics, place, aspect, v
     assert named[0].physics == physics
     assert place in named[0].candidates
     assert found.after["fit"] < 1.25
+
+
+def test_a_stiffness_many_tolerances_off_is_named_though_its_parameter_could_follow(tmp_path):
+    """Let go, the parameter leaves little of the residual: what the law must gain is asked beside that, not before."""
+    drawn = draw_scattered(7, "elastic_arm", effects=["stiffness_changed"], misjudged=False, sensors=1.0, poses=(8, 2))
+    write(drawn, tmp_path, tmp_path / "sealed", "device")
+    true = json.loads((tmp_path / "sealed" / "device.truth.json").read_text())["effects"][0]
+    found = diagnose(prup_pin.load(ARM), read_recording(tmp_path / "device.csv"))
+    first = found.findings[0]
+    assert (
+        (first.physics, first.location)
+        == ("stiffness_changed", true["location"])
+        == ("stiffness_changed", "joint5/drive")
+    )
+    low, high = first.parameters["factor"].interval
+    assert low < true["parameters"]["factor"] < high
+    assert found.verdict == "explained"
 
 
 def test_calibrate_from_the_shell_and_predict_with_what_it_learned(robot, tmp_path):
