@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,22 @@ from .deeds import Deed, JointResistance, Moment, Moved, PoseReport, RememberedS
 from .inputs import Inputs
 
 __all__ = ["Setup"]
+
+
+#: What deeds are added to, beside strains; what else they change they replace.
+_GROWING = (
+    "deeds",
+    "parameters",
+    "values",
+    "resistances",
+    "remembered",
+    "reports",
+    "springs",
+    "offsets",
+    "loop_offsets",
+    "mass_factors",
+    "yielding",
+)
 
 
 @dataclass
@@ -52,9 +69,9 @@ class Setup:
 
     def copy(self) -> Setup:
         """Return a setup that may take more deeds; this one stays as it is."""
-        other = replace(self, strains={name: [*own] for name, own in self.strains.items()})
-        kept = ("deeds", "parameters", "values", "resistances", "remembered", "reports", "springs")
-        for name in (*kept, "offsets", "loop_offsets", "mass_factors", "yielding"):
+        other = copy(self)
+        other.strains = {name: [*own] for name, own in self.strains.items()}
+        for name in _GROWING:
             setattr(other, name, getattr(self, name).copy())
         return other
 

@@ -110,6 +110,5 @@ class Along:
         strain[:, self.direction] = (secant[:, None] * part).reshape(load[:, self.direction].shape)
         block = secant[:, None, None] * np.eye(part.shape[1])
         block += np.where(moving, slope - secant, 0.0)[:, None, None] * unit[:, :, None] * unit[:, None, :]
-        index = np.arange(load.shape[1])[self.direction]
-        derivative[np.ix_(np.arange(len(load)), index, index)] = block
+        derivative[:, self.direction, self.direction] = block
         return strain, derivative
