@@ -69,6 +69,9 @@ class JointPosition(Displaced):
     def ways(self, place: Place, mechanism: Mechanism) -> Sequence[bool]:
         return _ways(parts(mechanism)[place.name], Followed(mechanism))
 
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return _joint_of(place, mechanism)
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = parts(setup.mechanism)[place.name]
         yield MovedJoint(joint.name, (*shift_of(values).tolist(), 0.0, 0.0, 0.0))
@@ -107,6 +110,9 @@ class JointDirection(Law):
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         return {quantity.name: 0.0 for quantity in self.quantities_at(place, mechanism)}
 
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return _joint_of(place, mechanism)
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         joint = parts(setup.mechanism)[place.name]
         turn = sum((values[name] * axis for name, axis in across(joint.axis).items()), np.zeros(3))
@@ -124,6 +130,12 @@ def across(axis: Array) -> dict[str, Array]:
         return {f"r{name}": np.eye(3)[index] for index, name in enumerate(_AXES) if index != drawn[0]}
     turn = axis_as_z(axis)
     return {"tilt_1": turn[:, 0], "tilt_2": turn[:, 1]}
+
+
+def _joint_of(place: Place, mechanism: Mechanism) -> Sequence[str]:
+    """Return the own name of a place's joint, where the place is called by a part that stands there."""
+    name = parts(mechanism)[place.name].name
+    return () if name == place.name else (name,)
 
 
 def _turns(joint: Joint) -> Array:
