@@ -16,7 +16,7 @@ from ..laws.target import of_markers
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
-from .criteria import LEAST_WARMING, USUAL_MULTIPLE
+from .criteria import LEAST_WARMING, TAIL, USUAL_MULTIPLE
 
 __all__ = ["Candidate", "Term", "candidates"]
 
@@ -166,7 +166,22 @@ class Candidate:
         return self.coordinates_of(np.array([values[quantity.name] for quantity in self.quantities]))
 
     def unusual(self, coordinates: Array) -> Array:
-        """Return in how many standard deviations those that are no logarithms lie beside what is usual, (p,)."""
+        """Return the residuals of what is usual of coordinates that are no logarithms, (p,).
+
+        Standard deviations beside it. What is off by far, as a sensor that nobody zeroed, is so by any amount: the
+        squares grow like logarithms then, which is Student's distribution instead of Gauss's.
+        """
+        beside = self._beside_usual(coordinates)
+        return np.copysign(np.sqrt(TAIL * np.log1p(beside**2 / TAIL)), beside)
+
+    def unusual_slopes(self, coordinates: Array) -> Array:
+        """Return d(unusual)/d(coordinates), (p,)."""
+        beside, residual = self._beside_usual(coordinates), self.unusual(coordinates)
+        far = np.abs(beside) > 1e-6
+        slope = np.where(far, beside / (1 + beside**2 / TAIL) / np.where(far, residual, 1.0), 1.0)
+        return slope * self._beside_usual(np.ones(self.size))
+
+    def _beside_usual(self, coordinates: Array) -> Array:
         return np.where(self.logarithmic, 0.0, coordinates / (USUAL_MULTIPLE * self.scales()))
 
     def scales(self) -> Array:

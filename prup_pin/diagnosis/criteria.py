@@ -95,6 +95,8 @@ LEAST_PIECES: Final = 40
 PARAMETER_COST: Final = 8.0
 #: Offsets and the like are rarely this many times larger than where a fit starts.
 USUAL_MULTIPLE: Final = 30.0
+#: ... but where they are, they may be so by far: of a square that is larger than this the logarithm counts.
+TAIL: Final = 4.0
 #: Decides between places that these data cannot tell apart at all: small enough to decide nothing else.
 UNLIKELY_PLACE: Final = 1.0
 #: Alternatives whose chi squared is larger by less than this cannot be told apart.

@@ -371,9 +371,9 @@ class Problem:
         """Return jacobian, residual and `held` with a row for each coordinate of the terms that may be unusual."""
         if not fit.terms:
             return self.jacobian(fit), fit.residual.ravel(), fit.held
-        own = [(term.candidate, np.ones(term.candidate.size), term) for term in fit.terms]
-        rows = np.concatenate([candidate.unusual(one) + candidate.known for candidate, one, _ in own])
-        here = np.concatenate([candidate.unusual(term.coordinates) + term.off for candidate, _, term in own])
+        own = [(term.candidate, term) for term in fit.terms]
+        rows = np.concatenate([candidate.unusual_slopes(term.coordinates) + candidate.known for candidate, term in own])
+        here = np.concatenate([candidate.unusual(term.coordinates) + term.off for candidate, term in own])
         jacobian = np.vstack((self.jacobian(fit), np.diag(rows)))
         return jacobian, np.append(fit.residual, -here), np.vstack((fit.held, np.zeros((len(rows), len(fit.x)))))
 

@@ -31,7 +31,13 @@ from .stiffness_changed import StiffnessChanged
 from .target import TargetMisalignment
 from .thermal_growth import ThermalGrowth
 from .viscous_friction import ViscousFriction
-from .wrench_sensor import WrenchSensorBias, WrenchSensorCommonGain, WrenchSensorGain, WrenchSensorMisalignment
+from .wrench_sensor import (
+    WrenchSensorBias,
+    WrenchSensorCommonGain,
+    WrenchSensorForceBias,
+    WrenchSensorGain,
+    WrenchSensorMisalignment,
+)
 
 LAWS: tuple[Law, ...] = (
     StiffnessChanged(),
@@ -67,6 +73,7 @@ LAWS: tuple[Law, ...] = (
     WrenchSensorGain(),
     WrenchSensorCommonGain(),
     WrenchSensorBias(),
+    WrenchSensorForceBias(),
     PoseSensorMisalignment(),
     PoseSensorDrift(),
     TargetMisalignment(),

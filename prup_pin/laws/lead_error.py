@@ -22,7 +22,7 @@ class LeadError(Law):
 
     physics = "lead_error"
     summary = "a screw with another lead, an encoder with another scale"
-    quantities = (Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.05, upper=0.05),)
+    quantities = (Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.5, upper=0.5),)
     neutral: ClassVar = {"relative": 0.0}
     variant = "proportional"
 

@@ -102,12 +102,28 @@ class WrenchSensorBias(Law):
         return [Place("wrench_sensor")]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        yield WrenchReading(partial(np.add, -np.array([values[name] for name in WRENCH_NAMES])))
+        yield WrenchReading(partial(np.add, -_bias(values)))
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        force = np.linalg.norm([values[name] for name in WRENCH_NAMES[:3]])
-        moment = np.linalg.norm([values[name] for name in WRENCH_NAMES[3:]])
-        return f"the wrench sensor reports {number(force, 3)} N and {number(moment, 3)} N m at rest"
+        force, moment = np.linalg.norm(_bias(values).reshape(2, 3), axis=1)
+        told = f"{number(force, 3)} N and {number(moment, 3)} N m" if "mx" in values else f"{number(force, 3)} N"
+        return f"the wrench sensor reports {told} at rest"
+
+
+class WrenchSensorForceBias(WrenchSensorBias):
+    """The same of the forces alone: what a sensor reports that was zeroed before its tool hung on it, near its axis."""
+
+    quantities = WrenchSensorBias.quantities[:3]
+    neutral: ClassVar = dict.fromkeys(WRENCH_NAMES[:3], 0.0)
+    variant = "forces"
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("wrench_sensor", self.variant)]
+
+
+def _bias(values: Mapping[str, float]) -> Array:
+    """Return what is reported at rest, (6,)."""
+    return np.array([values.get(name, 0.0) for name in WRENCH_NAMES])
 
 
 def _turned(reported: Array, turn: Array) -> Array:

@@ -453,6 +453,8 @@ def test_a_wrench_sensor_by_hand():
     )
     bias = of(laws.WrenchSensorBias, "wrench_sensor", fx=1.0, fy=2.0, fz=3.0, mx=0.1, my=0.2, mz=0.3)
     np.testing.assert_allclose(sensed(bias), REPORTED - [1, 2, 3, 0.1, 0.2, 0.3])
+    forces = of(laws.WrenchSensorForceBias, "wrench_sensor", "forces", fx=1.0, fy=2.0, fz=3.0)
+    np.testing.assert_allclose(sensed(forces), REPORTED - [1, 2, 3, 0, 0, 0])
     np.testing.assert_allclose(sensed(bias, gain), (REPORTED - [1, 2, 3, 0.1, 0.2, 0.3]) * [1.1, 1, 0.9, 2, 1, 0.5])
 
 
