@@ -421,16 +421,15 @@ def _forward(
                 continue
             tell("the whole simulation", _share(step, 0.6))
             trial = search.refine([*fit.terms, rival.term], fit)
-            if trial.chi2 > CLEARLY * float((left**2).sum()):
+            clear = trial.chi2 <= CLEARLY * float((left**2).sum())
+            trial = trial if clear else search.released(trial)
+            helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before
+            if rest is None and not (clear and helps):
                 # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
-                if rest is None:
-                    rest = search.released(fit)
-                    asked = threshold(len(library), _left_beside(problem, rest), labels, screened)
-                trial = search.released(trial)
+                rest = search.released(fit)
+                asked = threshold(len(library), _left_beside(problem, rest), labels, screened)
             without_it = rest or fit
-            helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before or _relieves(
-                without_it, trial, asked(size)
-            )
+            helps = helps or _relieves(without_it, trial, asked(size))
             if without_it.chi2 - trial.chi2 >= asked(size) and helps:
                 # what bends has not come to its end, and a second law would make up for that
                 taken = trial if trial.chi2 < rival.chi2 + CLEAR_LEAD else search.refine(trial.terms, trial)
