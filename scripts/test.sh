@@ -34,6 +34,12 @@ distributions() {
   "$VENV_PYTHON" -m build --no-isolation --outdir out/dist >out/build.log && "$VENV_PYTHON" -m twine check --strict out/dist/*
 }
 
+# Else every worker would rewrite the assertions of all tests for itself.
+collected() {
+  mkdir -p out
+  "$VENV_PYTHON" -m pytest --collect-only -qqq >out/collected.log || { tail -n 30 out/collected.log; return 1; }
+}
+
 # Older Python gets an older numpy, whose types are told less exactly.
 if "$VENV_PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
   check "mypy" "$VENV_PYTHON" -m mypy
@@ -41,6 +47,7 @@ else
   check "mypy" echo "left out, its checks need Python 3.11 or newer"
 fi
 export NO_MKDOCS_2_WARNING=1
+check "collection" collected
 check "documentation" "$VENV_PYTHON" -m mkdocs build --strict --quiet --site-dir out/site
 check "wheel and sdist" distributions
 check "ruff check" "$VENV_PYTHON" -m ruff check .

@@ -31,6 +31,8 @@ from .criteria import (
     CALIBRATION_ROUNDS,
     CALIBRATION_STEP,
     FAR_BEHIND,
+    FEW_CALIBRATION_ROUNDS,
+    FREELY,
     MUCH_LEFT,
     NOT_BEHIND,
     SETTLED,
@@ -230,7 +232,7 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     within = judged = _ways(problem, _first_steps(problem, toleranced, [*weights, []], reach))
     if min(each.objective for each in within) > FAR_BEHIND * within[0].residual.size:
         # What is left out decides, at the ends of what tolerances may take; less so where they may take what they like.
-        judged = _ways(problem, [replace(each, reach=np.inf) for each in within])
+        judged = _ways(problem, [replace(each, reach=FREELY) for each in within], FEW_CALIBRATION_ROUNDS)
     best = min(judged, key=lambda each: each.objective + (shows if each.effects else 0.0))
     return problem.within(next(each for each in within if each.effects == best.effects))
 
@@ -248,14 +250,14 @@ def _first_steps(problem, toleranced: Toleranced, ways: Sequence[Sequence[Effect
     return begun
 
 
-def _ways(problem, begun: Sequence[Calibrated]) -> list[Calibrated]:
+def _ways(problem, begun: Sequence[Calibrated], rounds: int = CALIBRATION_ROUNDS) -> list[Calibrated]:
     """Return calibrations that have begun, each with another way of weight, at their ends.
 
     Derivatives are taken anew for the best, and for those that come near it. Where weight acts in two ways they are
     alike; what is far behind at its begin is left out.
     """
     best, *others = sorted(begun, key=lambda each: each.objective)
-    found = [settled(problem, best)]
+    found = [settled(problem, best, rounds)]
     for other in others:
         if other.objective > FAR_BEHIND * best.objective:
             continue
@@ -264,7 +266,7 @@ def _ways(problem, begun: Sequence[Calibrated]) -> list[Calibrated]:
             found.append(_followed(problem, _near(min(beside, other, key=_objective), found[0])))
             continue
         other = _followed(problem, other)
-        found.append(settled(problem, other) if other.objective < NOT_BEHIND * found[0].objective else other)
+        found.append(settled(problem, other, rounds) if other.objective < NOT_BEHIND * found[0].objective else other)
     return found
 
 
@@ -329,15 +331,15 @@ def calibrate(problem, toleranced: Toleranced, effects: Sequence[Effect] = ()) -
     return settled(problem, _drawn(problem, toleranced, effects, np.inf))
 
 
-def settled(problem, now: Calibrated) -> Calibrated:
-    """Return a calibration that has begun at its end."""
-    for rounds in range(CALIBRATION_ROUNDS):
-        now = _differentiated(problem, now, rounds)
+def settled(problem, now: Calibrated, rounds: int = CALIBRATION_ROUNDS) -> Calibrated:
+    """Return a calibration that has begun at its end, or where so many rounds lead."""
+    for count in range(rounds):
+        now = _differentiated(problem, now, count)
         better = _improved(problem, now)
         if better is None:
             return now
         now = _followed(problem, _near(better, now))
-    return _differentiated(problem, now, CALIBRATION_ROUNDS)
+    return _differentiated(problem, now, rounds)
 
 
 def _followed(problem, near: Calibrated) -> Calibrated:

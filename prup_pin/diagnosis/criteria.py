@@ -302,6 +302,8 @@ NO_FORCE: Final = 1e-6
 
 #: Gauss-Newton steps: tolerances are up to a hundred times the noise, and four or five steps settle them.
 CALIBRATION_ROUNDS: Final = 12
+#: ... and fewer where they decide no more than how weight acts.
+FEW_CALIBRATION_ROUNDS: Final = 3
 #: ... each followed by this many at most with the same derivatives, which cost several times what a step does.
 CALIBRATION_CHORDS: Final = 3
 #: A step that gains less chi squared than this changes nothing that is told.
@@ -324,6 +326,9 @@ WEIGHT_ACTS: Final = 8.0
 WEIGHT_SHOWS: Final = 25.0
 #: ... and after the first step: with or without weight, what is this many times worse is not followed to its end.
 FAR_BEHIND: Final = 4.0
+#: Tolerances by which parameters may be off that may take what they like: a stiffness may be a twentieth then,
+#: or so, and robots that hang in threads take long to balance.
+FREELY: Final = 30.0
 #: ... nor what is this many times worse when its own first derivatives lead no further.
 NOT_BEHIND: Final = 1.5
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
