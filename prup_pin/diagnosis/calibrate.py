@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -256,22 +257,18 @@ def _ways(problem, begun: Sequence[Calibrated], rounds: int = CALIBRATION_ROUNDS
     Derivatives are taken anew for the best, and for those that come near it. Where weight acts in two ways they are
     alike; what is far behind at its begin is left out.
     """
-    best, *others = sorted(begun, key=lambda each: each.objective)
+    best, *others = sorted(begun, key=attrgetter("objective"))
     found = [settled(problem, best, rounds)]
     for other in others:
         if other.objective > FAR_BEHIND * best.objective:
             continue
         if other.effects and best.effects:
             beside = _at(problem, other.toleranced, found[0].x, other.effects, found[0].run, other.reach)
-            found.append(_followed(problem, _near(min(beside, other, key=_objective), found[0])))
+            found.append(_followed(problem, _near(min(beside, other, key=attrgetter("objective")), found[0])))
             continue
         other = _followed(problem, other)
         found.append(settled(problem, other, rounds) if other.objective < NOT_BEHIND * found[0].objective else other)
     return found
-
-
-def _objective(found: Calibrated) -> float:
-    return found.objective
 
 
 #: Laws that say how soft a joint is.

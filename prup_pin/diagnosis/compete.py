@@ -381,8 +381,9 @@ def _sits_in_one_place(problem: Problem, fit: Fit) -> bool:
     return bool(found) and found[0].gain > ONE_PLACE * (fit.chi2 - compared(problem, fit))
 
 
-def _cost(fit: Fit) -> float:
-    return fit.chi2 + sum(penalty(term) for term in fit.terms)
+def _cost(fit: Fit, scale: float = 1.0) -> float:
+    """Return chi squared and, `scale` times, what the terms cost."""
+    return fit.chi2 + scale * sum(map(penalty, fit.terms))
 
 
 def scale_of(problem: Problem, fit: Fit) -> float:
@@ -701,16 +702,15 @@ def _in_pairs(search: _Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> F
     wrong weight, or with a small law to make up for the difference; beside the right place neither is wanted.
     """
     problem, scale = search.problem, scale_of(search.problem, fit)
-    best, found = fit, fit.chi2 + scale * sum(map(penalty, fit.terms)) - SWAP_LEAD
+    best, found = fit, _cost(fit, scale) - SWAP_LEAD
 
     def better(terms: Sequence[Term], chi2: float, start: Fit) -> None:
         nonlocal best, found
         if chi2 + scale * sum(map(penalty, terms)) > found:
             return
         trial = search.refine(terms, start, rounds=FEW_ROUNDS)
-        cost = trial.chi2 + scale * sum(map(penalty, trial.terms))
-        if cost < found:
-            best, found = trial, cost
+        if _cost(trial, scale) < found:
+            best, found = trial, _cost(trial, scale)
 
     for place, other in permutations(range(len(fit.terms)), 2):
         physics, far = fit.terms[place].candidate.law.physics, fit.chi2 + RIVAL_MARGIN * scale * INDISTINCT
@@ -801,8 +801,7 @@ def _apart(search: _Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
             candidate, name = single[law.physics, places[names[place]]], names[place]
             kept.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
         trial = search.refine(kept, fit, rounds=MERGE_ROUNDS)
-        before, after = (each.chi2 + scale * sum(map(penalty, each.terms)) for each in (fit, trial))
-        if after < before:
+        if _cost(trial, scale) < _cost(fit, scale):
             return trial
     return fit
 

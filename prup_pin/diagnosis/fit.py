@@ -371,11 +371,11 @@ class Problem:
         """Return jacobian, residual and `held` with a row for each coordinate of the terms that may be unusual."""
         if not fit.terms:
             return self.jacobian(fit), fit.residual.ravel(), fit.held
-        own = [(term.candidate, term) for term in fit.terms]
-        rows = np.concatenate([candidate.unusual_slopes(term.coordinates) + candidate.known for candidate, term in own])
-        here = np.concatenate([candidate.unusual(term.coordinates) + term.off for candidate, term in own])
+        own = [(term.candidate, term.coordinates) for term in fit.terms]
+        rows = np.concatenate([candidate.unusual_slopes(here) + candidate.known for candidate, here in own])
+        off = np.concatenate([term.candidate.unusual(term.coordinates) + term.off for term in fit.terms])
         jacobian = np.vstack((self.jacobian(fit), np.diag(rows)))
-        return jacobian, np.append(fit.residual, -here), np.vstack((fit.held, np.zeros((len(rows), len(fit.x)))))
+        return jacobian, np.append(fit.residual, -off), np.vstack((fit.held, np.zeros((len(rows), len(fit.x)))))
 
     def jacobian(self, fit: Fit) -> Array:
         """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""

@@ -13,9 +13,8 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from ..mechanism import Mechanism, Module
+from ..mechanism import Mechanism
 from ..mechanism.tolerances import kind_of_value, value_tolerances, values_following
-from ..modules import DriveModule
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
@@ -207,7 +206,7 @@ def _values(mechanism: Mechanism) -> Iterator[Deviation]:
                 yield Deviation(
                     name,
                     kind,
-                    _unit(mechanism, module, quantity),
+                    mechanism.parameters[name].unit,
                     float(value),
                     True,
                     "stiffness_changed",
@@ -215,13 +214,6 @@ def _values(mechanism: Mechanism) -> Iterator[Deviation]:
                     act,
                     adds_up=kind != "value",
                 )
-
-
-def _unit(mechanism: Mechanism, module: Module, quantity: Quantity) -> str:
-    if " or " not in quantity.unit:
-        return quantity.unit
-    slides = isinstance(module.kind, DriveModule) and mechanism.joint(module.joint).slides
-    return quantity.unit.split(" or ")[0 if slides else 1]
 
 
 def _other_value(module: str, quantity: str, nominal: float, value: float, setup: Setup) -> Iterator[Deed]:
