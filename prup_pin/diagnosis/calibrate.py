@@ -168,7 +168,7 @@ class Calibrated:
         return tuple(tuple(names[index] for index in several) for several in members if len(several) > 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CalibratedParameter:
     """What is known of a parameter that may be off.
 
@@ -191,6 +191,10 @@ class CalibratedParameter:
     def learned(self) -> float:
         """1 - sd / tolerance."""
         return 1 - self.share
+
+    def __repr__(self) -> str:
+        unit = self.deviation.unit
+        return f"<{self.name} {self.value:.6g} {unit}, known to {self.sd:.2g} {unit} (tolerance {self.tolerance:.2g})>"
 
     def is_beyond(self, count: int) -> bool:
         """Return True where it lies beyond its tolerance: farther than chance takes any of `count` parameters."""

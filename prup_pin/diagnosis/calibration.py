@@ -22,7 +22,7 @@ from .whiteness import compared
 __all__ = ["Calibration", "calibrated"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
     """What a recording says of every parameter that may be off.
 
@@ -43,6 +43,12 @@ class Calibration:
     def is_explained(self) -> bool:
         """True where what is left within the tolerances may be noise."""
         return self.calibrated <= clean_bound(6 * self.samples)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Calibration of {len(self.parameters)} parameters on {self.samples} samples: "
+            f"residual {self.nominal:.3g} -> {self.calibrated:.3g} times the noise>"
+        )
 
 
 def calibrated(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,8 +55,8 @@ class Finding:
     statement: str
     effect: Effect | None = None
     alternatives: tuple[str, ...] = ()
-    curve: LocalCurve | None = None
-    recovered: Recovered | Agreement | None = None
+    curve: LocalCurve | None = field(default=None, repr=False)
+    recovered: Recovered | Agreement | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Detectable:
     below: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
     """What `diagnose` returns.
 
@@ -137,6 +137,16 @@ class Diagnosis:
                 rows.append(row)
         columns = ["finding", "physics", "location", "parameter", "value", "unit", "low", "high", "heldout_gain"]
         return imported("pandas", "tables").DataFrame(rows, columns=columns)
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{finding.physics} at {finding.location}" for finding in self.findings) or "nothing"
+        before, after = self.before["heldout"], self.after["heldout"]
+        return f"<Diagnosis {self.verdict}: {found}; residual {before:.3g} -> {after:.3g} times the noise>"
+
+    def __str__(self) -> str:
+        from ..views.text.diagnosis_words import diagnosis_text
+
+        return diagnosis_text(self)
 
     def _repr_html_(self) -> str:
         from ..views.notebook.cells import diagnosis_html

@@ -17,7 +17,7 @@ from .fit import Fit, Problem
 __all__ = ["LocalCurve", "curve_against", "local_curve", "strongest_curve"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LocalCurve:
     """Recovered deformation of one motion of a module.
 

@@ -21,7 +21,7 @@ from .local_curve import LocalCurve
 __all__ = ["Agreement", "Recovered", "Residuals", "recovered", "residuals"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recovered:
     """A finding as the recording shows it.
 
@@ -45,7 +45,7 @@ class Recovered:
     blocks: np.ndarray  # (n,) labels of samples between two moves of the actuators
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Agreement:
     """A finding that no single load drives: what the recording asks of each column (n, K), and the law's.
 
@@ -58,7 +58,7 @@ class Agreement:
     noise: Noise
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Residuals:
     """Residuals in multiples of the noise, (n, K), whitened; zero columns where nothing was measured."""
 

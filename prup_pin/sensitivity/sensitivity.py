@@ -50,7 +50,7 @@ class Stiffening:
     per_kilogram: float | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity:
     """Derivatives by parameter, at the equilibrium `loaded`; SI units, base axes, the actuators held.
 
@@ -94,6 +94,9 @@ class Sensitivity:
                 heavier = self._heavier.get(name)
                 lines.append(Stiffening(parameter, percent, 100 * slope / heavier if heavier else None))
         return tuple(sorted(lines, key=lambda line: (-abs(round(line.percent, 9)), line.parameter.name)))
+
+    def __repr__(self) -> str:
+        return f"<Sensitivity of {self.loaded!r} to {len(self.parameters)} parameters>"
 
     def _follows(self, parameter: Parameter) -> bool:
         """Whether a given value would follow from another one that is given too: an area from a diameter."""

@@ -101,7 +101,14 @@ def test_friction_many_times_the_noise_is_settled_so_far_that_nothing_imitates_w
     assert named(found) == {("stribeck_friction", "carriage")}
     (finding,) = found.findings
     for name, true in (("limit", 60.0), ("extra", 150.0), ("speed", 0.04)):
-        assert finding.parameters[name].value == pytest.approx(true, rel=0.01)
+        fitted = finding.parameters[name]
+        assert fitted.value == pytest.approx(true, rel=0.01)
+        low, high = fitted.interval
+        assert low < fitted.value < high
+        assert 1e-4 * true < high - low < 0.05 * true
+    assert "stribeck_friction at carriage; residual" in repr(found)
+    assert "speed 0.0399" in str(found) or "speed 0.0400" in str(found)
+    assert len(repr(found.findings)) < 2000
 
 
 def by_position(recording, effort):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -44,6 +44,8 @@ _Seen = tuple[EffortLaw, Place, Mapping[str, float], ByJoint]
 _ROUGH = tuple(curve for curve in CURVES if curve.friction)
 #: Farthest that the logarithm of a scanned value is moved at a time, and squares of white noise that settle it.
 _FARTHEST, _SETTLED = 2.0, 0.5
+#: Logarithm of a scanned value over the best one beyond which data do not end it.
+_NEVER = 7.0
 #: Samples whose regressors are multiplied at a time.
 _AT_ONCE = 4096
 
@@ -391,18 +393,11 @@ class Efforts:
             law, count = term.law, len(term.law.settled)
             if not count:
                 continue
-            at = self.at
-            if law.of_what_is_known:
-                before = Chosen(chosen.base, chosen.terms[:place])
-                at = self._knowing(*self._known(before, fit(given, before)[0]))
-            left = _Left(given, chosen.without(term), law.prior(term.place, self.at.mechanism))
+            at = self._seen_by(given, chosen, place)
+            exactly = self._cost(given, chosen, place, at)
 
-            def scaled(step: Array, term: EffortCandidate = term) -> Mapping[str, float]:
-                return term.law.scaled(term.values, np.exp(np.clip(step, -_FARTHEST, _FARTHEST)).tolist())
-
-            def cost(step: Array, term=term, at=at, left=left, scaled=scaled) -> float:
-                own = term.law.efforts_per(term.place, scaled(step), at)
-                return -left.saved_by(self.whitening(self.seen(own)))
+            def cost(step: Array, exactly: Callable[[Array], float] = exactly) -> float:
+                return exactly(np.clip(step, -_FARTHEST, _FARTHEST))
 
             near = law.near(term.values)
             simplex = np.vstack((np.zeros(count), near * np.eye(count)))
@@ -410,7 +405,7 @@ class Efforts:
             found = minimize(cost, np.zeros(count), method="Nelder-Mead", options=options)
             if not cost(np.zeros(count)) - found.fun > _SETTLED:
                 continue
-            values = scaled(found.x)
+            values = _scaled(term, np.clip(found.x, -_FARTHEST, _FARTHEST))
             size = columns.size
             own = columns.add([self.whitening(self.seen(law.efforts_per(term.place, values, at)))])[0]
             prior = np.concatenate((given.prior, law.prior(term.place, self.at.mechanism)))
@@ -423,11 +418,66 @@ class Efforts:
                 columns.cut(size)
         return given, chosen
 
+    def told_between(
+        self, given: Gathered, chosen: Chosen, term: EffortCandidate, rise: float
+    ) -> dict[str, tuple[float, float]]:
+        """Return by settled parameter the values between which the squares rise by less, all coefficients free.
+
+        Where data do not end it, its bounds do.
+        """
+        place = next(index for index, other in enumerate(chosen.terms) if other is term)
+        cost = self._cost(given, chosen, place, self._seen_by(given, chosen, place))
+        law, out = term.law, {}
+        quantities = {q.name: q for q in law.quantities_at(term.place, self.at.mechanism)}
+        least = cost(np.zeros(len(law.settled)))
+        for name, axis in zip(law.settled, np.eye(len(law.settled)), strict=True):
+            down, up = (_edge(cost, way, least + rise, law.near(term.values)) for way in (-axis, axis))
+            out[name] = (
+                quantities[name].lower if down is None else float(_scaled(term, -down * axis)[name]),
+                quantities[name].upper if up is None else float(_scaled(term, up * axis)[name]),
+            )
+        return out
+
+    def _seen_by(self, given: Gathered, chosen: Chosen, place: int) -> InMotion:
+        """Return the motion that a chosen law sees: with what the terms before it say, where it depends on that."""
+        if not chosen.terms[place].law.of_what_is_known:
+            return self.at
+        before = Chosen(chosen.base, chosen.terms[:place])
+        return self._knowing(*self._known(before, fit(given, before)[0]))
+
+    def _cost(self, given: Gathered, chosen: Chosen, place: int, at: InMotion) -> Callable[[Array], float]:
+        """Return the squares left, less a constant, by the logarithms of a term's settled values over what they are."""
+        term = chosen.terms[place]
+        left = _Left(given, chosen.without(term), term.law.prior(term.place, self.at.mechanism))
+
+        def cost(step: Array) -> float:
+            own = term.law.efforts_per(term.place, _scaled(term, step), at)
+            return -left.saved_by(self.whitening(self.seen(own)))
+
+        return cost
+
     def start(self, freed: Gathered | None = None) -> Chosen:
         """Return what is there before any law: parameters within tolerance, and all masses where they are `freed`."""
         candidates = () if freed is None else freed.candidates
         every = [candidate for candidate in candidates if isinstance(candidate.law, AllLinks)]
         return Chosen(tuple(range(len(self.bases))), tuple(every))
+
+
+def _scaled(term: EffortCandidate, step: Array) -> Mapping[str, float]:
+    """Return scanned values of which the settled ones are exp(step) times as large."""
+    return term.law.scaled(term.values, np.exp(step).tolist())
+
+
+def _edge(cost: Callable[[Array], float], way: Array, most: float, first: float) -> float | None:
+    """Return the size > 0 of a step along `way` (k,) that costs `most`; None where none before `_NEVER` does."""
+    from scipy.optimize import brentq  # heavy; not needed to load a robot
+
+    inner, outer = 0.0, first
+    while cost(outer * way) < most:
+        inner, outer = outer, 2 * outer
+        if outer > _NEVER:
+            return None
+    return float(brentq(lambda size: cost(size * way) - most, inner, outer, xtol=0.02 * outer))
 
 
 class _Left:

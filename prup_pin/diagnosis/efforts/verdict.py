@@ -72,7 +72,7 @@ class EffortCurve:
     y_unit: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EffortDiagnosis:
     """What the efforts say.
 
@@ -107,6 +107,10 @@ class EffortDiagnosis:
     remarks: tuple[str, ...]
     rows: np.ndarray
     standing: bool = False
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{finding.physics} at {finding.location}" for finding in self.findings) or "nothing"
+        return f"<EffortDiagnosis {self.verdict} of {len(self.joints)} joints, {len(self.time)} samples: {found}>"
 
 
 def diagnose_efforts(
@@ -511,11 +515,13 @@ class _Verdict:
             other = term.law.fitted(term.place, moved, term.values)
             for name in quantities:
                 spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
+        # as much more than white noise would scatter them
+        _, matrix = fit(self.given, self.named)
+        white = np.diag(Normal.of(matrix, least=1e-12).solve(np.eye(len(matrix))))[own]
+        rise = reach**2 * float(np.median(deviation**2 / white))
+        settled = self.efforts.told_between(self.given, self.named, term, rise) if term.law.settled else {}
         for name, quantity in quantities.items():
-            if name in term.values and name not in term.law.linear and spread[name] == 0.0:
-                out[name] = FittedParameter(values[name], quantity.unit, (values[name], values[name]))
-                continue
-            low, high = values[name] - spread[name], values[name] + spread[name]
+            low, high = settled.get(name, (values[name] - spread[name], values[name] + spread[name]))
             out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))
         return out
 

@@ -14,6 +14,7 @@ from ...numbers import number, quantity, readable_unit
 __all__ = [
     "alternative_text",
     "channel_rows",
+    "diagnosis_text",
     "finding_text",
     "gain_text",
     "hidden_rows",
@@ -70,6 +71,18 @@ def finding_text(finding: Finding) -> str:
     if finding.location == "robot":
         return f"{words}{aspect}"
     return f"{words} at {finding.location}{aspect}"
+
+
+def diagnosis_text(diagnosis: Diagnosis) -> str:
+    """Return the verdict, and a paragraph for each finding."""
+    lines = [verdict_text(diagnosis)]
+    for index, finding in enumerate(diagnosis.findings, 1):
+        lines += ["", f"{index}  {finding_text(finding)}: {gain_text(finding)}", f"   {finding.statement}"]
+        lines += [
+            f"   {name} {value} (95 %: {interval})" for name, value, interval in parameter_texts(finding.parameters)
+        ]
+        lines += [f"   {text}" for text in alternative_text(diagnosis, finding)]
+    return "\n".join(lines)
 
 
 def gain_text(finding: Finding) -> str:
