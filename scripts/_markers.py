@@ -30,8 +30,8 @@ recording alone.
 - *Size* of an effect: RMS of what it moves the most moved marker and direction, in multiples of the noise (25 to
   150 µm), of it all and of what is left of it after the best fit of everything within tolerance (or half the length of
   that fit in tolerances): the smaller counts. Drawn from 3 to 40.
-- *Outside the library*: compliance that grows with the load, an eccentric encoder. To name what such
-  a thing is in part is not counted as wrong; to say then that all is explained is counted.
+- *Outside the library*: compliance that grows with the load, a joint that the one before it drags along. To name what
+  such a thing is in part is not counted as wrong; to say then that all is explained is counted.
 - *A camera that drifts* has come back to where it began before the held-out poses are looked at.
 - *Place right*: the true place is in the class that the verdict names. *Held out*: 20 other poses of the same device.
 

@@ -9,6 +9,7 @@ from ..mechanism import Mechanism
 from .backlash import Backlash, BacklashByAxis
 from .coulomb_friction import CoulombFriction
 from .creep import CreepLaw
+from .eccentric_encoder import EccentricEncoder, OvalEncoder
 from .encoder import EncoderDelay, EncoderOffset
 from .everywhere import Everywhere
 from .external_spring import ExternalSpring, UnevenSpring
@@ -69,6 +70,8 @@ LAWS: tuple[Law, ...] = (
     SeatPosition(),
     EncoderOffset(),
     EncoderDelay(),
+    EccentricEncoder(),
+    OvalEncoder(),
     WrenchSensorMisalignment(),
     WrenchSensorGain(),
     WrenchSensorCommonGain(),

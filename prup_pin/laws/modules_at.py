@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from ..mechanism import Joint, Mechanism, Module
 from ..modules import DriveModule
+from ..modules.transmission import travel_per_motor_turn
 from ..spatial import Array
 from .deeds import ChangedValue, Deed
 from .drawn import drive_turns
@@ -144,6 +145,17 @@ def screws(mechanism: Mechanism) -> dict[str, tuple[int, float]]:
             ]
             found[module.name] = ids.index(module.joint), float(leads[0]) if leads else np.nan
     return found
+
+
+def travel_per_turn(mechanism: Mechanism, column: int) -> float:
+    """Return an actuator's way per turn of its encoder [m, rad]: a hinge's own turn, a slide's motor's; else nan."""
+    joint = mechanism.joint(mechanism.actuated[column])
+    if not joint.slides:
+        return 2 * np.pi
+    for module in mechanism.modules:
+        if module.joint == joint.id and module.kind.kind == "motor":
+            return float(travel_per_motor_turn(module.values))
+    return np.nan
 
 
 def travels(mechanism: Mechanism) -> dict[str, int]:

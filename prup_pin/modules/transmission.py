@@ -16,7 +16,11 @@ TRANSMISSION = (
 )
 
 
+def travel_per_motor_turn(values: Values):
+    """Return R P_BS with R = D_PM / D_PBS, the way of the nut per turn of the motor [m]."""
+    return values["motor_pulley_diameter"] / values["screw_pulley_diameter"] * values["screw_lead"]
+
+
 def motor_torque_per_force(values: Values):
-    """Return R P_BS eta / (2 pi) with R = D_PM / D_PBS, N m of motor torque per N on the screw (Eq. 98)."""
-    ratio = values["motor_pulley_diameter"] / values["screw_pulley_diameter"]
-    return ratio * values["screw_lead"] * values["reverse_efficiency"] / (2 * np.pi)
+    """Return R P_BS eta / (2 pi), N m of motor torque per N on the screw (Eq. 98)."""
+    return travel_per_motor_turn(values) * values["reverse_efficiency"] / (2 * np.pi)

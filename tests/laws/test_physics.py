@@ -3,6 +3,7 @@
 # ruff: noqa: E741  (I is the second moment of area)
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -323,12 +324,20 @@ def screw(tmp_path):
 TRAVEL = np.array([[0.1], [0.2], [0.3025]])
 
 
+def wave(times):
+    """Return by how much an encoder errs so often in a turn of the motor, which takes the nut 1/35 m."""
+    angle = times * 2 * pi * 35 * TRAVEL[:, 0]
+    return 3e-6 * np.sin(angle) + 4e-6 * np.cos(angle)
+
+
 @pytest.mark.parametrize(
     ("law", "expected"),
     [
         (of(laws.ThermalGrowth, "screw", expansion=1.2e-5), 1.2e-5 * np.array([0, 10, 20]) * TRAVEL[:, 0]),
         (of(laws.LeadError, "screw", "proportional", relative=2e-4), 2e-4 * TRAVEL[:, 0]),
         (of(laws.PeriodicLeadError, "screw", "periodic", sine=3e-6, cosine=4e-6), np.array([4e-6, 4e-6, 3e-6])),
+        (of(laws.EccentricEncoder, "motor", "once a turn", sine=3e-6, cosine=4e-6), wave(1)),
+        (of(laws.OvalEncoder, "motor", "twice a turn", sine=3e-6, cosine=4e-6), wave(2)),
         (of(laws.EncoderOffset, "motor", offset=-3e-4), np.full(3, -3e-4)),
         (of(laws.EncoderDelay, "motor", delay=2e-3), 2e-3 * np.array([0.0, 0.1, -0.1])),
     ],
@@ -345,6 +354,17 @@ def test_the_nut_is_where_the_law_puts_it(screw, law, expected):
     )
     z = Simulator(screw, inputs).run([law]).position[:, 2]
     np.testing.assert_allclose(z, TRAVEL[:, 0] + expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("law", "times"), [(laws.EccentricEncoder, 1), (laws.OvalEncoder, 2)])
+def test_a_hinges_encoder_errs_by_the_hinges_own_turn(law, times):
+    base = simulator("ur5")
+    bent = base.inputs.actuators.copy()
+    bent[:, 2] += 0.02 * np.sin(times * bent[:, 2]) - 0.03 * np.cos(times * bent[:, 2])
+    aspect = {1: "once a turn", 2: "twice a turn"}[times]
+    found = base.run([of(law, "elbow_joint", aspect, sine=0.02, cosine=-0.03)])
+    expected = Simulator(robot("ur5"), replace(base.inputs, actuators=bent)).run()
+    np.testing.assert_allclose(found.position, expected.position, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("leg", [1, 2, 3])

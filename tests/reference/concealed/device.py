@@ -483,6 +483,11 @@ class Device:
         """kind proportional: ratio (1), about q0 (m); kind periodic: amplitude (m), phase (rad)."""
         self.lead.append({"q0": 0.0, "phase": 0.0, "legs": self._legs(e)} | e)
 
+    def _effect_eccentric_encoder(self, e):
+        """amplitude (m), phase (rad), waves in a turn of the motor: the belt takes the screw round faster."""
+        period = 0.100 / 0.035 * NOMINAL["lead"] / e["waves"]
+        self.lead.append({"kind": "periodic", "phase": 0.0, "legs": self._legs(e), "period": period} | e)
+
     def _effect_geometric_offset(self, e):
         """radial, tangential, height (m) of A_i; offset (m): longer yoke, the U-joint's centre moves with it.
 
@@ -745,7 +750,8 @@ class Device:
                 if e.get("kind", "proportional") == "proportional":
                     q[i] += e["ratio"] * (nominal_q[i] - e["q0"])
                 else:
-                    q[i] += e["amplitude"] * np.sin(2 * np.pi * nominal_q[i] / NOMINAL["lead"] + e["phase"])
+                    turns = nominal_q[i] / e.get("period", NOMINAL["lead"])
+                    q[i] += e["amplitude"] * np.sin(2 * np.pi * turns + e["phase"])
         for e in self.thermal:
             for i in e["legs"]:
                 base = {"q": nominal_q[i], "q-d": nominal_q[i] - NOMINAL["d"], "full": NOMINAL["ball_screw.length"],

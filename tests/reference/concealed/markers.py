@@ -46,14 +46,14 @@ CAMERAS: Mapping[str, tuple[float, tuple[str, ...], float]] = {
     "kinova": (5e-5, ("j2s6s200_end_effector", "j2s6s200_link_4", "j2s6s200_link_3"), 4e3),
     "xarm7": (5e-5, ("link_eef", "link5", "link4"), 1e4),
 }
-PHYSICS = ("joint_compliance", "joint_compliance", "encoder_offset", "lead_error", "geometric_offset",
-           "target_misalignment", "pose_sensor_drift")  # fmt: skip
+PHYSICS = ("joint_compliance", "joint_compliance", "encoder_offset", "lead_error", "eccentric_encoder",
+           "geometric_offset", "target_misalignment", "pose_sensor_drift")  # fmt: skip
 #: What can be wrong besides where the springs of the gears are told.
 SPRUNG = ("stiffness_changed", "backlash", "payload")
 #: Share of the soft joints that are every joint of the robot.
 ALIKE = 0.25
-ALIENS = ("cubic_compliance", "eccentric_encoder")
-AKIN = {"cubic_compliance": ("joint_compliance", "stiffness_changed"), "eccentric_encoder": ("lead_error",)}
+ALIENS = ("cubic_compliance", "dragged_joint")
+AKIN = {"cubic_compliance": ("joint_compliance", "stiffness_changed"), "dragged_joint": ()}
 
 
 @dataclass(frozen=True)
@@ -147,6 +147,9 @@ def candidate(rng, physics: str, chain: Chain, robot: str, sight: Sight, springs
         return Candidate(lambda x: place | {"offset": sign * x}, 1e-5, 0.1)
     if physics == "lead_error":
         return Candidate(lambda x: place | {"ratio": sign * x}, 1e-5, 0.1)
+    if physics == "eccentric_encoder":
+        place |= {"phase": float(rng.uniform(0, 2 * np.pi)), "waves": int(rng.choice([1, 2]))}
+        return Candidate(lambda x: place | {"amplitude": x}, 1e-5, 0.1)
     if physics == "geometric_offset":
         way = unit(rng)
         if rng.random() < 0.5:
@@ -162,11 +165,9 @@ def candidate(rng, physics: str, chain: Chain, robot: str, sight: Sight, springs
         place = {"physics": physics, "location": "pose_sensor"}
         return Candidate(lambda x: place | {"speed": list(x * way)}, 1e-9, 1e-4)
     kind = pick(rng, ALIENS)
+    least, most = {"cubic_compliance": (1e-12, 1e-2), "dragged_joint": (1e-5, 0.1)}[kind]
     place = place | {"kind": kind}
-    if kind == "eccentric_encoder":
-        phase = float(rng.uniform(0, 2 * np.pi))
-        return Candidate(lambda x: place | {"coefficient": x, "phase": phase}, 1e-5, 0.05)
-    return Candidate(lambda x: place | {"coefficient": x}, 1e-12, 1e-2)
+    return Candidate(lambda x: place | {"coefficient": x}, least, most)
 
 
 def places(effect: Mapping[str, Any], chain: Chain, markers: Sequence[str]) -> list[str]:

@@ -44,7 +44,8 @@ class Sagging:
             self.about[self.names.index(name)] = 1.0 / stiffness
         self.gap, self.smooth, self.cubic = np.zeros(n), np.ones(n), np.zeros(n)
         self.offset, self.slope = np.zeros(n), np.zeros(n)
-        self.wave, self.waves = np.zeros(n), np.zeros(n)
+        self.wave, self.phase, self.waves = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.drag = np.zeros((n, n))
         self.target: dict[str, np.ndarray] = {}
         self.shift, self.turn, self.drift = np.zeros(3), np.zeros(3), np.zeros(3)
         for name, amount in (scatter or {}).items():
@@ -138,14 +139,19 @@ class Sagging:
         """speed [m/s] (3) of what the camera reports, since time 0."""
         self.drift = self.drift + np.asarray(e["speed"], float)
 
+    def _effect_eccentric_encoder(self, e):
+        """amplitude [rad], phase [rad], waves in a turn: true = reported + amplitude sin(waves q + phase)."""
+        i = self.names.index(e["location"])
+        self.wave[i], self.phase[i], self.waves[i] = e["amplitude"], e["phase"], e["waves"]
+
     def _effect_alien(self, e):
         """Physics outside every library, by kind: cubic_compliance (coefficient x moment^3 about the axis),
-        eccentric_encoder (coefficient sin(2 q + phase))."""
+        dragged_joint (coefficient x the position of the joint before, or after the first)."""
         i = self.names.index(e["location"])
         if e["kind"] == "cubic_compliance":
             self.cubic[i] = e["coefficient"]
         else:
-            self.wave[i], self.waves[i] = e["coefficient"], e["phase"]
+            self.drag[i, i - 1 if i else 1] = e["coefficient"]
 
     # ---- what happens --------------------------------------------------------------------------------------------
     def _placed(self, q: np.ndarray, tilt: np.ndarray):
@@ -178,7 +184,8 @@ class Sagging:
 
     def settled(self, q: np.ndarray):
         """Return frames and centres of the joints at encoder readings q (N, n), when everything has yielded."""
-        standing = q + self.offset + self.slope * q + self.wave * np.sin(2 * q + self.waves)
+        standing = q + self.offset + self.slope * q + self.wave * np.sin(self.waves * q + self.phase)
+        standing = standing + q @ self.drag.T
         bent, tilt = np.zeros_like(q), np.zeros((*q.shape, 3))
         for _ in range(100):
             placed = self._placed(standing + bent, tilt)
