@@ -43,8 +43,8 @@ class UnevenEncoder(Law):
         if not _slides(mechanism, column):
             return self.quantities
         share = turn / (2 * np.pi)
-        sizes = {"default": 1e-3 * share, "lower": -0.1 * share, "upper": 0.1 * share}
-        return tuple(replace(each, unit="m", **sizes) for each in self.quantities)
+        start, most = 1e-3 * share, 0.1 * share
+        return tuple(replace(each, unit="m", default=start, lower=-most, upper=most) for each in self.quantities)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return drive_of(place.name, mechanism)
