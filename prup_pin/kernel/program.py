@@ -50,9 +50,9 @@ _BINARY: dict[str, Callable[..., Any]] = {
     "hypot": np.hypot,
     "max": np.maximum,
     "min": np.minimum,
-    "le": lambda a, b, out=None: np.less_equal(a, b, out=out, casting="unsafe"),
+    "le": np.less_equal,
 }
-_FUNCTIONS: dict[str, Callable[..., Any]] = {**_UNARY, **_BINARY}
+FUNCTIONS: dict[str, Callable[..., Any]] = {**_UNARY, **_BINARY}
 #: Operations that compute nothing.
 _GIVEN = ("input", "constant")
 #: Functions that decide case by case.
@@ -120,11 +120,11 @@ class Tape:
     def apply(self, name: str, a: Expression, b: Expression | None = None) -> Expression:
         """Return a function of expressions, or what is known to be the same."""
         if b is None:
-            value = _FUNCTIONS[name](a.values)
+            value = FUNCTIONS[name](a.values)
         else:
             if name in ("add", "mul", "max", "min") and a.index > b.index:
                 a, b = b, a
-            value = _FUNCTIONS[name](a.values, b.values)
+            value = FUNCTIONS[name](a.values, b.values)
         operation = Operation(name, a.index, -1 if b is None else b.index)
         if operation in self._known:
             return Expression(self, self._known[operation])
@@ -294,7 +294,7 @@ class Expression:
 
     def _function(self, name: str) -> Expression:
         if self.known is not None:
-            return self.tape.constant(float(_FUNCTIONS[name](self.known)))
+            return self.tape.constant(float(FUNCTIONS[name](self.known)))
         return self.tape.apply(name, self)
 
     def sqrt(self):
@@ -471,54 +471,6 @@ class Program:
 
     def __len__(self) -> int:
         return sum(operation.name not in _GIVEN for operation in self.operations)
-
-    def run(self, inputs: Array) -> Array:
-        """Return the outputs (m, n) of inputs (k, n), a column a pose, by numpy."""
-        outputs = self.on(inputs)()
-        result = np.empty((len(outputs), inputs.shape[1]))
-        for row, output in zip(result, outputs, strict=True):
-            row[:] = output
-        return result
-
-    def on(self, inputs: Array) -> Callable[[], list[Array]]:
-        """Return what computes the outputs, (n,) each or (), of rows of inputs (k, n), which may change in between."""
-        last = self._last_uses()
-        keep = set(self.outputs)
-        held: list[Any] = [None] * len(self.operations)
-        free: list[Array] = []
-        calls: list[tuple[Callable[..., Any], tuple[Array, ...], Array]] = []
-        for index, (name, a, b, value) in enumerate(self.operations):
-            if name == "input":
-                held[index] = inputs[int(value)]
-                continue
-            if name == "constant":
-                held[index] = np.array(value)
-                continue
-            operands = (held[a],) if b < 0 else (held[a], held[b])
-            # A result may take the place of what is not needed after it.
-            free += [held[at] for at in last[index] if at not in keep and self.operations[at].name not in _GIVEN]
-            held[index] = free.pop() if free else np.empty(inputs.shape[1])
-            calls.append((_FUNCTIONS[name], operands, held[index]))
-        outputs = [held[at] for at in self.outputs]
-
-        def run() -> list[Array]:
-            for function, operands, out in calls:
-                function(*operands, out=out)
-            return outputs
-
-        return run
-
-    def _last_uses(self) -> list[list[int]]:
-        """Return by operation which earlier ones are not needed after it."""
-        last: dict[int, int] = {}
-        for index, operation in enumerate(self.operations):
-            for at in (operation.a, operation.b):
-                if at >= 0:
-                    last[at] = index
-        gone: list[list[int]] = [[] for _ in self.operations]
-        for at, index in last.items():
-            gone[index].append(at)
-        return gone
 
 
 class Pipeline(NamedTuple):

@@ -182,9 +182,8 @@ class Engine:
     def solve(self, coordinates: Array, into: Answer | None = None) -> Answer:
         """Return the answer for coordinates (n, t), written to `into` where there is room for it already."""
         answer = self.unwritten(len(coordinates)) if into is None else into
-        left = np.arange(len(coordinates))
-        if self._machine is not None:
-            left = self._filled(self._machine, coordinates, answer)
+        machine, count = self._machine, len(coordinates)
+        left = np.arange(count) if machine is None else self._filled(machine, coordinates, answer)
         if not len(left):
             return answer
         # A product's last digits may depend on how several threads share it; what diverges on the way is told by its

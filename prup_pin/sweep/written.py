@@ -314,7 +314,7 @@ class _Writer:
         if any(np.abs(pivot.values).min() < _REGULAR * size for pivot in pivots):
             raise _NotWrittenError  # some motions are idle
         still = [abs(gap) <= NEGLIGIBLE / row for gap, row in zip(gaps, rows, strict=True) if gap.known is None]
-        return Program(tape, [*(columns * solution[:, 0]), least([tape.constant(1.0), *still])])
+        return Program(tape, [*(columns * solution[:, 0]), least(still or [tape.constant(1.0)])])
 
     def _balance(self, closure: Array, solve: _Solver) -> PassiveBalance:
         """Return how free joints balance. Raises _NotWrittenError where some of them are idle."""
@@ -395,6 +395,13 @@ class _Writer:
 
 
 def _conditions(pivots: list[Expression]) -> list[Expression]:
-    """Return conditions that are 1 where pivots are not much smaller than at any sample."""
-    changing = [pivot for pivot in pivots if pivot.known is None]
-    return [abs(pivot) >= _SMALL_PIVOT * float(np.abs(pivot.values).min()) for pivot in changing]
+    """Return conditions that are 1 where pivots have their sign, and are not much smaller than at any sample."""
+    found = []
+    for pivot in pivots:
+        if pivot.known is None:
+            values, least_size = pivot.values, _SMALL_PIVOT * float(np.abs(pivot.values).min())
+            if (values > 0.0).all():
+                found.append(pivot >= least_size)
+            else:
+                found.append(pivot <= -least_size if (values < 0.0).all() else abs(pivot) >= least_size)
+    return found

@@ -8,7 +8,7 @@ import pytest
 import prup_pin
 from prup_pin import build
 from prup_pin.build import urdf_file
-from prup_pin.kernel import Columns, Machine, Pipeline, Program, Tape, eliminated, largest
+from prup_pin.kernel import Columns, Machine, Pipeline, Program, Tape, eliminated, largest, least
 from prup_pin.sweep.engine import Engine
 from prup_pin.sweep.quantities import Asked
 
@@ -172,15 +172,22 @@ def traced(function, count, samples=8, low=-1.0, high=1.0):
     return Program(tape, list(function(*given))), generator.uniform(low, high, (count, 50))
 
 
-def machine_of(program, count):
+def machine_of(program, count, kind=Machine):
     """A machine that does nothing but run a program."""
-    return Machine(Pipeline(Program.without(count), None, program))
+    return kind(Pipeline(Program.without(count), None, program))
+
+
+def by_numpy(program, inputs):
+    """The outputs (m, n) of inputs (k, n)."""
+    return machine_of(program, len(inputs), Columns).run(inputs.T)[:, :-2].T
 
 
 FUNCTIONS = {
     "trigonometry": (lambda a, b: (np.sin(a), np.cos(b), np.tan(a * 0.1), np.arctan2(a, b)), 2, (-40.0, 40.0)),
+    "turns": (lambda a, b: (np.cos(a), np.sin(a), np.sin(a) * np.cos(a)), 2, (-40.0, 40.0)),
     "roots": (lambda a, b: (np.sqrt(a * a + 1), np.hypot(a, b), 1 / (a + 3), a**3), 2, (-2.0, 2.0)),
     "cases": (lambda a, b: (largest([a, b]), abs(a), np.rint(3 * a), a <= b), 2, (-2.0, 2.0)),
+    "conditions": (lambda a, b: (least([a <= b, a <= 1.0]), (a <= b) + (a <= 1.0), -(a <= b)), 2, (-2.0, 2.0)),
 }
 
 
@@ -190,11 +197,13 @@ def test_a_program_computes_its_function(name):
     program, inputs = traced(function, count, low=low, high=high)
     plain = {
         "trigonometry": lambda a, b: (np.sin(a), np.cos(b), np.tan(a * 0.1), np.arctan2(a, b)),
+        "turns": lambda a, b: (np.cos(a), np.sin(a), np.sin(a) * np.cos(a)),
         "roots": lambda a, b: (np.sqrt(a * a + 1), np.hypot(a, b), 1 / (a + 3), a**3),
         "cases": lambda a, b: (np.maximum(a, b), np.abs(a), np.rint(3 * a), (a <= b).astype(float)),
+        "conditions": lambda a, b: (1.0 * (a <= np.minimum(b, 1.0)), 1.0 * (a <= b) + (a <= 1.0), -1.0 * (a <= b)),
     }[name]
     expected = np.array(plain(*inputs))
-    np.testing.assert_allclose(program.run(inputs), expected, rtol=1e-15, atol=1e-15)
+    np.testing.assert_allclose(by_numpy(program, inputs), expected, rtol=1e-15, atol=1e-15)
     assert program.inputs == count
     compiled = machine_of(program, count).run(inputs.T.copy())[:, :-2].T
     np.testing.assert_allclose(compiled, expected, rtol=2e-14, atol=4e-16)
@@ -206,7 +215,7 @@ def test_zeros_ones_and_what_is_known_are_left_out():
     # sin^2 + cos^2 is found to be one: it is at every sample.
     program, inputs = traced(lambda a, b: (b * (np.sin(a) ** 2 + np.cos(a) ** 2), a), 2)
     assert len(program) == 0
-    np.testing.assert_array_equal(program.run(inputs)[0], inputs[1])
+    np.testing.assert_array_equal(by_numpy(program, inputs)[0], inputs[1])
 
 
 def test_what_is_the_same_at_the_samples_by_cases_is_not_taken_for_equal():
@@ -214,8 +223,8 @@ def test_what_is_the_same_at_the_samples_by_cases_is_not_taken_for_equal():
     tape = Tape(4)
     a, b = tape.inputs(np.array([[1.0, 0.1], [2.0, 0.2], [3.0, 0.3], [1.5, 0.7]]))
     program = Program(tape, [largest([a, b]), abs(b), np.sqrt(largest([a, b])) - np.sqrt(a)])
-    np.testing.assert_allclose(program.run(np.array([[1.0], [-4.0]])), [[1.0], [4.0], [0.0]])
-    np.testing.assert_allclose(program.run(np.array([[1.0], [4.0]])), [[4.0], [4.0], [1.0]])
+    np.testing.assert_allclose(by_numpy(program, np.array([[1.0], [-4.0]])), [[1.0], [4.0], [0.0]])
+    np.testing.assert_allclose(by_numpy(program, np.array([[1.0], [4.0]])), [[4.0], [4.0], [1.0]])
 
 
 def test_elimination_solves():
@@ -227,7 +236,7 @@ def test_elimination_solves():
     solution, pivots = eliminated(matrix, np.eye(4).astype(object))
     assert len(pivots) == 4
     inputs = generator.normal(size=(16, 30))
-    found = Program(tape, list(solution.ravel())).run(inputs).T.reshape(30, 4, 4)
+    found = by_numpy(Program(tape, list(solution.ravel())), inputs).T.reshape(30, 4, 4)
     numbers = inputs.T.reshape(30, 4, 4).copy()
     numbers[:, 0, 1] = numbers[:, 3, 2] = numbers[:, 2, 0] = 0
     np.testing.assert_allclose(found @ numbers, np.broadcast_to(np.eye(4), (30, 4, 4)), atol=1e-9)
