@@ -10,6 +10,7 @@ Every function takes the placements of all joints with any leading axes: one pos
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -82,7 +83,9 @@ class Closure:
                 # E is the identity, or keeps the free axis: these entries are then 1, half a turn off -1.
                 self._aligned[index, turning or range(3), turning or range(3)] = 1.0
         self._least_aligned = _LEAST_ALIGNED * self._aligned
-        self._aligned_at = [12 * loop + 4 * row + column for loop, row, column in np.argwhere(self._aligned).tolist()]
+        aligned_at = [12 * loop + 4 * row + column for loop, row, column in np.argwhere(self._aligned).tolist()]
+        # With the 1 that rows end in, twice: of one entry alone no tuple would come.
+        self._aligned_of = itemgetter(*aligned_at, -1, -1)
         self._rows = np.array(chosen, int)
         self._all_rows = len(chosen) == 6 * self.count
         self.size = len(chosen)
@@ -91,7 +94,7 @@ class Closure:
         first, second = self._first[self.row_loop], self._second[self.row_loop]
         support = mechanism.support
         self.incidence = support[:, second] - support[:, first]
-        self.sign = self.incidence[mechanism.dof_joint].T
+        self.sign = np.ascontiguousarray(self.incidence[mechanism.dof_joint].T)
         # On the relative placement [E | d] of the ends, row by row: the gap, and the map from the second end's twist
         # as the first sees it, (v, w) about the first's origin, to the gap's change. A distance changes by v + w x d,
         # an angle with a turn about axis c of the first frame by sum_ab A_ab ([e_c]x E)_ab.
@@ -168,15 +171,16 @@ class Closure:
 
     def jacobian(self, wrenches: Array, jacobian: Array) -> Array:
         """Return d(gap)/d(velocities) (..., c, nv) of the joints' base twists `jacobian` (..., 6, nv)."""
-        return product(wrenches, jacobian) * self.sign
+        rows = product(wrenches, jacobian)
+        rows *= self.sign
+        return rows
 
     def assembled(self, relative: Array) -> bool:
         """Return False where an angle vanishes at the wrong root, frames turned by half a turn; of one configuration.
 
         relative (12 L + 1,): see `product`.
         """
-        entries = relative.tolist()
-        return min([entries[at] for at in self._aligned_at], default=1.0) >= _LEAST_ALIGNED
+        return min(self._aligned_of(relative.tolist())) >= _LEAST_ALIGNED
 
     def assembled_each(self, turn: Array) -> NDArray[np.bool_]:
         """Return `assembled` of many configurations, (...) of turn (..., L, 3, 3)."""

@@ -85,7 +85,7 @@ class Beam(WrenchModule):
     )
 
     def prepare(self, values: Values) -> Values:
-        """Add the factors of l, l^2 and l^3 in the tip compliance, (n, 6, 6) each."""
+        """Add the factors of l, l^2 and l^3 in the tip compliance, (n, 36) each."""
         e, g = values["youngs_modulus"], values["shear_modulus"]
         shear = shear_flexibility(values, values["area"])
         axial, torsion = 1 / (e * values["area"]), 1 / (g * values["torsion_constant"])
@@ -96,17 +96,19 @@ class Beam(WrenchModule):
         square = tip_compliance(zero, (zero, zero), zero, (zero, x / 2, zero), (zero, y / 2, zero))
         cube = tip_compliance(zero, (zero, zero), zero, (zero, zero, x / 3), (zero, zero, y / 3))
         tilts = not np.isinf(values["root_tilting_stiffness"]).all()
-        return {**values, "powers_of_length": (linear, square, cube), "clamps_tilt": tilts}
+        powers = tuple(power.reshape(-1, 36) for power in (linear, square, cube))
+        return {**values, "powers_of_length": powers, "clamps_tilt": tilts}
 
     def compliance(self, values: Values, at: ModuleGeometry, load: Array | None) -> Array:
         values = values if "powers_of_length" in values else self.prepare(values)
         linear, square, cube = values["powers_of_length"]
         # Spread out: to multiply arrays of one shape takes numpy a third of the time.
-        length = at.length.repeat(36, axis=-1).reshape(*at.length.shape, 6, 6)
+        length = at.length[..., None].repeat(36, axis=-1)
         bent = length * cube
         for lower in (square, linear):
             bent += lower
             bent *= length
+        bent = bent.reshape(*at.length.shape, 6, 6)
         return bent + clamp_compliance(values, at.length) if values["clamps_tilt"] else bent
 
     def line_density(self, values: Values, at: ModuleGeometry) -> Callable[[Array], Array]:

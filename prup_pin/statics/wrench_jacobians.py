@@ -105,17 +105,15 @@ class StaticsLayout:
         self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), mechanism.dof_joint[self.row_dofs]))
         self.load_rows = len(self.row_joints) - len(self.free)
         # What a row's joint carries: of loads on a joint's body, and of every closure force.
-        self.row_support = mechanism.support[self.row_joints]
+        support = mechanism.support[self.row_joints]
         closure = Closure(mechanism)
-        self.row_incidence = closure.incidence[self.row_joints]
+        self.load_incidence = closure.incidence[self.row_joints[: self.load_rows]]
         #: The loop of each closure force.
         self.closure_loops = closure.row_loop
-        # The same of six loads on the body of each joint, and of every closure force's reaction: (nj, rows, 6 + c).
-        loaded = np.repeat(self.row_support.T[..., None], 6, axis=-1)
-        forces = np.broadcast_to(-self.row_incidence, (len(loaded), *self.row_incidence.shape))
-        self.row_carries = np.concatenate((loaded, forces), axis=-1)
+        # The same of six loads on the body of each joint, (nj, rows, 6).
+        self.row_carries = np.repeat(support.T[..., None], 6, axis=-1)
         #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
-        self.closed = bool(len(self.free) and self.row_incidence.shape[1])
+        self.closed = bool(len(self.free) and closure.size)
         # Of all frames' columns x, y, z, p: where beams' tips and roots are, and where their tips point.
         roots = len(wrench) + np.arange(len(self._beams))
         self._beam_columns = np.concatenate((4 * self._beams + 3, 4 * roots + 3, 4 * self._beams + 2))
@@ -329,15 +327,13 @@ def loads_from_frame(
     count = layout.load_rows
     if point is None:
         point = product(pose.placements[..., frame.joint, :3, :], frame.placement[:, 3:])[..., 0]
-    unit = base_wrench_from_point(point)
+    own = product(maps, base_wrench_from_point(point))
+    own *= layout.row_carries[frame.joint]
+    loads = own[..., :count, :]
     if not layout.closed:
-        return (maps[..., :count, :] @ unit) * layout.row_support[:count, frame.joint, None]
-    # Unit wrenches and unit closure forces side by side, as each row's joint carries them.
-    sources = np.concatenate((unit.mT, pose.closure_wrenches), axis=-2)
-    both = product(maps, sources.mT)
-    both *= layout.row_carries[frame.joint]
-    forces = product(pose.balance.inverse, both[..., count:, :6])
-    return both[..., :count, :6] + product(both[..., :count, 6:], forces)
+        return loads
+    forces = product(pose.balance.inverse, own[..., count:, :])
+    return loads - product(_loads_from_closures(layout, pose, maps), forces)
 
 
 def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodies: Array) -> Array:
@@ -359,4 +355,6 @@ def self_stress_loads(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> A
 def _loads_from_closures(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
     """Return the modules' loads under unit closure forces, (..., load rows, closures)."""
     count = layout.load_rows
-    return (maps[..., :count, :] @ pose.closure_wrenches.mT) * layout.row_incidence[:count]
+    loads = product(maps[..., :count, :], pose.closure_wrenches.mT)
+    loads *= layout.load_incidence
+    return loads
