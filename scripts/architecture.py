@@ -60,7 +60,7 @@ GROUND_ROOMS = {
     "errors": "what can go wrong",
     "numbers": "with units, to read",
     "spatial": "wrenches, frames",
-    "parameters": "named quantities",
+    "parameters": "by name",
 }
 BOXES = {
     "modules": Box(1, LEFT, STIFF, "beams, bearings, screws: equations"),
@@ -77,10 +77,10 @@ BOXES = {
     "robots": Box(10, (2.35, 3.6), STIFF, "files"),
     "loading": Box(11, (0.75, 3.6), STIFF, "from a name or a file"),
     "build": Box(11, (3.75, 5.05), STIFF, "new"),
-    "laws": Box(7, _halves(RIGHT)[0], LEFT_OUT, "physics left out"),
+    "laws": Box(7, (6.4, 8.4), LEFT_OUT, "physics left out"),
     "imports": Box(8, (RIGHT[1] - 1.35, RIGHT[1]), LEFT_OUT, "logs"),
-    "recordings": Box(5, _halves(RIGHT)[1], LEFT_OUT, "bench tests"),
-    "dynamics": Box(6, _halves(RIGHT)[1], LEFT_OUT, "efforts in motion"),
+    "recordings": Box(5, (6.9, RIGHT[1]), LEFT_OUT, "bench tests"),
+    "dynamics": Box(6, (6.9, 8.55), LEFT_OUT, "motion"),
     "simulation": Box(12, RIGHT, LEFT_OUT, "a robot under a recording's inputs"),
     "compensation": Box(14, LEFT, LEFT_OUT, "commands that cancel what is wrong"),
     "channels": Box(13, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
@@ -138,7 +138,7 @@ def picture(rooms: dict[str, set[str]]) -> Figure:
     lines = ("robot file → mechanism → closed pose", "→ wrench Jacobians → C, K, parts")
     _draw_road(axes, LEFT[0], 11.6, "How stiff?", lines, STIFF)
     lines = ("recording → simulation → residual of channels", "→ places → laws compete → verdict")
-    _draw_road(axes, RIGHT[0], 4.0, "What was left out?", lines, LEFT_OUT)
+    _draw_road(axes, RIGHT[0], 2.3, "What was left out?", lines, LEFT_OUT)
     return figure
 
 
@@ -182,9 +182,8 @@ def _draw_arrow(axes, room: str, other: str) -> None:
         narrower = min(upper, lower, key=lambda box: box.sides[1] - box.sides[0])
         start, end = (narrower.middle, upper.low), (narrower.middle, lower.high)
     elif upper.middle < lower.middle:
-        start, end = (upper.sides[1], (upper.low + upper.high) / 2), (lower.middle, lower.high)
-        if lower.sides[0] == RIGHT[0]:
-            end = lower.sides[0], (lower.low + lower.high) / 2
+        start = (upper.sides[1], (upper.low + upper.high) / 2)
+        end = (lower.sides[0], (lower.low + lower.high) / 2)
     else:
         start = (upper.sides[0], (upper.low + upper.high) / 2)
         end = (lower.sides[1], (lower.low + lower.high) / 2)

@@ -39,8 +39,8 @@ CYCLE = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
 _SHORT_CYCLE = (0.0, 1.0, 0.0, -1.0)
 #: What decides between poses where every pair has enough.
 _LITTLE = 1e-6
-#: Pairs that the reason lists.
-MOST_LISTED = 3
+#: Pairs that a sentence of the reason lists.
+MOST_LISTED = 6
 #: Of what these laws need the plan can see to.
 _SEEN_TO = {"gravity", "temperature", "wrench"}
 
@@ -205,7 +205,7 @@ class _Told:
         self.loads = np.array(CYCLE)[None, :, None] * search.loads[list(chosen), None]
         self.lists: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": [], "undecided": []}
         self.most = 0.0
-        words: dict[str, list[str]] = {name: [] for name in self.lists}
+        said: dict[str, list[tuple[Pair, float | None]]] = {name: [] for name in self.lists}
         alike: list[tuple[int, dict[str, Any]]] = []
         test = self._test()
         for k, pair in enumerate(search.pairs):
@@ -218,14 +218,35 @@ class _Told:
             if kind != "cannot_separate":
                 self.most = max(self.most, size)
             self.lists[kind].append(entry)
-            words[kind].append(_against(pair, largest if kind == "separates" else None))
-        said = {
-            "separates": "separates {}",
-            "cannot_separate": "no pose and load within reach tells apart: {}",
-            "undecided": "this plan alone may leave open: {}",
+            said[kind].append((pair, largest if kind == "separates" else None))
+        texts = {
+            "separates": "separates",
+            "cannot_separate": "no pose and load within reach tells",
+            "undecided": "this plan alone may not tell",
         }
-        parts = [text.format("; ".join(words[name][:MOST_LISTED])) for name, text in said.items() if words[name]]
+        parts: list[str] = []
+        for name, text in texts.items():
+            if said[name]:
+                parts.append(f"{text} {self._from(said[name], again=bool(parts))}")
         self.why = ". But ".join([parts[0], "; and ".join(parts[1:])][: len(parts)]) + self._beyond_reach(alike)
+
+    def _from(self, told: Sequence[tuple[Pair, float | None]], again: bool = True) -> str:
+        """Return 'backlash at A from backlash at B (1.4 times the noise), C (2.4)': each said once, `again` 'it'."""
+        ours = {id(pair.term): pair.term for pair in self.search.pairs}
+        groups: dict[int, dict[str, list[str]]] = {}
+        unit = " times the noise"
+        for pair, times in told[:MOST_LISTED]:
+            physics, at, place = _words(pair.rival).partition(" at ")
+            size = "" if times is None else f" ({number(times, 2)}{unit})"
+            unit = unit if times is None else ""
+            groups.setdefault(id(pair.term), {}).setdefault(physics + at, []).append(place + size)
+        sentences = [
+            f"{'it' if again and len(ours) == 1 else _words(ours[term])} from "
+            + ", or from ".join(physics + _listed(places) for physics, places in rivals.items())
+            for term, rivals in groups.items()
+        ]
+        more = len(told) - MOST_LISTED
+        return "; ".join(sentences) + (f"; and {more} pair{'s' if more > 1 else ''} more" if more > 0 else "")
 
     def _test(self, times: float = 1.0, gravity: Array | None = None) -> Test:
         search = self.search
@@ -250,13 +271,13 @@ class _Told:
             ways.append(("The base tilted against gravity", "tilted_base", 1.0, _tilted(gravity)))
         said = ""
         for what, key, times, tilted in ways:
-            test, told = self._test(times, tilted), []
+            test, told = self._test(times, tilted), list[tuple[Pair, float | None]]()
             for k, entry in alike:
                 size, entry[key] = self._apart(test, k)
                 if size >= INDISTINCT:
-                    told.append(_against(pairs[k], entry[key]))
+                    told.append((pairs[k], entry[key]))
             if told:
-                said += f". {what} would tell apart {'; '.join(told[:MOST_LISTED])}"
+                said += f". {what} would tell {self._from(told)}"
         return said
 
 
@@ -303,9 +324,8 @@ def _words(term: Term) -> str:
     return f"{physics.replace('_', ' ')}{at}{place}"
 
 
-def _against(pair: Pair, times: float | None = None) -> str:
-    apart = "" if times is None else f" (by {number(times, 2)} times the noise)"
-    return f"{_words(pair.term)} against {_words(pair.rival)}{apart}"
+def _listed(words: Sequence[str]) -> str:
+    return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
 def _left(selection: Selection) -> list[Pair]:

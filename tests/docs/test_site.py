@@ -34,6 +34,15 @@ def test_every_page_has_its_place():
     assert sorted(listed) == sorted(there)
 
 
+def test_pictures_load_quickly():
+    """The bound is that of scripts/pictures.py."""
+    source = (ROOT / "scripts" / "pictures.py").read_text(encoding="utf-8")
+    (most,) = map(int, re.findall(r"^LARGEST = ([\d_]+)", source, re.MULTILINE))
+    sizes = {path.name: path.stat().st_size for path in (DOCS / "pictures").glob("*.png")}
+    assert len(sizes) > 10
+    assert not {name: size for name, size in sizes.items() if size > most}
+
+
 def test_warnings_are_errors():
     assert SITE["strict"] is True
     assert set(SITE["validation"].values()) == {"warn"}
