@@ -101,6 +101,12 @@ class Toleranced:
         return Effect(self.law, Place("robot"), values)
 
     @property
+    def reach(self) -> Array:
+        """By how many tolerances each may be off where it may take what it likes, (p,): what cannot fail, by any."""
+        relative = np.array([item.relative for item in self.law.deviations], bool)
+        return np.where(relative, FREELY / self.tolerances, np.inf)
+
+    @property
     def adds_up(self) -> np.ndarray:
         """Which parameters act on top of what acts already, (p,)."""
         return np.array([item.adds_up for item in self.law.deviations], bool)
@@ -112,7 +118,7 @@ class Calibrated:
 
     x (p,) in multiples of the tolerances; changes (n, K, p) of the columns per tolerance, and jacobian (K n, p), the
     same whitened; residual (n, K), whitened; objective: chi squared plus x^T x. `effects` act beside; no |x| was
-    sought beyond `reach`.
+    sought beyond `reach`, which is one for all or (p,).
     """
 
     toleranced: Toleranced
@@ -124,7 +130,7 @@ class Calibrated:
     jacobian: Array
     objective: float
     rounds: int
-    reach: float
+    reach: float | Array
 
     @property
     def run(self) -> Run:
@@ -237,7 +243,7 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     within = judged = _ways(problem, _first_steps(problem, toleranced, [*weights, []], reach))
     if min(each.objective for each in within) > FAR_BEHIND * within[0].residual.size:
         # What is left out decides, at the ends of what tolerances may take; less so where they may take what they like.
-        judged = _ways(problem, [replace(each, reach=FREELY) for each in within], FEW_CALIBRATION_ROUNDS)
+        judged = _ways(problem, [replace(each, reach=each.toleranced.reach) for each in within], FEW_CALIBRATION_ROUNDS)
     best = min(judged, key=lambda each: each.objective + (shows if each.effects else 0.0))
     return problem.within(next(each for each in within if each.effects == best.effects))
 
@@ -266,12 +272,14 @@ def _ways(problem, begun: Sequence[Calibrated], rounds: int = CALIBRATION_ROUNDS
     for other in others:
         if other.objective > FAR_BEHIND * best.objective:
             continue
+        # what is off by far is so in whatever way weight acts
+        beside = _at(problem, other.toleranced, found[0].x, other.effects, found[0].run, other.reach)
+        begins = min(other, _near(beside, found[0]), key=attrgetter("objective"))
         if other.effects and best.effects:
-            beside = _at(problem, other.toleranced, found[0].x, other.effects, found[0].run, other.reach)
-            found.append(_followed(problem, _near(min(beside, other, key=attrgetter("objective")), found[0])))
+            found.append(_followed(problem, _near(begins, found[0])))
             continue
-        other = _followed(problem, other)
-        found.append(settled(problem, other, rounds) if other.objective < NOT_BEHIND * found[0].objective else other)
+        begins = _followed(problem, begins)
+        found.append(settled(problem, begins, rounds) if begins.objective < NOT_BEHIND * found[0].objective else begins)
     return found
 
 
@@ -376,9 +384,9 @@ def _improved(problem, now: Calibrated, least_share: float = CALIBRATION_STEP) -
     """Return where a Gauss-Newton step leads, shortened until it helps; None where none of `least_share` does."""
     normal = now.jacobian.T @ now.jacobian + np.eye(len(now.x))
     step = np.linalg.solve(normal, now.jacobian.T @ now.residual.ravel() - now.x)
-    if np.abs(now.x + step).max(initial=0.0) > now.reach:
+    if (np.abs(now.x + step) > now.reach).any():
         root = np.linalg.cholesky(normal).T
-        step = least_within(root, root @ (now.x + step), np.full(len(step), now.reach)) - now.x
+        step = least_within(root, root @ (now.x + step), np.broadcast_to(now.reach, step.shape)) - now.x
     # Where much is left, the last digits would be those of a model that lacks something.
     more = max(now.objective - MUCH_LEFT * now.residual.size, 0.0)
     if float(step @ normal @ step) < SETTLED + SETTLED_SHARE * more:
@@ -398,7 +406,7 @@ def least_within(matrix: Array, right: Array, reach: Array) -> Array:
 
 
 def _at(
-    problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None, reach: float
+    problem, toleranced: Toleranced, x: Array, effects: Sequence[Effect], start: Run | None, reach: float | Array
 ) -> Calibrated:
     run = problem.simulator.run([toleranced.effect(x), *effects], start)
     influence = Influence(problem.simulator, run, problem.stack)
@@ -412,7 +420,10 @@ def _at(
 def changes_per_tolerance(
     simulator: Simulator, influence: Influence, toleranced: Toleranced, x: Array, effects: Sequence[Effect]
 ) -> Array:
-    """Return the change of the columns (n, K, p) per tolerance of each parameter, to first order about a run at x."""
+    """Return the change of the columns (n, K, p) per tolerance of each parameter, to first order about a run at x.
+
+    Zero for those that have none there, as joints of loops which only close as they stand: these stay where they are.
+    """
     alone = toleranced.adds_up
     all_off = simulator.setup([toleranced.effect(x)])
     robot_off = simulator.setup([toleranced.effect(x, alone)])  # the sensors come after it
@@ -422,7 +433,8 @@ def changes_per_tolerance(
             moved = simulator.setup([toleranced.effect(step, step > 0), *effects], all_off)
         else:
             moved = simulator.setup([toleranced.effect(x + step, ~alone), *effects], robot_off)
-        columns.append(influence.change(moved) / _STEP)
+        change = influence.change(moved)
+        columns.append(change / _STEP if np.isfinite(change).all() else np.zeros_like(change))
     return np.stack(columns, axis=-1) if columns else np.zeros((len(influence), influence.stack.size, 0))
 
 

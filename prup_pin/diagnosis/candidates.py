@@ -179,10 +179,19 @@ class Candidate:
         beside, residual = self._beside_usual(coordinates), self.unusual(coordinates)
         far = np.abs(beside) > 1e-6
         slope = np.where(far, beside / (1 + beside**2 / TAIL) / np.where(far, residual, 1.0), 1.0)
-        return slope * self._beside_usual(np.ones(self.size))
+        return slope * np.where(self.logarithmic, 0.0, 1 / self._usual[1])
 
     def _beside_usual(self, coordinates: Array) -> Array:
-        return np.where(self.logarithmic, 0.0, coordinates / (USUAL_MULTIPLE * self.scales()))
+        mean, deviation = self._usual
+        return np.where(self.logarithmic, 0.0, (coordinates - mean) / deviation)
+
+    @cached_property
+    def _usual(self) -> tuple[Array, Array]:
+        """Mean and standard deviation of what is usual of coordinates that are no logarithms, (p,) each."""
+        own = self.law.usual_at(self.place, self.mechanism)
+        rest = USUAL_MULTIPLE * self.scales()
+        found = [own.get(q.name, (0.0, wide)) for q, wide in zip(self.quantities, rest.tolist(), strict=True)]
+        return np.array([mean for mean, _ in found]), np.array([deviation for _, deviation in found])
 
     def scales(self) -> Array:
         """Return a typical change of every coordinate, (p,)."""

@@ -51,6 +51,7 @@ from .criteria import (
     MERGES_TRIED,
     MODEST,
     MORE_SIMULATED,
+    MOST_PAIRS,
     MOST_TERMS,
     NEAR_RIVAL,
     NEEDED,
@@ -70,6 +71,7 @@ from .criteria import (
     TRIED_WHOLE,
     UNLIKELY_PLACE,
     WEIGHT_ACTS,
+    WORTH_SEPARATING,
     beyond_tolerance,
     clean_bound,
 )
@@ -136,12 +138,14 @@ class Rival:
     """An alternative that was tried: its term, chi squared and change of the pose.
 
     `scale`: mean squared residual where more than noise is left, by which differences of chi squared then grow.
+    `whole`: all terms and toleranced parameters (p,) with it in its place, where that was simulated.
     """
 
     term: Term
     chi2: float
     change: Array
     scale: float = 1.0
+    whole: tuple[tuple[Term, ...], Array] | None = None
 
     @property
     def score(self) -> float:
@@ -332,6 +336,7 @@ def select(
     if len(rivals) != len(fit.terms) or tried:
         rivals = tuple(tuple(_judged(search, fit, index, library)[0]) for index in range(len(fit.terms)))
     rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
+    rivals = tuple(tuple(_settled(search, fit, index, each)) for index, each in enumerate(rivals))
     return replace(best, rivals=rivals, work=search.spent)
 
 
@@ -671,10 +676,38 @@ def _judged(
         trial = search.refine(terms, fit, rounds=2)
         if trial.chi2 < max(rival.chi2, fit.chi2) + RIVAL_MARGIN * scale * INDISTINCT:
             trial = search.refine(trial.terms, trial, rounds=FEW_ROUNDS)
-        judged.append(Rival(trial.terms[index], trial.chi2, rival.change, scale))
+        judged.append(_simulated(rival, index, trial))
         if leads and judged[-1].score < own - SWAP_LEAD:
             return judged, trial
     return sorted(judged, key=lambda rival: rival.score), None
+
+
+def _settled(search: _Search, fit: Fit, index: int, rivals: Sequence[Rival]) -> list[Rival]:
+    """Return rivals of a term, those that data may leave beside it as the whole simulation has them.
+
+    What first order misjudges would be taken for a difference that another recording shows.
+    """
+    if not rivals or _misjudged(search.problem, fit, index) < SMALL_MISJUDGED:
+        return list(rivals)
+    own, found = fit.terms[index], []
+    change = next((rival for rival in rivals if rival.term is own), rivals[0])
+    simulated = 0
+    for rival in sorted(rivals, key=lambda rival: rival.chi2):
+        near = rival.chi2 - fit.chi2 <= WORTH_SEPARATING * rival.scale * INDISTINCT
+        law = rival.term.candidate.law.physics
+        twin = law == own.candidate.law.physics and _alike(rival, change)
+        dear = rival.term.candidate.remembers or search.over or simulated == MOST_PAIRS
+        if near and rival.whole is None and rival.term is not own and not twin and not dear:
+            simulated += 1
+            terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
+            rival = _simulated(rival, index, search.refine(terms, fit, rounds=FEW_ROUNDS))
+        found.append(rival)
+    return sorted(found, key=lambda rival: rival.score)
+
+
+def _simulated(rival: Rival, index: int, trial: Fit) -> Rival:
+    """Return a rival as a fit has it in the place of term `index`."""
+    return replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x))
 
 
 def _challenged(search: _Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:

@@ -326,9 +326,9 @@ WEIGHT_ACTS: Final = 8.0
 WEIGHT_SHOWS: Final = 25.0
 #: ... and after the first step: with or without weight, what is this many times worse is not followed to its end.
 FAR_BEHIND: Final = 4.0
-#: Tolerances by which parameters may be off that may take what they like: a stiffness may be a twentieth then,
-#: or so, and robots that hang in threads take long to balance.
-FREELY: Final = 30.0
+#: Logarithm by which a parameter may be off that may take what it likes: a stiffness may be a twentieth then, or so,
+#: and robots that hang in threads take long to balance. A frame may stand anywhere.
+FREELY: Final = 3.0
 #: ... nor what is this many times worse when its own first derivatives lead no further.
 NOT_BEHIND: Final = 1.5
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.

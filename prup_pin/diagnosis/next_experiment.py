@@ -128,15 +128,15 @@ class _Search:
         wanted = [CERTAIN / size for size in have if MOST_REPEATED * size >= INDISTINCT]
         return chosen, int(np.clip(np.ceil(max(wanted, default=1.0)), 1, MOST_REPEATED))
 
-    def is_proved_alike(self, pair: int) -> bool:
-        """Return True where not even a plan for this pair alone, repeated, would tell it apart."""
-        return MOST_REPEATED * self._best(pair) < INDISTINCT
-
     def _best(self, pair: int) -> float:
         """Return what the best places for one pair, each in a pose of its own, are worth to it."""
+        return float(self.worth[pair, self.best_places(pair)].sum())
+
+    def best_places(self, pair: int) -> Array:
+        """Return the best places for one pair alone, each in a pose of its own."""
         order = np.argsort(-self.worth[pair], kind="stable")[: MOST_PLANNED_POSES * (6 + WEIGHED_LOADS)]
         _, first = np.unique(self.positions[order], axis=0, return_index=True)
-        return float(self.worth[pair, order[np.sort(first)[:MOST_PLANNED_POSES]]].sum())
+        return np.asarray(order[np.sort(first)[:MOST_PLANNED_POSES]])
 
     def _drawn(self, near: Sequence[int]) -> None:
         """Take in further places: half of them anywhere, half near those that are best for pairs not yet apart."""
@@ -200,9 +200,7 @@ class _Told:
     """What a plan tells apart, pair by pair and in words: it is simulated, and what may be fitted is fitted."""
 
     def __init__(self, search: _Search, chosen: Sequence[int], repeated: int):
-        self.search, self.repeated = search, repeated
-        self.positions = search.positions[list(chosen)]
-        self.loads = np.array(CYCLE)[None, :, None] * search.loads[list(chosen), None]
+        self.search, self.chosen, self.repeated = search, list(chosen), repeated
         self.lists: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": [], "undecided": []}
         self.most = 0.0
         said: dict[str, list[tuple[Pair, float | None]]] = {name: [] for name in self.lists}
@@ -213,7 +211,7 @@ class _Told:
             entry = {"one": _named(pair.term), "other": _named(pair.rival), "times_noise": largest}
             kind = "separates"
             if size < INDISTINCT:
-                kind = "cannot_separate" if search.is_proved_alike(k) else "undecided"
+                kind = "cannot_separate" if self._is_proved_alike(k) else "undecided"
                 alike.append((k, entry))
             if kind != "cannot_separate":
                 self.most = max(self.most, size)
@@ -248,17 +246,26 @@ class _Told:
         more = len(told) - MOST_LISTED
         return "; ".join(sentences) + (f"; and {more} pair{'s' if more > 1 else ''} more" if more > 0 else "")
 
-    def _test(self, times: float = 1.0, gravity: Array | None = None) -> Test:
-        search = self.search
-        inputs = search.bench.inputs(self.positions, times * self.loads, gravity)
+    def _test(self, times: float = 1.0, gravity: Array | None = None, chosen: Sequence[int] | None = None) -> Test:
+        search, places = self.search, self.chosen if chosen is None else list(chosen)
+        loads = np.array(CYCLE)[None, :, None] * search.loads[places, None]
+        inputs = search.bench.inputs(search.positions[places], times * loads, gravity)
         return Test(search.bench, search.problem, search.last, inputs)
 
-    def _apart(self, test: Test, k: int) -> tuple[float, float]:
+    def _apart(self, test: Test, k: int, repeated: int | None = None) -> tuple[float, float]:
         """Return how far a repeated test tells a pair apart, in chi squared, and the most of one sample in noise."""
-        pair = self.search.pairs[k]
-        left = apart(test.simulated(pair), test.free(pair), self.search.known[k] / self.repeated)
+        pair, times = self.search.pairs[k], self.repeated if repeated is None else repeated
+        left = apart(test.simulated(pair), test.free(pair), self.search.known[k] / times)
         each = (np.nan_to_num(left) ** 2).sum(axis=1)
-        return self.repeated * float(each.sum()), float(np.sqrt(each.max(initial=0.0)))
+        return times * float(each.sum()), float(np.sqrt(each.max(initial=0.0)))
+
+    def _is_proved_alike(self, k: int) -> bool:
+        """Return True where not even a plan for this pair alone, repeated, would tell it apart."""
+        search = self.search
+        if MOST_REPEATED * search.worth[k, search.best_places(k)].sum() < INDISTINCT:
+            return True
+        # What the first recording says of the parameters counts once, not in each place.
+        return self._apart(self._test(chosen=search.best_places(k)), k, MOST_REPEATED)[0] < INDISTINCT
 
     def _beyond_reach(self, alike: Sequence[tuple[int, dict[str, Any]]]) -> str:
         """Return what would tell apart what this bench does not: larger loads, a base tilted against gravity."""
@@ -336,7 +343,7 @@ def _left(selection: Selection) -> list[Pair]:
             other = rival.term
             if _holds(other, term) or other is term or rival.chi2 - selection.last.chi2 > WORTH_SEPARATING * INDISTINCT:
                 continue
-            pairs.append(Pair(term, other))
+            pairs.append(Pair(term, other, rival.whole))
     return pairs
 
 

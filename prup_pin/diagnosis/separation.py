@@ -37,19 +37,25 @@ _NEAR_POSE, _NEAR_LOAD = 0.1, 0.4
 
 
 class Pair(NamedTuple):
-    """A term of a fit, and what could stand in its place."""
+    """A term of a fit, and what could stand in its place.
+
+    `whole`: all terms and toleranced parameters (p,) with the rival there, where that was simulated.
+    """
 
     term: Term
     rival: Term
+    whole: tuple[tuple[Term, ...], Array] | None = None
 
     @property
     def needs(self) -> set[str]:
         """What the two laws cannot act without."""
-        return {need for term in self for need in term.candidate.law.needs}
+        return {need for term in (self.term, self.rival) for need in term.candidate.law.needs}
 
-    def in_place(self, fit: Fit, term: Term) -> tuple[Term, ...]:
-        """Return all terms of a fit with `term` in the place of the pair's."""
-        return tuple(term if other is self.term else other for other in fit.terms)
+    def other(self, fit: Fit) -> tuple[tuple[Term, ...], Array]:
+        """Return all terms of a fit with the rival in the place of the term, and the toleranced parameters then."""
+        if self.whole is not None:
+            return self.whole
+        return tuple(self.rival if other is self.term else other for other in fit.terms), fit.x
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +179,7 @@ class Test:
         noise = replace(problem.noise, each=(), which=None)
         own = Problem.of(Simulator(bench.robot, inputs), Stack(tuple(channels)), noise)
         self.problem = own if problem.tolerances is None else replace(own, tolerances=problem.tolerances)
-        self._runs: dict[tuple[int, ...], Run] = {}
+        self._runs: dict[tuple[int, ...], Run] = {}  # by what the pairs keep alive
 
     @cached_property
     def fit(self) -> Fit:
@@ -189,34 +195,35 @@ class Test:
 
     def difference(self, pair: Pair) -> Array:
         """Return what the term changes less what its rival changes, (n, K), to first order."""
+        rivals, x = pair.other(self.last)
         one, other = (
-            self.problem.change(self.fit, [item.effect for item in pair.in_place(self.last, term)]) for term in pair
+            self.problem.change(self.fit, [item.effect for item in terms]) for terms in (self.last.terms, rivals)
         )
-        return one - other
+        return one - other + (self.fit.held @ (self.last.x - x)).reshape(one.shape)
 
     def simulated(self, pair: Pair) -> Array:
         """Return the same by the whole simulation; zero where either has no answer."""
-        one, other = (self._run(pair.in_place(self.last, term)) for term in pair)
+        one, other = self._run(self.last.terms, self.last.x), self._run(*pair.other(self.last))
         measured = Stack(tuple(PoseChannel.of_run(one, frame) for frame in self.bench.frames))
         difference = measured.residual(other)[self.fit.samples]
         return self.problem.whitened(self.fit.influence, np.where(self.bench.measured, difference, 0.0))
 
-    def _run(self, terms: Sequence[Term]) -> Run:
-        key = tuple(id(term) for term in terms)
+    def _run(self, terms: Sequence[Term], x: Array) -> Run:
+        key = id(x), *(id(term) for term in terms)
         if key not in self._runs:
-            beside = [] if self.problem.tolerances is None else self.problem.tolerances.at(self.last.x)
+            beside = [] if self.problem.tolerances is None else self.problem.tolerances.at(x)
             self._runs[key] = self.problem.simulator.run([*beside, *(term.effect for term in terms)], self.fit.run)
         return self._runs[key]
 
     def free(self, pair: Pair) -> Array:
         """Return the whitened changes (n, K, p) per parameter of the rival and of all beside it, as in `known_of`."""
-        found = _free(self.problem, self.fit, pair.in_place(self.last, pair.rival))
+        found = _free(self.problem, self.fit, pair.other(self.last)[0])
         return found.reshape(self.count, -1, found.shape[1])
 
 
 def known_of(problem: Problem, last: Fit, pair: Pair) -> Array:
     """Return what a recording and tolerances say of the parameters of a pair's rival and of all beside it, (p, p)."""
-    columns = _free(problem, last, pair.in_place(last, pair.rival))
+    columns = _free(problem, last, pair.other(last)[0])
     held = len(last.x)
     prior = np.zeros(columns.shape[1])
     prior[columns.shape[1] - held :] = 1.0

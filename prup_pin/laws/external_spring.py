@@ -22,7 +22,7 @@ _SLACK = tuple(
     for axis in _AXES
 )
 #: A fit starts where it is slack so far beside the tool at home along each axis [m], and may end so many times the
-#: tool's distance from the base away from there; a robot smaller than this is taken as one of this size [m].
+#: robot's size away from there; a robot smaller than this is taken as one of this size [m].
 _BESIDE, _FAR, _SMALLEST = 0.1, 4.0, 0.2
 
 
@@ -48,12 +48,17 @@ class ExternalSpring(Law):
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         """Return its parameters: what is slack only far beyond the robot's reach pulls evenly, as a weight does."""
         home = _home(mechanism)
-        far = _FAR * max(float(np.linalg.norm(home)), _SMALLEST)
+        far = _FAR * _size(home)
         found = {
             axis: replace(item, default=at + _BESIDE, lower=at - far, upper=at + far)
             for axis, item, at in zip(_AXES, _SLACK, home.tolist(), strict=True)
         }
         return tuple(found.get(item.name, item) for item in self.quantities)
+
+    def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
+        """Return where it is slack: a hose hangs from something near the robot, about as far from home as that is."""
+        home = _home(mechanism)
+        return {axis: (at, _size(home)) for axis, at in zip(_AXES, home.tolist(), strict=True)}
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         stiffness = np.diag(self._stiffness(values))
@@ -85,6 +90,11 @@ class UnevenSpring(ExternalSpring):
 
     def _stiffness(self, values: Mapping[str, float]) -> Sequence[float]:
         return [values[f"stiffness_{axis}"] for axis in _AXES]
+
+
+def _size(home: np.ndarray) -> float:
+    """Return how large a robot is whose tool point is at home there [m]."""
+    return max(float(np.linalg.norm(home)), _SMALLEST)
 
 
 def _home(mechanism: Mechanism) -> np.ndarray:

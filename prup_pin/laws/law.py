@@ -108,6 +108,13 @@ class Law(ABC):
         """Return parameter values from which a fit starts; several where it may have several minima."""
         return [{quantity.name: float(quantity.default) for quantity in self.quantities_at(place, mechanism)}]  # type: ignore[arg-type]
 
+    def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
+        """Return mean and standard deviation of what is usual, by parameter that may be negative.
+
+        Of those left out it is zero, and a multiple of where a fit starts.
+        """
+        return {}
+
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         """Return values of all parameters at which the law changes nothing."""
         return {**self.starts(place, mechanism)[0], **self.neutral}

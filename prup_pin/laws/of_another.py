@@ -40,6 +40,9 @@ class OfAnother(Law):
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return self.law.starts(self.inner(place, mechanism), mechanism)
 
+    def usual_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, tuple[float, float]]:
+        return self.law.usual_at(self.inner(place, mechanism), mechanism)
+
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         return self.law.neutral_at(self.inner(place, mechanism), mechanism)
 

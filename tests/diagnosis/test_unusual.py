@@ -12,7 +12,8 @@ from .test_parts import problem_of
 
 BIAS = {"fx": -160.0, "fy": 160.0, "fz": 310.0}
 FORCES = "wrench_sensor_bias at wrench_sensor (forces)"
-LAWS = (FORCES, "wrench_sensor_bias at wrench_sensor", "external_spring at environment", "payload at moving_star")
+HOSE = "external_spring at environment"
+LAWS = (FORCES, "wrench_sensor_bias at wrench_sensor", HOSE, "payload at moving_star")
 
 
 @pytest.fixture(scope="module")
@@ -43,3 +44,16 @@ def test_a_sensor_that_nobody_zeroed_is_no_hose(library):
     assert [term.candidate.name for term in found.terms] == [FORCES]
     np.testing.assert_allclose(found.terms[0].coordinates, list(BIAS.values()), rtol=1e-2)
     assert implausible(found.terms[0]) < 60
+
+
+def test_a_hose_hangs_from_something_near_the_robot(library):
+    """As far from the tool at home as that is from the base: slack several times farther, it pulls as a bias does."""
+    simulator, laws = library
+    (hose,) = (item for item in laws if item.name == HOSE)
+    home = simulator.robot.home.base_from_tool[:3, 3]
+    here = hose.coordinates_of(np.array([100.0, *home]))
+    np.testing.assert_allclose(hose.unusual(here), 0.0, atol=1e-9)
+    size = np.linalg.norm(home)
+    away = hose.unusual(np.append(here[:3], here[3] + 3 * size))
+    np.testing.assert_allclose(away, [0.0, 0.0, 0.0, np.sqrt(4 * np.log1p(9 / 4))], rtol=1e-9)
+    assert hose.bounds[1][3] == pytest.approx(home[2] + 4 * size)

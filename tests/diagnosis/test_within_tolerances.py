@@ -66,11 +66,18 @@ def test_a_faultless_robot_has_nothing_but_its_weight(robot):
     assert known.sd == pytest.approx((1 - known.learned) * known.tolerance, rel=0.2)
 
 
-def test_weight_acts_beside_a_fault_many_times_as_large(robot):
-    """A tracker's target that sits 7 mm and 24 mrad elsewhere leaves a hundred times more than weight does."""
-    elsewhere = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (-4.1e-3, 7e-4, -5.9e-3, 0.018, 0.009, 0.014), strict=True))
-    fault = effect_named("target_misalignment", "target", "", elsewhere, robot.mechanism)
-    given = asked(robot, bench(robot, 1, fault, poses=6), lambda stage, share: None)
+@pytest.mark.parametrize(
+    ("sensor", "shift", "elsewhere"),
+    [
+        ("target", "xyz", (-4.1e-3, 7e-4, -5.9e-3, 0.018, 0.009, 0.014)),
+        ("pose_sensor", ("tx", "ty", "tz"), (-4e-3, -1e-3, -8e-3, -0.03, 0.05, 0.0)),
+    ],
+)
+def test_weight_acts_beside_a_fault_many_times_as_large(robot, sensor, shift, elsewhere):
+    """A target or a tracker that is 20 to 50 tolerances elsewhere leaves a hundred times more than weight does."""
+    values = dict(zip((*shift, "rx", "ry", "rz"), elsewhere, strict=True))
+    fault = effect_named(f"{sensor}_misalignment", sensor, "", values, robot.mechanism)
+    given = asked(robot, bench(robot, 1, fault, poses=4), lambda stage, share: None)
     problem = given.within_tolerances(given.problem, beyond_tolerance(len(given.toleranced)))
     assert problem.first.chi2 > 1e4 * problem.first.residual.size
     assert [effect.law.physics for effect in problem.tolerances.effects] == ["self_weight"]

@@ -19,7 +19,13 @@ from prup_pin.views.drawing.diagnosis_figures import _lines
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
-from prup_pin.views.text.diagnosis_words import hidden_rows, parameter_texts, places_text, verdict_text
+from prup_pin.views.text.diagnosis_words import (
+    alternative_text,
+    hidden_rows,
+    parameter_texts,
+    places_text,
+    verdict_text,
+)
 
 from . import chromium
 
@@ -79,6 +85,18 @@ def test_effects_that_stayed_hidden_are_grouped(diagnosed):
 
 def test_places_fold_their_legs():
     assert places_text(["leg1/a", "leg1/b", "leg2/a", "robot"]) == "leg1, leg2: a; leg1/b; robot"
+
+
+def test_a_part_and_what_it_belongs_to_are_no_rivals(diagnosed):
+    _, _, diagnosis = diagnosed
+    names = ("joint3/drive", "joint3")
+    drive = dataclasses.replace(diagnosis.findings[0], location="joint3/drive", candidates=names, alternatives=())
+    assert alternative_text(diagnosis, drive) == ["joint3/drive is part of joint3, which may be meant as a whole"]
+    joint = dataclasses.replace(drive, location="joint3", candidates=(*names, "joint30"))
+    assert alternative_text(diagnosis, joint) == [
+        "these data cannot tell joint3 from joint30",
+        "it may sit in joint3/drive alone",
+    ]
 
 
 def test_the_local_curve_is_that_of_the_law(diagnosed):

@@ -112,11 +112,18 @@ def _end(value: float) -> str:
 def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
-    others = [place for place in finding.candidates if place != finding.location]
-    effect = finding.effect
-    parts = finding.location == "robot" and (effect is None or effect.place.aspect == EACH_JOINT)
-    if others and not parts:
-        texts.append(f"these data cannot tell {finding.location} from {places_text(others)}")
+    here, effect = finding.location, finding.effect
+    others = [place for place in finding.candidates if place != here]
+    if here == "robot" and (effect is None or effect.place.aspect == EACH_JOINT):
+        others = []
+    wholes = [place for place in others if here.startswith(f"{place}/")]
+    parts = [place for place in others if place.startswith(f"{here}/")]
+    if rivals := [place for place in others if place not in (*wholes, *parts)]:
+        texts.append(f"these data cannot tell {here} from {places_text(rivals)}")
+    if wholes:
+        texts.append(f"{here} is part of {places_text(wholes)}, which may be meant as a whole")
+    if parts:
+        texts.append(f"it may sit in {places_text(parts)} alone")
     if finding.alternatives:
         laws = (name.partition(" at ") for name in finding.alternatives)
         texts.append(f"as good a fit: {', '.join(law.replace('_', ' ') + at + place for law, at, place in laws)}")
