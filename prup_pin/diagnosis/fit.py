@@ -298,7 +298,7 @@ class Problem:
     @property
     def farthest(self) -> float:
         """By how many tolerances a parameter may be off while laws are looked for."""
-        return np.inf if self.tolerances is None else self.tolerances.start.reach
+        return np.inf if self.tolerances is None else float(np.max(self.tolerances.start.reach))
 
     def is_held_back(self, fit: Fit) -> bool:
         """Return True where a parameter would go farther than laws are looked for."""

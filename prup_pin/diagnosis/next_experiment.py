@@ -132,11 +132,11 @@ class _Search:
         """Return what the best places for one pair, each in a pose of its own, are worth to it."""
         return float(self.worth[pair, self.best_places(pair)].sum())
 
-    def best_places(self, pair: int) -> Array:
+    def best_places(self, pair: int) -> list[int]:
         """Return the best places for one pair alone, each in a pose of its own."""
         order = np.argsort(-self.worth[pair], kind="stable")[: MOST_PLANNED_POSES * (6 + WEIGHED_LOADS)]
         _, first = np.unique(self.positions[order], axis=0, return_index=True)
-        return np.asarray(order[np.sort(first)[:MOST_PLANNED_POSES]])
+        return [int(place) for place in order[np.sort(first)[:MOST_PLANNED_POSES]]]
 
     def _drawn(self, near: Sequence[int]) -> None:
         """Take in further places: half of them anywhere, half near those that are best for pairs not yet apart."""

@@ -88,6 +88,8 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 def gain_text(finding: Finding) -> str:
     """Return what a finding is worth."""
     percent = 100 * finding.heldout_gain
+    if percent < 0.05 and finding.effect is not None:
+        return "what else is off could make up for it" if finding.parameters else "acts whatever else does"
     shown = number(percent, 3) if percent < 99.5 else f"{percent:.2f}"
     return f"removes {shown} % of the squared residual"
 
