@@ -395,6 +395,19 @@ FEWEST_EFFORT_BLOCKS = 4
 #: Another place or law is as good where it loses less than so many standard errors over blocks, or than this share
 #: of the gain.
 EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02
+#: Logarithm of the odds by which another law must be the likelier one to take a law's place, where it is another kind
+#: of thing; and by which the less likely is still told as what may be meant.
+EFFORT_LIKELIER, EFFORT_UNLIKELY = 3.0, 7.0
+#: How likely it is that the tool holds a body, beside any link's being another than drawn; that a body of the robot
+#: file is not there, of those. Of a link that is another: heavier or lighter in proportion, its centre elsewhere, or
+#: anything at all: what fits neither and could be a body of its own is one sooner.
+BODY_HELD, BODY_MISSING = 0.5, 0.1
+LINK_IN_PROPORTION, LINK_SHIFTED, LINK_ANYHOW = 0.495, 0.495, 0.01
+#: A body that a tool holds: its mass as a share of the robot's, and its radii of gyration as shares of a link's length,
+#: each with the standard deviation of its logarithm; the centre is a link's length off the tool.
+HELD_MASS, HELD_RADIUS, HELD_SKEW = (0.05, 1.5), (0.25, 0.7), 0.15
+#: Share by which a link's mass, inertia and centre (of its radius of gyration) are off where they are anything at all.
+ANYHOW = 0.5
 #: Share of the efforts beyond which columns may be meant otherwise: one of seven joints whose sign is turned round
 #: leaves more. What another reading must leave of that, and of all; and samples below which nothing is said.
 EFFORT_STRANGE, EFFORT_MEANT, EFFORT_FEWEST = 0.35, 0.5, 50

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..spatial import Array
 
-__all__ = ["INERTIAL", "in_frame", "pseudo_inertia"]
+__all__ = ["INERTIAL", "in_frame", "of_pseudo_inertia", "pseudo_inertia"]
 
 #: Mass, first moments and moments of inertia about a frame's origin, in the order of a regressor's columns.
 INERTIAL = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -28,7 +28,8 @@ def pseudo_inertia(parameters: Array) -> Array:
     return out
 
 
-def _parameters(pseudo: Array) -> Array:
+def of_pseudo_inertia(pseudo: Array) -> Array:
+    """Return the parameters (10,) of a matrix of second moments; the inverse of `pseudo_inertia`."""
     second = pseudo[:3, :3]
     inertia = np.trace(second) * np.eye(3) - second
     return np.array([pseudo[3, 3], *pseudo[:3, 3], *(inertia[i, j] for i, j in _PAIRS)])
@@ -36,4 +37,4 @@ def _parameters(pseudo: Array) -> Array:
 
 def in_frame(placement: Array) -> Array:
     """Return A (10, 10): parameters about a joint's frame are A @ those about a frame at `placement` (4, 4) in it."""
-    return np.column_stack([_parameters(placement @ pseudo_inertia(unit) @ placement.T) for unit in np.eye(10)])
+    return np.column_stack([of_pseudo_inertia(placement @ pseudo_inertia(unit) @ placement.T) for unit in np.eye(10)])

@@ -18,12 +18,24 @@ _NONE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link with a mass [kg], part of a joint's body (by its id), and its centre in that joint's frame [m], (3,)."""
+    """A link with a mass [kg], part of a joint's body (by its id), and its centre in that joint's frame [m], (3,).
+
+    inertial (10,): mass, first moments and moments of inertia about that frame, in Pinocchio's order.
+    """
 
     name: str
     joint: int
-    mass: float
-    lever: Array
+    inertial: Array
+
+    @property
+    def mass(self) -> float:
+        """Its mass [kg]."""
+        return float(self.inertial[0])
+
+    @property
+    def lever(self) -> Array:
+        """Its centre in the joint's frame [m], (3,)."""
+        return self.inertial[1:4] / self.inertial[0]
 
 
 def links_of(model: pin.Model, bodies: Mapping[int, str], held: Collection[str] = ()) -> tuple[Link, ...]:
@@ -42,22 +54,18 @@ def links_of(model: pin.Model, bodies: Mapping[int, str], held: Collection[str] 
         first = [_first(model, index) for index in fixed]
         # a held joint's frame keeps the inertia of its whole body, a fixed one's that of its link
         whole = {index for index in fixed if model.frames[index].name in held}
-        own = {index: _moments(model.frames[index].inertia.se3Action(model.frames[index].placement)) for index in fixed}
+        own = {
+            index: model.frames[index].inertia.se3Action(model.frames[index].placement).toDynamicParameters()
+            for index in fixed
+        }
         for index in fixed:
             if index in whole:
                 inside = (each for each in fixed if each not in whole and _holder(model, each, whole) == index)
-                own[index] = own[index] - sum((own[each] for each in inside), np.zeros(4))
-        rest = _moments(model.inertias[joint]) - sum(own.values(), np.zeros(4))
+                own[index] = own[index] - sum((own[each] for each in inside), np.zeros(10))
+        rest = model.inertias[joint].toDynamicParameters() - sum(own.values(), np.zeros(10))
         parts = [(bodies.get(joint, str(model.names[joint])), rest), *zip(first, own.values(), strict=True)]
-        for name, moments in parts:
-            if moments[0] > _NONE:
-                found.append(Link(name, joint, float(moments[0]), moments[1:] / moments[0]))
+        found += [Link(name, joint, inertial) for name, inertial in parts if inertial[0] > _NONE]
     return tuple(found)
-
-
-def _moments(inertia: pin.Inertia) -> Array:
-    """Return mass and first moments, (4,)."""
-    return np.append(inertia.mass, inertia.mass * inertia.lever)
 
 
 def _holder(model: pin.Model, index: int, held: Collection[int]) -> int | None:

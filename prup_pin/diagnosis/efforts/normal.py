@@ -9,8 +9,10 @@ from scipy.optimize import lsq_linear, nnls
 
 from ...spatial import Array
 
-__all__ = ["Normal", "unit_lengths"]
+__all__ = ["Normal", "directions", "unit_lengths"]
 
+#: Of the longest column, below which one is nothing; and of unit columns, squared, below which they are one.
+_ABSENT, _ONE = 1e-10, 1e-7
 #: Of the largest eigenvalue, below which a combination of columns counts as told by nothing.
 _ROUNDING = 1e-9
 
@@ -18,6 +20,25 @@ _ROUNDING = 1e-9
 def unit_lengths(squares: Array) -> Array:
     """Return the factors (p,) that make columns with these sums of squares (p,) as long as one."""
     return 1 / np.sqrt(np.maximum(squares, np.finfo(float).tiny))
+
+
+def directions(left: Array, whole: Array, least: float, longest: float) -> Array:
+    """Return the combinations (p, r) of columns that are told beside others, each of length one beside them.
+
+    left, whole (p, p): products of the columns freed of the others and as they are; a combination of which a share of
+    `least` is left is told. How the columns are combined to begin with makes no difference. longest: squared, of all.
+    """
+    squares = np.diag(whole)
+    there = np.flatnonzero(squares > _ABSENT**2 * longest)
+    scale = unit_lengths(squares[there])
+    values, vectors = np.linalg.eigh(whole[np.ix_(there, there)] * scale[:, None] * scale)
+    apart = values > _ONE
+    basis = scale[:, None] * vectors[:, apart] / np.sqrt(values[apart])
+    values, vectors = np.linalg.eigh(basis.T @ left[np.ix_(there, there)] @ basis)
+    told = values > least
+    out = np.zeros((len(squares), int(told.sum())))
+    out[there] = basis @ (vectors[:, told] / np.sqrt(values[told]))
+    return out
 
 
 @dataclass(frozen=True, eq=False)

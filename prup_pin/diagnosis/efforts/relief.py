@@ -7,6 +7,8 @@ their tolerances the data cannot tell it from them. Such a law enters by the str
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from ...spatial import Array
@@ -14,9 +16,12 @@ from ..criteria import EFFORT_RELIEF, EFFORT_SURE, beyond_tolerance
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
-from .search import can_be, excluded, uncertainty
+from .search import can_be, excluded, replaces, uncertainty
 
-__all__ = ["relieved", "strain"]
+__all__ = ["relieved", "relieving", "strain"]
+
+#: How much more strain than any law a curve of no law takes off, to be what is there.
+_FAR_MORE = 1.25
 
 
 def strain(chosen: Chosen, x: Array) -> Array:
@@ -24,26 +29,45 @@ def strain(chosen: Chosen, x: Array) -> Array:
     return np.abs(x[: len(chosen.base)])
 
 
-def relieved(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen with laws that take parameters back within their tolerances, one for several."""
+def relieved(
+    given: Gathered, chosen: Chosen, with_curves: Callable[[Gathered], tuple[Gathered, list[EffortCandidate]]]
+) -> tuple[Gathered, Chosen]:
+    """Return what is chosen with laws that take parameters back within their tolerances, one for several.
+
+    `with_curves`: adds curves of no law to the columns. Where one of these takes off far more than any law, none does.
+    """
     limit = beyond_tolerance(len(chosen.base))
-    while True:
-        before = strain(chosen, fit(given, chosen)[0])
-        if not (before > limit).any():
-            return chosen
-        law = _relief(given, chosen, before, limit)
-        if law is None:
-            return chosen
-        chosen = chosen.with_term(law)
+    while (strain(chosen, fit(given, chosen)[0]) > limit).any():
+        given, curves = with_curves(given)
+        laws = _reliefs(given, chosen, given.without_curves().candidates)
+        if not laws:
+            break
+        most = max(relief for relief, _ in laws)
+        if any(relief > max(_FAR_MORE * most, most + limit**2) for relief, _ in _reliefs(given, chosen, curves)):
+            break
+        good = [law for relief, law in laws if relief > most - limit**2]
+        chosen = chosen.with_term(min(good, key=lambda law: (law.size, law.where.start)))
+    return given, chosen
 
 
-def _relief(given: Gathered, chosen: Chosen, before: Array, limit: float) -> EffortCandidate | None:
-    """Return the plainest of the laws that take the most strain off, if that is most of what lies beyond."""
+def relieving(given: Gathered, chosen: Chosen, curves: Sequence[EffortCandidate]) -> EffortCandidate | None:
+    """Return the curve that takes most strain off, where parameters lie beyond their tolerances without one."""
+    return max(_reliefs(given, chosen, curves), key=lambda item: item[0], default=(0.0, None))[1]
+
+
+def _reliefs(
+    given: Gathered, chosen: Chosen, candidates: Sequence[EffortCandidate]
+) -> list[tuple[float, EffortCandidate]]:
+    """Return the strain, squared, that candidates take off, of those that take off most of what lies beyond."""
+    limit = beyond_tolerance(len(chosen.base))
+    before = strain(chosen, fit(given, chosen)[0])
+    if not (before > limit).any():
+        return []
     left = Beside(given, chosen).left
     found: list[tuple[float, EffortCandidate]] = []
-    for law in given.candidates:
-        if any(excluded(term, law) for term in chosen.terms):
-            continue
+    for law in candidates:
+        if any(excluded(term, law) or replaces(law, term) for term in chosen.terms):
+            continue  # two shapes of one thing are a third shape
         tried = chosen.with_term(law)
         after = strain(tried, fit(given, tried)[0])
         relief = float((before**2).sum() - (after**2).sum())
@@ -54,8 +78,4 @@ def _relief(given: Gathered, chosen: Chosen, before: Array, limit: float) -> Eff
         error = uncertainty(apart)
         if float(apart.sum()) < EFFORT_SURE * error and can_be(given, tried, law):
             found.append((relief, law))
-    if not found:
-        return None
-    most = max(relief for relief, _ in found)
-    good = [law for relief, law in found if relief > most - limit**2]
-    return min(good, key=lambda law: (law.size, law.where.start))
+    return found

@@ -29,9 +29,21 @@ from ..criteria import (
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
-from .normal import Normal
+from .normal import Normal, directions
 
-__all__ = ["Score", "can_be", "excluded", "held_out", "pruned", "scores", "searched", "threshold", "uncertainty"]
+__all__ = [
+    "Score",
+    "can_be",
+    "excluded",
+    "held_out",
+    "pruned",
+    "replaces",
+    "scores",
+    "searched",
+    "shows_beside",
+    "threshold",
+    "uncertainty",
+]
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
 _TRIED = 24
@@ -56,7 +68,8 @@ def held_out(given: Gathered, chosen: Chosen) -> Array:
 
 
 def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
-    """Return what pulls at all columns, block by block (B, P), freed of what is fitted; R (P, P) beside it, and x."""
+    """Return what pulls at all columns, block by block (B, P), freed of what is fitted; R (P, P) beside it; and (P,)
+    what pulls in all, by the tolerances too, of which a column would take parameters back."""
     where = chosen.where
     x, matrix = fit(given, chosen)
     gram = given.columns.gram
@@ -65,7 +78,7 @@ def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
     cross = Normal.of(matrix).solve(total[where])  # (p, P)
     pull = pull - pull[:, where] @ cross
     rest = total - total[:, where] @ cross + np.diag(given.prior)
-    return pull, rest, x
+    return pull, rest, pull.sum(axis=0) + (given.prior[where] * x) @ cross
 
 
 def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
@@ -74,35 +87,29 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
     A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
     those follow a chi squared with as many degrees of freedom as their mean and scatter tell.
     """
-    pull, rest, _ = pulls(given, chosen)
+    pull, rest, true = pulls(given, chosen)
     signs = _flips(given.columns.count)
-    flipped, true = signs @ pull, pull.sum(axis=0)
-    total = np.diag(given.columns.total)
-    largest = float(np.sqrt(total.max(initial=0.0)))
+    flipped, total = signs @ pull, given.columns.total
+    longest = float(np.diag(total).max(initial=0.0))
     taken = {term.where.start for term in chosen.terms}
     found: list[tuple[EffortCandidate, float, Array, bool]] = []
     chances, freedoms = [], []
     for candidate in given.candidates:
         if candidate.where.start in taken:
             continue
-        own = rest[candidate.where, candidate.where]
-        scale = np.sqrt(np.maximum(total[candidate.where], np.finfo(float).tiny))
-        there = scale > 1e-10 * largest
-        unit = np.where(there, 1 / np.where(there, scale, 1.0), 0.0)
-        values, vectors = np.linalg.eigh(own * unit[:, None] * unit)
-        kept = values > EFFORT_INDISTINCT
-        if not kept.any():
+        own = candidate.where
+        basis = directions(rest[own, own], total[own, own], EFFORT_INDISTINCT, longest)
+        if not basis.size:
             continue
-        basis = vectors[:, kept] / np.sqrt(values[kept]) * unit[:, None]
-        chance = ((flipped[:, candidate.where] @ basis) ** 2).sum(axis=1)
-        gain = float(((true[candidate.where] @ basis) ** 2).sum())
+        chance = ((flipped[:, own] @ basis) ** 2).sum(axis=1)
+        gain = float(((true[own] @ basis) ** 2).sum())
         mean, spread = chance.mean(), chance.var()
         if not mean > 0 or not spread > 0:
             continue
-        coefficients = basis @ (basis.T @ true[candidate.where])
+        coefficients = basis @ (basis.T @ true[own])
         possible = True
         if candidate.law.one_sided:
-            deviation = np.sqrt((basis**2).sum(axis=1) * mean / max(kept.sum(), 1))
+            deviation = np.sqrt((basis**2).sum(axis=1) * mean / basis.shape[1])
             possible = bool((coefficients > -EFFORT_SURE * deviation).all() and (coefficients > 0).any())
         if possible:
             values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
@@ -209,7 +216,7 @@ def _entering(
     candidates = [score.candidate for score in kept.values()]
     tried = []
     for candidate, after in zip(candidates, beside.with_each(candidates), strict=True):
-        if _earns(beside, candidate, beside.left, after) and _shows_beside(given, chosen, candidate):
+        if _earns(beside, candidate, beside.left, after) and shows_beside(given, chosen, candidate):
             tried.append((float((beside.left - after).sum()), after, candidate))
     new: list[EffortCandidate] = []
     taken: set[int] = set()
@@ -237,7 +244,7 @@ def _with_new(
 ) -> tuple[Gathered, Chosen]:
     """Return what is chosen with new terms, without those whose place they take and those that they make needless."""
     for term in new:
-        replaced = [other for other in chosen.terms if _replaces(term, other)]
+        replaced = [other for other in chosen.terms if replaces(term, other)]
         after = _with_all(Chosen(chosen.base, tuple(t for t in chosen.terms if t not in replaced)), [term])
         if replaced and not _earns_its_place(given, chosen, after, term):
             refused[_key(term)] += _ENTRIES
@@ -263,7 +270,7 @@ def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
     every = next((c for c in given.candidates if isinstance(c.law, AllLinks)), None)
     if every is None or every in chosen.terms or len(_others(given, chosen)) < 2:
         return chosen
-    tried = Chosen(chosen.base, (*(term for term in chosen.terms if not _replaces(every, term)), every))
+    tried = Chosen(chosen.base, (*(term for term in chosen.terms if not replaces(every, term)), every))
     apart = Beside(given, tried).left - Beside(given, chosen).left
     error = uncertainty(apart)
     return tried if float(apart.sum()) < EFFORT_SURE * error else chosen
@@ -303,7 +310,7 @@ def _plainer(
     """Return what is chosen with the plainer law of a family where the richer one does not earn what it has more."""
     for place in range(len(chosen.terms)):
         term = chosen.terms[place]
-        plain = [c for c in given.candidates if _replaces(term, c) and c.size < term.size and c.law.family]
+        plain = [c for c in given.candidates if replaces(term, c) and c.size < term.size and c.law.family]
         if not plain:
             continue
         beside = Beside(given, chosen.without(term))
@@ -327,11 +334,9 @@ def _fewer(given: Gathered, chosen: Chosen) -> Chosen:
             c
             for c in given.candidates
             if c.place.name == first.place.name
-            and not any(
-                _key(c) == _key(term) or (_replaces(c, term) and c.size > term.size) for term in (first, second)
-            )
+            and not any(_key(c) == _key(term) or (replaces(c, term) and c.size > term.size) for term in (first, second))
             and c.size < first.size + second.size
-            and not any(excluded(term, c) or _replaces(c, term) for term in rest.terms)
+            and not any(excluded(term, c) or replaces(c, term) for term in rest.terms)
         ]
         if not single:
             continue
@@ -358,7 +363,7 @@ def _earns(beside: Beside, term: EffortCandidate, before: Array, after: Array) -
     return saving > term.law.least_gain * float(before.sum())
 
 
-def _shows_beside(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
+def shows_beside(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
     """Return whether a term shows beside plainer laws too, which it might imitate."""
     words = set(term.law.unlike(term.place))
     if not words:
@@ -373,7 +378,7 @@ def _shows_beside(given: Gathered, chosen: Chosen, term: EffortCandidate) -> boo
     return _earns(beside, term, beside.left, beside.with_each([term])[0])
 
 
-def _replaces(term: EffortCandidate, other: EffortCandidate) -> bool:
+def replaces(term: EffortCandidate, other: EffortCandidate) -> bool:
     """Return whether a term takes another one's place: it is the same thing, told richer."""
     if isinstance(term.law, AllLinks):
         return other.law.physics in ("inertial_parameters", "payload")
@@ -449,7 +454,7 @@ def _needless(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidat
     for term, without in zip(old, beside.without_each(old), strict=True):
         saving = float((without - beside.left).sum())
         share = saving / max(beside.left_in(term) + saving, np.finfo(float).tiny)
-        earns = _earns(beside, term, without, beside.left) and _shows_beside(given, chosen, term)
+        earns = _earns(beside, term, without, beside.left) and shows_beside(given, chosen, term)
         if not earns and share < least[0]:
             least = share, term
     return least[1]

@@ -26,10 +26,12 @@ from ..criteria import (
     EFFORT_CLASS,
     EFFORT_CURVE_GAIN,
     EFFORT_IMITATED,
+    EFFORT_LIKELIER,
     EFFORT_LOUD,
     EFFORT_MATERIAL,
     EFFORT_PLAINLY,
     EFFORT_SURE,
+    EFFORT_UNLIKELY,
     EFFORT_UNTOLD,
     FALSE_ALARM,
     FEWEST_EFFORT_BLOCKS,
@@ -42,9 +44,10 @@ from .chosen import Chosen, fit, saved
 from .columns import EffortCandidate, Gathered
 from .gains import Gains, gains_of, in_newtons
 from .gather import Efforts
+from .likelier import is_body, likelier, odds
 from .normal import Normal
 from .plausible import check_efforts
-from .relief import relieved, strain
+from .relief import relieved, relieving, strain
 from .search import held_out, pruned, scores, searched, threshold, uncertainty, worth
 
 __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
@@ -146,7 +149,8 @@ def diagnose_efforts(
         efforts, gains is not None, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share)
     )
     tell("what no law explains", 0.75)
-    given, chosen, free, imitating = _with_curves(efforts, given, relieved(given, chosen))
+    given, chosen = relieved(given, chosen, efforts.with_curves)
+    given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
     found = _Verdict(robot, recording, efforts, given, chosen, free, imitating, gains).whole()
     return replace(found, remarks=(*doubts, *found.remarks))
@@ -201,17 +205,15 @@ def _with_curves(
             material = (left - after).sum() > EFFORT_MATERIAL * (began.sum() - left.sum()) or not chosen.terms
             if sure > EFFORT_SURE and share > EFFORT_CURVE_GAIN and material:
                 tried.append((share, score.candidate))
-        if not tried:
-            break
-        curve = max(tried, key=lambda item: item[0])[1]
-        if any(curve.name == other.name for other in free):
+        curve = max(tried, key=lambda item: item[0])[1] if tried else relieving(given, chosen, curves)
+        if curve is None or any(curve.name == other.name for other in free):
             break
         free.append(curve)
-        shape = float((left - held_out(given, chosen.with_term(curve))).sum())
+        shape = _lost(given, chosen) - _lost(given, chosen.with_term(curve))
         for term in chosen.terms:
             if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or _of_time(curve):
                 continue  # what changes with time is still what it is
-            own = float((held_out(given, chosen.without(term)) - left).sum())
+            own = _lost(given, chosen.without(term)) - _lost(given, chosen)
             if term.law.by_shape or shape > EFFORT_IMITATED * own:
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
@@ -220,6 +222,11 @@ def _with_curves(
             given, chosen.with_term(curve), [term for term in doubtful if not isinstance(term.law, FreeCurve)]
         )
     return given, chosen, free, imitating
+
+
+def _lost(given: Gathered, chosen: Chosen) -> float:
+    """Return the squares that held-out blocks keep, and those of strained tolerances."""
+    return float(held_out(given, chosen).sum()) + _squared(strain(chosen, fit(given, chosen)[0]))
 
 
 class _Verdict:
@@ -537,10 +544,12 @@ class _Verdict:
         ranked, _ = scores(self.given.without_curves(), rest)
         gain = float((without - self.held).sum()) + self._strain(rest) - self.strained
         ranked.sort(key=lambda item: -item.gain)
-        # one body for another: beside masses within tolerance all of them seem to save nothing
-        near = ranked[:_RIVALS] + [s for s in ranked[_RIVALS:] if term.law.of_bodies and s.candidate.law.of_bodies]
-        others = [score.candidate for score in near if score.possible and score.candidate.size <= term.size]
+        near = [score.candidate for score in ranked[:_RIVALS] if score.possible and score.candidate.size <= term.size]
+        # bodies are weighed by what bodies there are
+        others = [other for other in near if not (is_body(other) and is_body(term))]
         others = [other for other in others if other.law is not term.law or other.place != term.place]
+        unlikely = EFFORT_UNLIKELY if is_body(term) else EFFORT_LIKELIER
+        likely = [other for other, log_odds, _ in odds(self.given, self.named, term) if log_odds > -unlikely]
 
         def alike(after: Array, strained: float) -> bool:
             apart = after - self.held
@@ -559,6 +568,8 @@ class _Verdict:
                 self.given.columns.cut(size)
                 if not good:
                     continue
+            likely.append(other)
+        for other in likely:
             if other.law.physics == term.law.physics:
                 places += [other.place.name, *other.law.same_places(other.place, self.mechanism)]
             else:

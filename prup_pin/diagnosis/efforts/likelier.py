@@ -1,0 +1,164 @@
+"""Which law is the likelier one, of several that explain the same.
+
+Held-out blocks say that a law is of use, not that no other would be. Laws in one another's place are weighed by all
+that is known: squares that they save, tolerances that are strained without them, and how much else each could have
+said, by Zellner's prior whose size the data choose (Liang et al. 2008, empirical Bayes). Bodies are weighed among
+themselves by what bodies there are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...laws.efforts.all_links import AllLinks
+from ...laws.efforts.free_curve import FreeCurve
+from ...laws.efforts.inertial_parameters import InertialParameters, ScaledInertia
+from ...spatial import Array
+from ..criteria import EFFORT_GAIN, EFFORT_INDISTINCT, EFFORT_LIKELIER, EFFORT_SURE
+from .beside import Beside
+from .bodies import held_body, other_link
+from .chosen import Chosen, fit
+from .columns import EffortCandidate, Gathered
+from .normal import Normal, directions
+from .search import can_be, excluded, held_out, pulls, replaces, shows_beside, uncertainty
+
+__all__ = ["is_body", "likelier", "odds"]
+
+#: Candidates in a law's place that are tried on held-out blocks.
+_TRIED = 8
+
+
+def likelier(given: Gathered, chosen: Chosen) -> Chosen:
+    """Return what is chosen with laws that are likelier in the place of others, where they are no worse held out."""
+    for term in chosen.terms:
+        if any(term is other for other in chosen.terms):
+            chosen = _likelier(given, chosen, term)
+    return Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
+
+
+def _likelier(given: Gathered, chosen: Chosen, term: EffortCandidate) -> Chosen:
+    ranked = sorted(odds(given, chosen, term), key=lambda item: -item[1])
+    if not ranked or not ranked[0][1] > 0:
+        return chosen
+    rest, left = chosen.without(term), held_out(given, chosen)
+    beside = Beside(given, chosen)
+    place = next(index for index, other in enumerate(chosen.terms) if other is term)
+    for candidate, log_odds, saves in ranked[:_TRIED]:
+        bodies = is_body(candidate) and is_body(term)
+        if log_odds < (0.0 if bodies else EFFORT_LIKELIER):
+            continue
+        if candidate.size > term.size and not bodies and saves < EFFORT_GAIN * beside.left_in(term):
+            continue
+        other = chosen.replaced(place, candidate)
+        apart = held_out(given, other) - left
+        if float(apart.sum()) > EFFORT_SURE * uncertainty(apart):
+            continue
+        if can_be(given, other, candidate) and shows_beside(given, rest, candidate):
+            return other
+    return chosen
+
+
+def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[EffortCandidate, float, float]]:
+    """Return other laws in a term's place, the logarithm of how much likelier each is, and what more it saves."""
+    if isinstance(term.law, AllLinks | FreeCurve):
+        return []
+    rest = chosen.without(term)
+    _, left, pull = pulls(given, rest)
+    rivals = [
+        other
+        for other in given.candidates
+        if not isinstance(other.law, AllLinks | FreeCurve)
+        and other is not term
+        and other.law.least_gain == 0.0
+        and other.law.looked_at == 1.0
+        and ((is_body(other) and is_body(term)) or not _same_thing(term, other))
+        and not any(excluded(each, other) or replaces(other, each) for each in rest.terms)
+    ]
+    if not rivals:
+        return []
+    # what one of them leaves must not count as noise against the other
+    best = max(rivals, key=lambda other: _weight(given, left, pull, other, 1.0)[1])
+    apart = max(min(_scatter(given, chosen, term), _scatter(given, rest.with_term(best), best)), 1.0)
+    weighed = {id(other): _weight(given, left, pull, other, apart) for other in [term, *rivals]}
+    if is_body(term):
+        bodies = [other for other in [term, *rivals] if is_body(other)]
+        among = _among_bodies(given, left, pull, bodies, apart)
+        likeliest = max(among.values())
+        middle = max(weighed[key][0] for key in among)
+        weighed |= {key: (middle + value - likeliest, weighed[key][1]) for key, value in among.items()}
+    own, saved = weighed[id(term)]
+    return [(other, weighed[id(other)][0] - own, weighed[id(other)][1] - saved) for other in rivals]
+
+
+def is_body(term: EffortCandidate) -> bool:
+    """Return whether a law is one body's parameters: the tool's load, or another link."""
+    return term.law.physics in ("inertial_parameters", "payload")
+
+
+def _same_thing(term: EffortCandidate, other: EffortCandidate) -> bool:
+    """Return whether two laws are one thing, told plainer or richer, or with other scanned values."""
+    return term.place.name == other.place.name and (
+        term.law.physics == other.law.physics or term.law.family == other.law.family != ""
+    )
+
+
+def _scatter(given: Gathered, chosen: Chosen, term: EffortCandidate) -> float:
+    """Return how far whole blocks scatter along a term's columns, as a multiple of what white noise would."""
+    rest = chosen.without(term)
+    _, left, _ = pulls(given, rest)
+    basis = _basis(given, left, term)
+    if not basis.size:
+        return 1.0
+    _, matrix = fit(given, rest)
+    x, _ = fit(given, chosen)
+    columns, where, own = given.columns, rest.where, term.where
+    pull = columns.moment - columns.gram[:, :, chosen.where] @ x
+    pull = pull[:, own] - pull[:, where] @ Normal.of(matrix).solve(columns.total[where][:, own])
+    return float(((pull @ basis) ** 2).sum() / basis.shape[1])
+
+
+def _basis(given: Gathered, left: Array, candidate: EffortCandidate) -> Array:
+    own, whole = candidate.where, given.columns.total
+    longest = float(np.diag(whole).max(initial=0.0))
+    return directions(left[own, own], whole[own, own], EFFORT_INDISTINCT, longest)
+
+
+def _weight(given: Gathered, left: Array, pull: Array, candidate: EffortCandidate, apart: float) -> tuple[float, float]:
+    """Return the logarithm of how likely the efforts are with a candidate, without it as one, and what it saves."""
+    basis = _basis(given, left, candidate)
+    count = basis.shape[1]
+    asked = basis.T @ pull[candidate.where]
+    coefficients = basis @ asked
+    saved = float(asked @ asked)
+    if candidate.law.one_sided and (coefficients < 0).any():
+        return -np.inf, 0.0
+    if not saved > count * apart:
+        return 0.0, saved
+    ratio = saved / apart
+    return 0.5 * (ratio - count - count * np.log(ratio / count)), saved
+
+
+def _among_bodies(
+    given: Gathered, left: Array, pull: Array, bodies: list[EffortCandidate], apart: float
+) -> dict[int, float]:
+    """Return the logarithm of how likely the efforts are by each of some bodies, by its id."""
+    mechanism = given.mechanism
+    information, asked = (left - np.diag(given.prior)) / apart, pull / apart
+    every = [other for other in given.candidates if isinstance(other.law, InertialParameters)]
+    out: dict[int, float] = {}
+    links: dict[int, tuple[float, float]] = {}
+    for other in every:
+        joint, own = mechanism.frame(other.place.name).joint, other.where
+        links[joint] = other_link(mechanism, joint, len(every), information[own, own], asked[own])
+    for other in bodies:
+        own = other.where
+        if other.law.physics == "payload":
+            out[id(other)] = held_body(mechanism, information[own, own], asked[own])
+            continue
+        whole, proportion = links.get(mechanism.frame(other.place.name).joint, (-np.inf, -np.inf))
+        plain = proportion > whole - EFFORT_LIKELIER
+        if isinstance(other.law, ScaledInertia):
+            out[id(other)] = whole if plain else proportion
+        else:
+            out[id(other)] = np.nextafter(whole, -np.inf) if plain else whole
+    return out
