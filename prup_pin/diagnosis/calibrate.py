@@ -60,6 +60,8 @@ __all__ = [
 
 #: Share of a tolerance by which the simulation's first order is differentiated: some kinds act by a logarithm.
 _STEP = 1e-3
+#: ... and the largest turn [rad]: of one that is not known at all a share is bent.
+_SMALL_TURN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +107,12 @@ class Toleranced:
         """By how many tolerances each may be off where it may take what it likes, (p,): what cannot fail, by any."""
         relative = np.array([item.relative for item in self.law.deviations], bool)
         return np.where(relative, FREELY / self.tolerances, np.inf)
+
+    @property
+    def steps(self) -> Array:
+        """Shares of the tolerances (p,) by which what they change is differentiated: a large turn is bent."""
+        turns = np.array([item.unit == "rad" for item in self.law.deviations], bool)
+        return np.where(turns, np.minimum(_STEP, _SMALL_TURN / self.tolerances), _STEP)
 
     @property
     def adds_up(self) -> np.ndarray:
@@ -428,13 +436,14 @@ def changes_per_tolerance(
     all_off = simulator.setup([toleranced.effect(x)])
     robot_off = simulator.setup([toleranced.effect(x, alone)])  # the sensors come after it
     columns = []
-    for index, step in enumerate(_STEP * np.eye(len(x))):
+    for index, size in enumerate(toleranced.steps):
+        step = size * np.eye(len(x))[index]
         if alone[index]:
             moved = simulator.setup([toleranced.effect(step, step > 0), *effects], all_off)
         else:
             moved = simulator.setup([toleranced.effect(x + step, ~alone), *effects], robot_off)
-        change = influence.change(moved)
-        columns.append(change / _STEP if np.isfinite(change).all() else np.zeros_like(change))
+        change = influence.change(moved) / size
+        columns.append(change if np.isfinite(change).all() else np.zeros_like(change))
     return np.stack(columns, axis=-1) if columns else np.zeros((len(influence), influence.stack.size, 0))
 
 

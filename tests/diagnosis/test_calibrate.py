@@ -81,6 +81,17 @@ def test_changes_where_all_is_off_are_those_of_a_step_of_all(name):
         assert far < 1e-6 * np.abs(expected).max() + 1e-11, toleranced.law.deviations[index].name
 
 
+def test_a_sensor_that_stands_anywhere_is_turned_by_little_to_see_what_turns_do():
+    """A share of a turn that nothing tells would be bent: the cross product is what it does to first order."""
+    robot, simulator = bench.robot("ur5"), bench.simulator("ur5")
+    found = deviations_of(robot.mechanism)
+    turns = Toleranced.of(found, {f"pose_sensor.r{axis}": 3.0 for axis in "xyz"})
+    influence = Influence(simulator, run := simulator.run())
+    changes = changes_per_tolerance(simulator, influence, turns, np.zeros(3), ())
+    for column, axis in enumerate(np.eye(3)):
+        np.testing.assert_allclose(changes[:, :3, column], 3.0 * np.cross(axis, run.position), rtol=0, atol=1e-4)
+
+
 def test_parameters_have_the_names_units_and_values_of_the_robot_file():
     robot = bench.robot("3prup")
     found = {item.name: item for item in deviations_of(robot.mechanism)}
