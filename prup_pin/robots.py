@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
@@ -166,6 +167,10 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     every = example_files()
     if examples is not None and name in every:
         return examples / every[name], (examples.parents[1], examples.parent), None
+    if os.path.isdir(path):  # also where a name is longer than any file's
+        near = sorted(other.name for ending in ("urdf", "xml") for other in path.glob(f"*.{ending}"))[:8]
+        also = f" The folder holds: {', '.join(near)}." if near else ""
+        raise InputError(f"'{name}' is a folder; expected a robot file, or a name of `prup-pin robots`.{also}")
     raise UnknownNameError("robot", name, (*packaged_names(), *every), "A path to a file works too.")
 
 

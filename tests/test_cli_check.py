@@ -27,6 +27,30 @@ def test_a_whole_robot_has_nothing_to_object_to(run):
     assert "the paper's assumption" in text
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("bench.csv", "is no XML, which begins with '<'; expected a robot file (URDF or MJCF). A recording?"),
+        ("bench.xlsx", "is a spreadsheet or an archive, not text; export the sheet as CSV (UTF-8)"),
+        (".", "is a folder; expected a robot file, or a name of `prup-pin robots`. The folder holds: some.urdf"),
+    ],
+)
+def test_what_is_no_robot_file_says_what_is_expected(run, tmp_path, monkeypatch, name, said):
+    monkeypatch.chdir(tmp_path)
+    Path("bench.csv").write_text("time,q.a\n0,0\n")
+    Path("bench.xlsx").write_bytes(b"PK\x03\x04 \xdd")
+    Path("some.urdf").write_text("<robot/>")
+    done = run("check" if name == "bench.xlsx" else "stiffness", name)
+    assert done.exit_code == 2
+    assert said in " ".join(done.output.split())
+
+
+def test_values_of_one_option_are_joined_by_commas(run):
+    done = run("stiffness", "3prup", "--at", "z=400mm", "theta=25deg")
+    assert done.exit_code == 2
+    assert "by commas, without spaces" in " ".join(done.output.split())
+
+
 def test_a_walking_robot_is_told_that_it_stands(run):
     text = told(run("check", "solo12", "--tool", "FL_FOOT"))
     assert "the tool 'FL_FOOT' lies 0.32 m below the base 'base_link', which is taken as fixed" in text

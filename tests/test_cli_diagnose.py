@@ -330,7 +330,7 @@ def times(prefix, factor):
         ("w.f", 1e-3, ("forces", "kN", "expected N")),
         ("w.m", 1e3, ("moments", "N mm", "expected N m")),
         ("r.", 180 / np.pi, ("orientations", "degrees")),
-        ("q.", 1e3, ("cannot reach", "[m, rad]")),
+        ("q.", 1e3, ("cannot reach", "[m, rad]", "Millimetres, or degrees?")),
     ],
 )
 def test_other_units(bench, run, tmp_path, prefix, factor, words):

@@ -22,12 +22,20 @@ __all__ = ["app", "main"]
 _NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
 
 
+#: What a command line that cannot be taken apart raises: typer has a click of its own, or takes the one beside it.
+_UsageError: Any = typer.BadParameter.__bases__[0]
+
+
 class _Group(TyperGroup):
     """Turns the package's own errors into one message."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
+        except _UsageError as error:
+            if "unexpected extra" in error.message and "=" in error.message:
+                error.message += ". Join what belongs to one option by commas, without spaces: --at z=400mm,theta=25deg"
+            raise
         except PrupPinError as error:
             width = terminal.console(stderr=True).width
             typer.echo(terminal.error_text(f"Error: {terminal.in_options(str(error))}", width), err=True)

@@ -55,4 +55,7 @@ def _no_robot(file: str, reading: Reading, robot: str | None) -> None:
 
 
 #: What is checked how, by the ending of its name; all else is a robot.
-_CHECKED: dict[str, Callable[[str, Reading, str | None], None]] = {".csv": _recording, ".json": _no_robot}
+_CHECKED: dict[str, Callable[[str, Reading, str | None], None]] = {
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".xlsx", ".xls", ".ods"), _recording),
+    ".json": _no_robot,
+}

@@ -96,7 +96,8 @@ def sweep(
     folder_for(plots, "--plots")
     loaded, _ = reading.changed(robot, set_parameters)
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
-    text = {"over": "; ".join(_axis(name, value) for name, value in asked.items())}
+    kinds = _dimensions(loaded.mechanism)
+    text = {"over": "; ".join(_axis(name, kinds[name], value) for name, value in asked.items())}
     for name, given, kind in (("force", force, "force"), ("moment", moment, "moment"), ("length", length, "length")):
         if given is not None:
             asked[name] = parse_quantity(given, kind, f"--{name}")
@@ -159,6 +160,10 @@ def _values(text: str, dimension: str, item: str, ends: bool) -> Any:
     """Return a number, an array from .. to, or, where poses are drawn, the two ends."""
     low, dots, rest = text.partition("..")
     if not dots:
+        if ":" in text:
+            meant = text.replace(":", "..", 1)
+            hint = f": {meant}" if ":" in meant else ""
+            raise InputError(f"--over {item}: expected a value, or FROM..TO:COUNT with two dots between the ends{hint}")
         return parse_quantity(text, dimension, f"--over {item}")
     high, colon, count = rest.partition(":")
     first, last = (parse_quantity(part, dimension, f"--over {item}") for part in (low, high))
@@ -179,12 +184,10 @@ def _dimensions(mechanism: Mechanism) -> dict[str, str]:
     return {name: "length" if mechanism.joint(name).slides else "angle" for name in mechanism.actuated}
 
 
-def _axis(name: str, value: Any) -> str:
+def _axis(name: str, kind: str, value: Any) -> str:
     if isinstance(value, np.ndarray):
-        return axis_text(name, value.tolist())
-    if isinstance(value, tuple):
-        return f"{name} from {number(value[0])} to {number(value[1])}"
-    return f"{name} {number(value)}"
+        return axis_text(name, kind, (value[0], value[-1]), len(value))
+    return axis_text(name, kind, value if isinstance(value, tuple) else (value,))
 
 
 def _print_quantities() -> None:

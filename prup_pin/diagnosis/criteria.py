@@ -295,6 +295,8 @@ LOADS_EXPLAIN: Final = 0.7
 LOADS_MATTER: Final = 0.05
 #: Cosine below which measured gravity is the opposite of the robot file's.
 UPSIDE_DOWN: Final = -0.9
+#: A joint that stands farther than this [m, rad], where the robot cannot go, was recorded in mm or degrees.
+ANOTHER_UNIT: Final = 20.0
 #: A load below this is none [N].
 NO_FORCE: Final = 1e-6
 

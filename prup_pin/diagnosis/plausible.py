@@ -16,6 +16,7 @@ from ..recordings.columns import AXES, MARKER_GROUPS
 from ..spatial import Array, turn_between
 from .criteria import (
     ALLOWED_TOLERANCES,
+    ANOTHER_UNIT,
     COARSE,
     FAR,
     LEAST_REACH,
@@ -144,9 +145,11 @@ def check_belongs(
     if not linear.samples[here].any():
         lost = next(((rows[row], text) for row, text in sorted(linear.geometry.reasons.items()) if here[row]), None)
         why = "" if lost is None else f": row {lost[0] + 2}: {lost[1]}"
+        largest = float(np.nanmax(np.abs(inputs.actuators[here]), initial=0.0))
+        much = f": {number(largest, 3)} m or rad is much. Millimetres, or degrees?" if largest > ANOTHER_UNIT else ""
         raise InputError(
             "the robot reaches none of the recording's poses, or none of its samples is complete"
-            f"{why}. Check --robot, the q columns' names and units [m, rad]"
+            f"{why}. Check --robot, the q columns' names and units [m, rad]{much}"
         )
     for measured in stack.channels:
         if isinstance(measured, PoseChannel):

@@ -103,7 +103,8 @@ def read_log(path: str | Path) -> Log:
                 raise refuse(path, "holds no columns of numbers" + _besides(log.left_out))
             return log
     known = ", ".join(ending for endings in FORMATS for ending in endings)
-    raise refuse(path, f"has the ending '{path.suffix}'; expected one of {known}, or the folder of a ROS 2 bag")
+    what = f"has the ending '{path.suffix}'; expected one of {known}, or the folder of a ROS 2 bag"
+    raise refuse(path, what + (". Export the sheet as CSV (UTF-8)" if kind in (".xlsx", ".xls", ".ods") else ""))
 
 
 def _besides(left_out: Sequence[str]) -> str:

@@ -26,6 +26,8 @@ MAX_JOINTS = 2000
 MAX_NAME = 500
 #: Lengths in metres, masses in kilograms: beyond this, sums of them lose all digits.
 MAX_NUMBER = 1e9
+#: Endings of tables.
+_TABLES = (".csv", ".tsv", ".txt")
 #: Names that are more alike than this are meant to be the same: orign, Mass, but not contact.
 _NEAR = 0.75
 
@@ -73,6 +75,12 @@ def parse(content: bytes, path: Path) -> etree._Element:
         line = content.count(b"\n", 0, error.start) + 1
         message = f"is not UTF-8 text (byte 0x{content[error.start]:02x}); expected an XML file saved as UTF-8"
         raise RobotFileError(path, [Problem(message, line)]) from error
+    begins = content.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+    if begins and begins != b"<":
+        message = "is no XML, which begins with '<'; expected a robot file (URDF or MJCF)"
+        if path.suffix.lower() in _TABLES:
+            message += ". A recording? It goes to prup-pin diagnose or check"
+        raise RobotFileError(path, [Problem(message, 1)])
     parser = etree.XMLParser(
         encoding="utf-8",
         resolve_entities=False,

@@ -34,6 +34,8 @@ COARSEST_NOISE = 1e6
 NOISE_KEYS = {f"{name}_noise": name for name in ("position", "rotation", "force", "moment", "effort")}
 NOISE_UNITS = {"position": "m", "rotation": "rad", "force": "N", "moment": "N m", "effort": "N or N m"}
 
+#: How programs call forces and moments: F_x, Fx, Force x, Mx, torque_x.
+_LOAD = re.compile(r"(?:(?P<force>f|force)|m|moment|torque)[._\s-]?(?P<axis>[xyz])", re.I)
 _UNIT_AT_END = re.compile(r"\s*[\[(][^\[\]()]*[\])]\s*$")
 _KNOWN_UNIT = re.compile(
     r"\s*[\[(]\s*(?:[mµuk]?m|[mµu]?rad|deg|°|[kM]?N|[kM]?N\s*[·*.]?\s*m{0,2})(?:/s(?:\^?2|²)?)?\s*[\])]\s*$", re.I
@@ -79,8 +81,8 @@ def without_unit(name: str) -> str:
 def meant(name: str) -> str | None:
     """Return the column that a name stands for but for its unit, case or separators, or None.
 
-    'w.fx [N]', 'W.Fx' and 'w_fx' stand for w.fx, 'Q.leg1_slide (m)' for q.leg1_slide. Names that belong to the format
-    and names that have nothing to do with it give None.
+    'w.fx [N]', 'W.Fx', 'w_fx' and 'F_x' stand for w.fx, 'Q.leg1_slide (m)' for q.leg1_slide. Names that belong to
+    the format and names that have nothing to do with it give None.
     """
     plain = without_unit(name)
     letters = re.sub(r"[._\s-]", "", plain).lower()
@@ -88,6 +90,8 @@ def meant(name: str) -> str | None:
         separated = "." not in known or re.search(r"[._\s-]", plain)  # 'rx' may be anything
         if letters == known.replace(".", "") and name != known and separated:
             return known
+    if load := _LOAD.fullmatch(plain):
+        return f"w.{'f' if load['force'] else 'm'}{load['axis'].lower()}"
     if is_known(name):
         plain = _KNOWN_UNIT.sub("", name)  # a joint may be named with brackets, but hardly 'slide [mm]'
         return plain if plain != name and is_known(plain) else None

@@ -291,6 +291,11 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
             decimal = " and decimal points instead of decimal commas" if re.search(r"\d,\d", second) else ""
             message = f"the columns are separated by {word}; export the table again with commas{decimal}"
             raise problems.error(TableProblem(message, 1))
+    if text.lstrip().startswith("#"):
+        message = (
+            "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in the JSON beside it"
+        )
+        raise problems.error(TableProblem(message, 1))
     try:
         header = [name.strip() for name in next(csv.reader([text], strict=True), [])]
     except csv.Error as error:
@@ -780,10 +785,16 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
     remarks = []
     unknown = [name for name in header if name != "run" and not form.knows(name)]
     known = [*form.coordinates, *candidates(header)]
+    plain = []
     for name in unknown[:_REMARKED]:
         near = nearest_names(name, known)
-        hint = f" {near}" if near.startswith("Did") else ""
-        remarks.append(f"The unknown column '{shown(name)}' is ignored.{hint}")
+        if near.startswith("Did"):
+            remarks.append(f"The unknown column '{shown(name)}' is ignored. {near}")
+        else:
+            plain.append(f"'{shown(name)}'")
+    if plain:
+        word, are = ("column", "is") if len(plain) == 1 else ("columns", "are")
+        remarks.append(f"The unknown {word} {', '.join(plain)} {are} ignored.")
     if len(unknown) > _REMARKED:
         remarks.append(f"{len(unknown) - _REMARKED} more columns are unknown, and ignored.")
     if blank:

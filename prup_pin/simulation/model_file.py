@@ -232,6 +232,10 @@ class _Reader:
         return value
 
     def model(self, values: dict[str, Any]) -> CorrectedModel:
+        if "findings" in values and "format" not in values:
+            message = "it is a diagnosis; expected the corrected_model.json that stands beside it"
+            self.wrong("findings", message)
+            self.problems.raise_all()
         if values.get("format") != FORMAT:
             given = f"is {json_kind(values['format'])}" if "format" in values else "is missing"
             self.wrong("format", f'{given}; expected "{FORMAT}"')

@@ -99,6 +99,7 @@ def test_cells_that_are_no_numbers_are_told_with_line_and_column(tmp_path):
     ("name", "content", "text"),
     [
         ("log.xyz", b"1", "has the ending '.xyz'; expected one of .csv"),
+        ("log.xlsx", b"PK", "Export the sheet as CSV"),
         ("log.mat", b"not a matlab file" * 20, "cannot be read as a MATLAB file"),
         ("log.parquet", b"PAR", "cannot be read as Parquet"),
         ("log.mcap", b"no mcap at all here", "cannot be read as MCAP"),

@@ -371,7 +371,7 @@ def test_a_pipe_is_no_robot(tmp_path):
     [
         (b"", "r.urdf: is empty; expected a robot description"),
         (b"   \n ", "r.urdf:2: is not well-formed XML: Start tag expected"),
-        (b"solid ascii\n", "r.urdf:1: is not well-formed XML: Start tag expected, '<' not found"),
+        (b"solid ascii\n", "r.urdf:1: is no XML, which begins with '<'; expected a robot file (URDF or MJCF)"),
         (b"<robot>\n<link>\n</robot>", "r.urdf:3: is not well-formed XML: Opening and ending tag mismatch"),
         (b"<robot><link name='a'/>", "r.urdf:1: is not well-formed XML: Premature end of data"),
         (b"<robot name='a' name='b'/>", "r.urdf:1: is not well-formed XML: Attribute name redefined"),

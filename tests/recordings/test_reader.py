@@ -259,6 +259,8 @@ def test_other_separators(write, separator, word):
         ("w.fx [N]", "w.fx"),
         ("W.FX", "w.fx"),
         ("w_fx", "w.fx"),
+        ("F_x", "w.fx"),
+        ("Force x [N]", "w.fx"),
         ("Time", "time"),
         ("time [s]", "time"),
         ("time (s)", "time"),
@@ -276,6 +278,17 @@ def test_nearly_right_headers(write, name, wanted):
     line, column, message = only(write("\n".join((header, *ROWS))))
     assert (line, column) == (1, name)
     assert f"Did you mean '{wanted}'?" in message
+
+
+def test_a_remark_above_the_header(write):
+    line, _, message = only(write("# Monday\n" + TABLE))
+    assert line == 1
+    assert "is a remark ('#'); expected the header" in message
+
+
+def test_columns_like_nothing_known_are_told_together(write):
+    table = "\n".join(f"{line},0,0" if at else f"{line},lamp,door" for at, line in enumerate(TABLE.splitlines()))
+    assert "The unknown columns 'lamp', 'door' are ignored." in read_recording(write(table)).remarks
 
 
 def test_a_second_column_of_the_same_meaning_is_ignored(write):

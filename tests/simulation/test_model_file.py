@@ -181,6 +181,7 @@ def test_what_can_be_checked_without_the_robot_is(tmp_path):
         ("", "is empty"),
         ("[]", "holds a list"),
         ('{"robot": "a", "robot": "b"}', "stands 2 times"),
+        ('{"robot": "a", "verdict": "", "findings": []}', "1 problem(?s:.*)a diagnosis; expected the corrected_model"),
         ('{"version": NaN}', "format"),
     ],
 )

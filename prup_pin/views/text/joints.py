@@ -73,7 +73,7 @@ def coordinate_dimensions(robot: Robot) -> Mapping[str, str]:
     return {name: dimension(mechanism, name) for name in robot.task_coordinates}
 
 
-def _coordinate_text(value: float, kind: str, digits: int = 6) -> str:
+def coordinate_text(value: float, kind: str, digits: int = 6) -> str:
     """Return a joint or task coordinate in mm or deg."""
     if kind == "length":
         return f"{number(value * 1e3, digits)} mm"
@@ -86,7 +86,7 @@ def pose_text(robot: Robot, coordinates: Mapping[str, float], digits: int = 6) -
     """Return ['z 400 mm', 'theta 25 deg'] of joint or task coordinates."""
     kinds = coordinate_dimensions(robot)
     return [
-        f"{name} {_coordinate_text(clean(value), kinds.get(name) or dimension(robot.mechanism, name), digits)}"
+        f"{name} {coordinate_text(clean(value), kinds.get(name) or dimension(robot.mechanism, name), digits)}"
         for name, value in coordinates.items()
     ]
 

@@ -8,8 +8,9 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...numbers import fixed, number, readable_unit
+from ...numbers import fixed, readable_unit
 from ...sweep import QUANTITIES, SweepFile, SweepResult
+from .joints import coordinate_text
 from .terminal import heading, listed, make_table, paragraph, print_table
 
 __all__ = ["print_sweep"]
@@ -75,6 +76,7 @@ def _unit(name: str, label: str, largest: float) -> tuple[str, float]:
     return readable_unit(largest, unit)
 
 
-def axis_text(name: str, values: Sequence[float]) -> str:
-    """Return 'theta -0.5 … 0.5 in 41'."""
-    return f"{name} {number(values[0])} … {number(values[-1])} in {len(values)}"
+def axis_text(name: str, kind: str, values: Sequence[float], count: int | None = None) -> str:
+    """Return 'theta -30 deg … 30 deg in 41' of an axis' ends, or of one value; a `kind` is 'length' or 'angle'."""
+    ends = " … ".join(coordinate_text(value, kind, 4) for value in values)
+    return f"{name} {ends}" + ("" if count is None else f" in {count}")
