@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,9 @@ class Quantity:
         high = f"<= {self.upper:g}" if np.isfinite(self.upper) else ""
         return " and ".join(part for part in (low, high) if part) + f" {self.unit}" if low or high else self.unit
 
+    def _is_inside(self, number: float) -> bool:
+        return (self.lower < number if self.positive else self.lower <= number) and number <= self.upper
+
     def check(self, value: Any, owner: str) -> Any:
         """Return `value` as float or array, or raise ParameterError naming the parameter and its range."""
         label = f"{owner}.{self.name}"
@@ -87,11 +91,10 @@ class Quantity:
                 "a number" if not self.shape else " x ".join("n" if n < 0 else str(n) for n in self.shape) + " numbers"
             )
             raise ParameterError(f"{label} = {value!r}: expected {want}")
-        inside = (array > self.lower if self.positive else array >= self.lower) & (array <= self.upper)
-        if np.isnan(array).any() or not inside.all():
+        numbers = array.ravel().tolist()
+        if not all(map(self._is_inside, numbers)):
             raise ParameterError(f"{label} = {value!r} {self.unit}: expected {self.expected()}")
-        sizes = np.abs(array[(array != 0) & np.isfinite(array)])
-        if sizes.size and not SMALLEST_VALUE <= sizes.min() <= sizes.max() <= LARGEST_VALUE:
+        if not all(SMALLEST_VALUE <= abs(number) <= LARGEST_VALUE for number in numbers if number and isfinite(number)):
             raise ParameterError(
                 f"{label} = {value!r} {self.unit}: expected a size from {SMALLEST_VALUE:g} to {LARGEST_VALUE:g}"
             )

@@ -98,7 +98,8 @@ def axis_as_z(axis: Array) -> Array:
     x[(along + 1) % 3] = 1.0
     x -= (x @ z) * z
     x /= np.linalg.norm(x)
-    return np.column_stack((x, np.cross(z, x), z))
+    (a, b, c), (d, e, f) = z.tolist(), x.tolist()  # numpy's cross takes as long as all the rest
+    return np.column_stack((x, (b * f - c * e, c * d - a * f, a * e - b * d), z))
 
 
 def as_wrench(value, name: str = "wrench") -> Array:

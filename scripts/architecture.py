@@ -169,8 +169,7 @@ def _draw_plus(axes, at: tuple[float, float], colour: str) -> None:
 
 def _write(axes, left: float, at: float, room: str, holds: str, colour: str) -> None:
     name = axes.text(left + 0.13, at, room, fontsize=11.5, fontweight="bold", color=colour, va="center", zorder=4)
-    axes.figure.canvas.draw()
-    end = axes.transData.inverted().transform(name.get_window_extent().max)[0]
+    end = axes.transData.inverted().transform(name.get_window_extent(axes.figure.canvas.get_renderer()).max)[0]
     axes.text(end + 0.12, at - 0.005, holds, fontsize=9.5, color=INK, va="center", zorder=4)
 
 

@@ -17,6 +17,8 @@ done
 
 use_venv test
 cd "$(project_folder)"
+# Every worker, and every command that a test starts, would else compile all modules for itself.
+unset PYTHONDONTWRITEBYTECODE
 
 # Checks run beside one another; what each says is told in their order.
 logs="$(mktemp -d)"

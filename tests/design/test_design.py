@@ -82,12 +82,12 @@ def test_two_diameters_are_the_lightest_of_all_that_do():
 
 
 def test_legs_may_differ():
-    free = [f"leg{leg}/{bar}.diameter" for leg in (1, 2, 3) for bar in ("linear_rod", "moving_star_branch")]
+    free = [f"leg{leg}/linear_rod.diameter" for leg in (1, 2, 3)]
     poses = [{"z": 0.3, "theta": 0.3, "phi": 0.1}]
-    alike = ROBOT.design({"translation": 8e-6}, [ROD, BRANCH], bounds=BOUNDS, poses=poses)
-    apart = ROBOT.design({"translation": 8e-6}, free, poses=poses)
-    assert apart.mass < 0.97 * alike.mass
-    assert worst_translation(ROBOT.with_parameters(apart.changes), poses) < 8e-6 * (1 + 2e-6)
+    alike = ROBOT.design({"translation": 1e-5}, [ROD], bounds={ROD: BOUNDS[ROD]}, poses=poses)
+    apart = ROBOT.design({"translation": 1e-5}, free, poses=poses)
+    assert apart.mass < 0.9 * alike.mass
+    assert worst_translation(ROBOT.with_parameters(apart.changes), poses) < 1e-5 * (1 + 2e-6)
 
 
 SPRINGS = {"left_motor": 1e4, "right_motor": 2e4}

@@ -215,7 +215,7 @@ def test_speeds_of_all_actuators_are_used(rigid):
 def test_no_finding_makes_it_worse():
     """An arm that yields in every joint: some joint takes part of it, and no law beside that may add to the rest."""
     robot = prup_pin.load("ur5", joint_stiffness=1e4)
-    diagnosis = diagnose(robot, lifted(bench_of(robot)))
+    diagnosis = diagnose(robot, lifted(bench_of(robot, 6)))
     finding = the_unknown(diagnosis)
     assert finding.location in robot.mechanism.actuated
     assert finding.curve is not None
