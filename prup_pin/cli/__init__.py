@@ -1,5 +1,5 @@
-"""The command `prup-pin`: stiffness, view, report, info, robots, examples, kinds, import, sweep, simulate, predict,
-calibrate, diagnose, compensate, laws.
+"""The command `prup-pin`: stiffness, view, report, check, info, robots, examples, kinds, sweep, compensate, import,
+diagnose, calibrate, predict, simulate, laws.
 
 Options are read here, answers are computed by `Robot` and shown by `views`. One file holds a group of commands, and
 `options` what several of them ask for. Every error of the package ends as one message on stderr and exit code 2; any
@@ -26,25 +26,14 @@ from .sweeping import sweep
 
 __all__ = ["app", "main"]
 
-#: In the order in which the help lists them.
-COMMANDS: tuple[Callable[..., None], ...] = (
-    stiffness,
-    view,
-    report,
-    info,
-    check,
-    robots,
-    examples,
-    kinds,
-    import_,
-    sweep,
-    simulate,
-    predict,
-    calibrate,
-    diagnose,
-    compensate,
-    laws,
-)
+#: In the order in which the help lists them, by panel.
+COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
+    "One pose": (stiffness, view, report),
+    "Robots and their files": (check, info, robots, examples, kinds),
+    "Many poses": (sweep, compensate),
+    "Bench tests": (import_, diagnose, calibrate, predict, simulate, laws),
+}
 
-for _command in COMMANDS:
-    app.command(_command.__name__.strip("_"))(taken_apart(_command))
+for _panel, _commands in COMMANDS.items():
+    for _command in _commands:
+        app.command(_command.__name__.strip("_"), rich_help_panel=_panel)(taken_apart(_command))

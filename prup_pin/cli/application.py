@@ -47,6 +47,7 @@ app = typer.Typer(
     cls=_Group,
     help="Stiffness of robots with closed loops: how stiff, here, in this direction, and which part is soft; "
     "what a bench test of them would measure.",
+    epilog="To begin with: prup-pin stiffness 3prup --wrench fx=300, or prup-pin examples --copy .",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

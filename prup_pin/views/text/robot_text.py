@@ -208,6 +208,8 @@ def print_robots(out: Console) -> None:
             break
     print_table(out, table)
     out.print()
+    paragraph(out, "For example: prup-pin stiffness ur5 --joint-stiffness 1e4. Where --tool stands, it names one: ")
+    paragraph(out, "prup-pin stiffness solo12 --tool FL_FOOT --joint-stiffness 1e4", "  ")
     paragraph(out, "A path to a URDF or MJCF file works wherever a name does.")
 
 
