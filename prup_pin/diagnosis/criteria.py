@@ -446,8 +446,12 @@ def trusted(squares: np.ndarray) -> np.ndarray:
 
 #: A number so many standard deviations off, by the middle half of all, is gross and left out: normal numbers never are.
 OUTLIER: Final = 6.0
-#: ... unless they are more than this share: then they are the machine, not its sensor.
+#: ... unless they are more than this share: then they are the machine, not its sensor ...
 MOST_OUTLIERS: Final = 0.1
+#: ... but for up to so many where the nearest of them is so many times as far off as the farthest of the others: no law
+#: leaves that gap.
+MOST_APART: Final = 0.3
+APART: Final = 20.0
 #: Kinds are taken to be wider than declared where all but this share of what is left is explained by it: what else may
 #: be missing is then looked for beside them, and not in their place.
 EXPLAINED: Final = 0.1

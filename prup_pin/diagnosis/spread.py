@@ -45,8 +45,10 @@ from ..spatial import Array
 from .calibrate import Toleranced, changes_per_tolerance
 from .candidates import Candidate
 from .criteria import (
+    APART,
     EXPLAINED,
     FALSE_ALARM,
+    MOST_APART,
     MOST_OUTLIERS,
     MOST_TERMS,
     OUTLIER,
@@ -71,6 +73,7 @@ class Outlier:
     """A position or orientation that no machine of this kind explains.
 
     sample, from 0; channel, as its columns are named; distance in multiples of the noise, and `by` in `unit`, m or rad.
+    exchanged: the channel whose numbers stand in its place, as its own stand in that one's.
     """
 
     sample: int
@@ -78,6 +81,7 @@ class Outlier:
     distance: float
     by: float
     unit: str
+    exchanged: str = ""
 
     @property
     def size(self) -> str:
@@ -160,6 +164,17 @@ class Spread:
             yield (
                 f"left out {'are' if len(worst) > 1 else 'is'} {len(worst)} gross "
                 f"error{'s' if len(worst) > 1 else ''}, which all other samples contradict: {', '.join(listed)}{more}"
+            )
+        pairs = dict.fromkeys((item.channel, item.exchanged) for item in self.outliers if item.exchanged)
+        for one, other in (pair for pair in pairs if pair[0] < pair[1]):
+            here = [item.sample for item in self.outliers if (item.channel, item.exchanged) == (one, other)]
+            lines = [
+                together.told(together.sources[together.which[at]], f"line {together.rows[at] + 2}") for at in here
+            ]
+            more = ", …" if len(lines) > _MOST_LISTED else ""
+            yield (
+                f"{one} and {other} are exchanged in {', '.join(lines[:_MOST_LISTED])}{more}: each has the other's "
+                "numbers there. Put them right, or leave them out"
             )
         if noise.source == "assumed":
             found = self.noise(noise)
@@ -415,13 +430,13 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     first = seen.settled(x, exists, True)
     if first is None:
         return None
-    x, robust, _, distances = first
-    outliers = seen.outliers(distances, robust)
+    x, robust, _, distances, rest = first
+    outliers = seen.outliers(distances, rest, robust)
     exists = _less(exists, outliers, problem.stack)
     last = seen.settled(x, exists, False)
     if last is None:
         return None
-    _, fit, data, _ = last
+    _, fit, data, *_ = last
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
@@ -462,8 +477,8 @@ class _Seen:
                 return replace(self, parameters=parameters)
         return None
 
-    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array] | None:
-        """Return x (p,), the fit about it, its data, and distances (n, channels) of what was measured.
+    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
+        """Return x (p,), the fit about it, its data, distances (N, channels) of what was measured, what is left (N, K).
 
         None where it leads to parameters of which no sample can be simulated.
         """
@@ -501,7 +516,9 @@ class _Seen:
                 break
         full = np.full((len(exists), distances.shape[1]), np.nan)
         full[samples] = distances
-        return x, fit, data, full
+        rest = np.full(exists.shape, np.nan)
+        rest[samples] = target - columns @ fit.mean
+        return x, fit, data, full, rest
 
     def fitted(self, data: _Linear, variances: Array, noise: float) -> _Fit:
         """Return the likelier of two fits: from what was found so far, and from what is usual.
@@ -513,8 +530,8 @@ class _Seen:
         fits = [_fitted(data, *begin, kinds, self.floors, self.least) for begin in begins]
         return min(fits, key=lambda fit: fit.cost)
 
-    def outliers(self, distances: Array, fit: _Fit) -> list[Outlier]:
-        """Return what lies too far off: distances (N, groups), squared, in multiples of the noise."""
+    def outliers(self, distances: Array, rest: Array, fit: _Fit) -> list[Outlier]:
+        """Return what lies too far off: distances (N, groups), squared, and what is left (N, K), by the noise."""
         found = []
         stack, noise = self.problem.stack, self.problem.noise
         for index, group in enumerate(stack.groups()):
@@ -524,13 +541,32 @@ class _Seen:
                 continue
             size = float(np.median(here[known])) / float(chi_squared.median(3))
             far = known & (here > OUTLIER**2 * size)
-            if far.sum() > MOST_OUTLIERS * known.sum():
+            if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(here[known], far[known]):
                 continue
             unit = noise.of_unit(group.unit) * np.sqrt(fit.noise)
             for sample in np.flatnonzero(far):
                 by = float(np.sqrt(here[sample]))
                 found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
-        return found
+        return _exchanged(found, rest / np.sqrt(fit.noise), stack)
+
+
+def _stand_apart(squares: Array, far: np.ndarray) -> bool:
+    """Return True where those that are far off, by squares of distances (n,), leave a gap to all others."""
+    most = far.sum() <= MOST_APART * len(far)
+    return bool(most and squares[far].min() > APART**2 * squares[~far].max())
+
+
+def _exchanged(found: Sequence[Outlier], rest: Array, stack: Stack) -> list[Outlier]:
+    """Return outliers, those told of another channel that have its place: what is left of both cancels, (N, K)."""
+    where = {group.name: group.where for group in stack.groups()}
+    out = list(found)
+    for index, item in enumerate(found):
+        for other in found:
+            if other.sample == item.sample and other.unit == item.unit and other.channel != item.channel:
+                both = rest[item.sample, where[item.channel]] + rest[item.sample, where[other.channel]]
+                if both @ both < 2 * OUTLIER**2:
+                    out[index] = replace(item, exchanged=other.channel)
+    return out
 
 
 def _groups_of(stack: Stack) -> list[slice]:

@@ -21,6 +21,8 @@ from .test_joint_compliance import JOINTS, MARKERS, NOISE, TORSO, bench
 from .test_registration import SOMEWHERE
 
 GROSS = ((4, "left_ball"), (31, "chest"), (40, "right_ball"))
+#: Where the tracker took one for the other.
+EXCHANGED = 20, ("left_ball", "right_ball")
 
 
 def asked(recording):
@@ -49,6 +51,8 @@ def told_nothing():
     markers = {name: values.copy() for name, values in recording.markers.items()}
     for sample, name in GROSS:
         markers[name][sample] += 0.05
+    sample, (one, other) = EXCHANGED
+    markers[one][sample], markers[other][sample] = markers[other][sample].copy(), markers[one][sample].copy()
     markers["left_ball"][7] = np.nan
     return replace(recording, markers=markers)
 
@@ -60,12 +64,22 @@ def given(told_nothing):
 
 def test_gross_errors_are_named_with_their_line_and_left_out(given):
     assert {(item.sample, item.channel) for item in given.spread.outliers} == {
-        (sample, f"marker {name} position") for sample, name in GROSS
+        (sample, f"marker {name} position")
+        for sample, name in (*GROSS, *((EXCHANGED[0], name) for name in EXCHANGED[1]))
     }
     told = next(text for text in given.remarks if "gross" in text)
-    assert "3 gross errors" in told
+    assert "5 gross errors" in told
     assert "line 6 (marker left_ball position, 86" in told
+    told = "marker left_ball position and marker right_ball position are exchanged in line 22: "
+    assert any(text.startswith(told) for text in given.remarks)
     assert not given.problem.stack.exists[4, 6:9].any()
+
+
+def test_a_third_of_all_is_gross_where_nothing_lies_between_and_a_machine_where_something_does():
+    squares = np.r_[np.linspace(0, 9, 20), np.full(8, 1e5)]
+    assert spread._stand_apart(squares, squares > 36)
+    assert not spread._stand_apart(np.where(np.arange(28) == 27, 1e3, squares), squares > 36)
+    assert not spread._stand_apart(squares[8:], squares[8:] > 36)
 
 
 def test_the_noise_is_that_which_the_tracker_has(given):
