@@ -464,12 +464,21 @@ def _left_beside(problem: Problem, fit: Fit) -> Array:
 
 
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:
-    """Return True where a law brings parameters back within tolerance that were driven beyond it to take its place.
+    """Return True where a law takes a strain from parameters that took its place: held-out samples cannot tell them.
 
-    One culprit, its own tolerance lifted, is weighed against many that hide it: held-out samples cannot tell them.
+    One culprit, its own tolerance lifted, is weighed against many that hide it. Where none of them was driven beyond
+    tolerance, by how far off parameters are beside the law: what is off by more than declared is so by chance as well.
     """
+    saved = float(fit.x @ fit.x - trial.x @ trial.x)
     beyond = np.abs(fit.x).max(initial=0.0) > beyond_tolerance(len(fit.x))
-    return bool(beyond and fit.x @ fit.x - trial.x @ trial.x >= least)
+    return saved >= (least if beyond else least * strain_of(trial))
+
+
+def strain_of(fit: Fit) -> float:
+    """Return the mean square by which toleranced parameters are off, in tolerances, as far as data tell; at least 1."""
+    told = np.linalg.eigvalsh(fit.held.T @ fit.held)
+    count = float((told / (1 + told)).sum())
+    return max(float(fit.x @ fit.x) / max(count, 1.0), 1.0)
 
 
 def screen(

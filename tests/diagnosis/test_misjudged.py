@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.compete import _relieves, strain_of
 from prup_pin.diagnosis.criteria import MISJUDGED
 from prup_pin.diagnosis.misjudged import factors_of_kinds
 from prup_pin.recordings import read_recording
@@ -78,3 +80,17 @@ def test_joints_farther_off_than_declared_are_no_findings(tmp_path):
     found = diagnose(prup_pin.load(ARM), replace(recording, tolerances=narrow))
     assert {finding.physics for finding in found.findings} == {"self_weight"}
     assert any("position 2.7 times as far as declared. These tolerances were taken" in text for text in found.remarks)
+
+
+def test_a_law_enters_for_the_strain_that_it_takes_from_many_parameters():
+    """None of them is beyond tolerance, and held-out samples are as good without it; where all are off it takes more."""
+    held = np.vstack((100 * np.eye(60), np.zeros((20, 60))))
+
+    def fit(size):
+        return SimpleNamespace(x=np.full(60, size), held=held)
+
+    assert _relieves(fit(1.2), fit(1.0), 20.0)  # 26.4 saved
+    assert not _relieves(fit(1.2), fit(1.0), 27.0)
+    assert not _relieves(fit(2.1), fit(2.0), 20.0)  # 24.6 saved, but what is off is so by twice what is declared
+    assert strain_of(fit(2.0)) == pytest.approx(4.0, rel=1e-3)
+    assert strain_of(fit(0.5)) == 1.0
