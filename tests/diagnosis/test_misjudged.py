@@ -83,7 +83,7 @@ def test_joints_farther_off_than_declared_are_no_findings(tmp_path):
 
 
 def test_a_law_enters_for_the_strain_that_it_takes_from_many_parameters():
-    """None of them is beyond tolerance, and held-out samples are as good without it; where all are off it takes more."""
+    """None is beyond tolerance, and held-out samples are as good without it; where all are off, more is asked."""
     held = np.vstack((100 * np.eye(60), np.zeros((20, 60))))
 
     def fit(size):
