@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..mechanism import Frame, Link
-from ..spatial import Array, base_wrench_from_point, rotation_exp, rotation_tangent, skew
+from ..spatial import Array, base_wrench_from_point, cross, rotation_exp, rotation_tangent, skew
 from .residual import Evaluation, ModuleLoads
 from .rod import LoadedRod
 from .state import Conditions, State
@@ -118,7 +118,7 @@ def _place_screws(turn: Array, point: Array, drawn: Array, offset: Array) -> Arr
     screws = np.zeros((len(turn), 6, 6))
     screws[:, :3, :3] = parent.mT
     screws[:, 3:, 3:] = spin.mT
-    screws[:, 3:, :3] = np.cross(point[:, None], spin.mT)
+    screws[:, 3:, :3] = cross(point[:, None], spin.mT)
     return screws
 
 
@@ -193,7 +193,7 @@ def mass_columns(structure: Structure, at: Evaluation, gravity: Array, links: Se
     placed, levers = at.placements[:, joints], np.array([link.lever for link in links])
     centres = (placed[..., :3, :3] @ levers[:, :, None])[..., 0] + placed[..., :3, 3]
     down = np.broadcast_to(np.reshape(gravity, (-1, 1, 3)), centres.shape)
-    weights = np.concatenate((down, np.cross(centres, down)), axis=-1)
+    weights = np.concatenate((down, cross(centres, down)), axis=-1)
     return wrench_columns(structure, at, np.array(joints, int), weights.mT)
 
 
@@ -225,7 +225,7 @@ def _observers(structure: Structure, at: Evaluation) -> Array:
         block = np.zeros((len(observers), len(structure.modules), 6, 6))
         block[:, :, :3, :3] = axes
         block[:, :, 3:, 3:] = axes
-        block[:, :, 3:, :3] = np.cross(at.seen.point[..., None, :], axes)
+        block[:, :, 3:, :3] = cross(at.seen.point[..., None, :], axes)
         observers[:, nq + nd :] = block.reshape(len(observers), -1, 6)
     return observers
 
@@ -237,7 +237,7 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
     # what observers see as their frame turns
     v, w = observers[..., :3], observers[..., 3:]
     f, m = carried[..., :3], carried[..., 3:]
-    turning = np.concatenate((np.cross(w, f), np.cross(v, f) + np.cross(w, m)), axis=-1)
+    turning = np.concatenate((cross(w, f), cross(v, f) + cross(w, m)), axis=-1)
     seen = (turning @ screws.mT) * motions.turns
     # what the loads do as their points move
     left, right = [], []
@@ -405,7 +405,7 @@ def conjugate_moment_slope(vector: Array, moment: Array) -> Array:
     second_rate = np.where(
         small, -1 / 60 + squared / 1260 - squared**2 / 60480, (angle * (1 - cosine) - 3 * (angle - sine)) / angle**5
     )
-    once = np.cross(vector, moment)
-    twice = np.cross(vector, once)
+    once = cross(vector, moment)
+    twice = cross(vector, once)
     along = second_rate * twice[..., :, None] - first_rate * once[..., :, None]
     return first * skew(moment) - second * (skew(once) + skew(vector) @ skew(moment)) + along * vector[..., None, :]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..mechanism import Frame, Link
-from ..spatial import Array, motion_between, rotation_exp, skew
+from ..spatial import Array, cross, motion_between, rotation_exp, skew
 from .border import left_solved
 from .border import slack as slack_of
 from .derivative import Motions, frame_motions
@@ -154,7 +154,7 @@ class FirstOrder:
         at = self.found.evaluation
         axes, point = at.moving[:, joint, :3, :3].mT, at.moving[:, joint, :3, 3]
         force, moment = at.carried[:, joint, :3], at.carried[:, joint, 3:]
-        about = moment - np.cross(point, force)
+        about = moment - cross(point, force)
         return np.concatenate(((axes @ force[..., None])[..., 0], (axes @ about[..., None])[..., 0]), axis=1)
 
     def by_loop_end(self, loop: int, end: int) -> Array:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..modules import ModuleGeometry
-from ..spatial import Array, rotation_log, rotation_tangent, skew
+from ..spatial import Array, cross, rotation_log, rotation_tangent, skew
 from ..statics.wrench_jacobians import ModuleGroup
 from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod, piece_count
@@ -123,8 +123,8 @@ class BentGroup(NamedTuple):
         slope[..., 3:, :] = inverse @ np.where(pick, w, -(back @ w)) * sign
         way, spin = rod.root_motion[..., :3], rod.root_motion[..., 3:]
         axis = rod.rotation[..., 2]
-        outer = way + axis + self.at.length[..., None] * np.cross(spin, axis)
-        inner = (back @ (np.cross(spin, rod.position) - way)[..., None])[..., 0] - _AXIS
+        outer = way + axis + self.at.length[..., None] * cross(spin, axis)
+        inner = (back @ (cross(spin, rod.position) - way)[..., None])[..., 0] - _AXIS
         turned = np.where(self.inner[:, None], spin, -(back @ spin[..., None])[..., 0])
         lengthwise = np.empty(slope.shape[:-1])
         lengthwise[..., :3] = np.where(self.inner[:, None], outer, inner)
@@ -244,7 +244,7 @@ def _own_weight(structure: Structure, group: ModuleGroup, at: ModuleGeometry, gr
         return total
     force = body.mass[..., None] * gravity
     centre = -body.centre_from_tip[..., None] * _AXIS
-    whole = np.concatenate((force, np.cross(centre, force)), axis=-1)
+    whole = np.concatenate((force, cross(centre, force)), axis=-1)
     inside = np.array([_weighs_on_own_joint(structure, module) for module in group.modules])
     total[:] = np.where((np.logical_not(inner) & inside)[:, None], whole, 0.0)
     return total - _beyond_tip(group, at, gravity)
@@ -257,7 +257,7 @@ def _beyond_tip(group: ModuleGroup, at: ModuleGeometry, gravity: Array) -> Array
     line = group.kind.line_density(group.values, at)(np.zeros((*at.length.shape, 1)))[..., 0]
     force = (line * reach)[..., None] * gravity
     centre = 0.5 * reach[..., None] * _AXIS
-    return np.concatenate((force, np.cross(centre, force)), axis=-1)
+    return np.concatenate((force, cross(centre, force)), axis=-1)
 
 
 def _mass_factor(structure: Structure, module, factors: Array) -> float:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel import NEGLIGIBLE, LoopForces, LoopGaps
-from ..spatial import Array, rotation_exp, rotation_tangent, skew
+from ..spatial import Array, cross, rotation_exp, rotation_tangent, skew
 from .module_laws import DriveDeformations, ModuleDeformations, drive_deformations, module_deformations
 from .rigid_samples import RigidSamples
 from .state import Conditions, State
@@ -173,7 +173,7 @@ def _screws(structure: Structure, moving: Array, frames: ModuleFrames) -> Array:
         block[:, :, :3, 3:] = 0.0
         turning = axes @ frames.tangent
         block[:, :, 3:, 3:] = turning.mT
-        block[:, :, 3:, :3] = np.cross(frames.deformed[..., None, :3, 3], turning.mT)
+        block[:, :, 3:, :3] = cross(frames.deformed[..., None, :3, 3], turning.mT)
         screws[:, nq + nd :] = block.reshape(len(moving), ne, 6)
     return screws
 
@@ -195,7 +195,7 @@ def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopFo
     moment, point = conditions.wrench[:, 3:], tool[:, :3, 3]
     force = conditions.force_at(point)
     bodies[:, structure.tool.joint, :3] += force
-    bodies[:, structure.tool.joint, 3:] += moment + np.cross(point, force)
+    bodies[:, structure.tool.joint, 3:] += moment + cross(point, force)
     for index, loop in enumerate(structure.loops):
         # The gap's force acts on the second body; it pulls the bodies together, so the sign is free: unknown.
         bodies[:, loop.second.joint] += loops.wrench[:, index]
@@ -205,7 +205,7 @@ def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopFo
         weight = masses[:, None] * conditions.gravity[..., None, :]
         centres = (placements[:, :, :3, :3] @ levers[:, :, None])[..., 0] + placements[:, :, :3, 3]
         bodies[..., :3] += weight
-        bodies[..., 3:] += np.cross(centres, weight)
+        bodies[..., 3:] += cross(centres, weight)
     return (structure.support @ bodies.reshape(n, structure.count, 6)).reshape(n, structure.count, 6)
 
 
@@ -220,7 +220,7 @@ def _module_loads(structure: Structure, frames: ModuleFrames, carried: Array) ->
     point = np.where(at_inner[:, None], frames.inboard[..., :3, 3], frames.deformed[..., :3, 3])
     axes = frames.inboard[..., :3, :3].mT
     force = (axes @ whole[..., :3, None])[..., 0]
-    moment = (axes @ (whole[..., 3:] - np.cross(point, whole[..., :3]))[..., None])[..., 0]
+    moment = (axes @ (whole[..., 3:] - cross(point, whole[..., :3]))[..., None])[..., 0]
     wrench = np.concatenate((force, moment), axis=-1)
     plain, tips = ~structure.is_beam, structure.at_outer
     if plain.any():

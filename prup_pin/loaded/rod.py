@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..modules.flexibility import SectionFlexibilities
-from ..spatial import Array, rotation_exp, rotation_tangent, skew
+from ..spatial import Array, cross, rotation_exp, rotation_tangent, skew
 
 __all__ = ["LoadedRod", "loaded_rod", "piece_count"]
 
@@ -122,12 +122,12 @@ def loaded_rod(
     root_strain = _flexibilities(law, length[..., None])[..., 0, :] * root
     tip_strain = _flexibilities(law, np.zeros((*batch, 1)))[..., 0, :] * wrench
     bend, stretched = root_strain[..., 3:], root_strain[..., :3] + _AXIS
-    turned = np.cross(bend, root[..., :3])
+    turned = cross(bend, root[..., :3])
     if line is not None:
         assert weight is not None
         assert gravity is not None
         turned += (gravity[..., None, :] @ rotation)[..., 0, :] * weight(length[..., None])
-    moment_rate = np.cross(bend, root[..., 3:]) + np.cross(stretched, root[..., :3])
+    moment_rate = cross(bend, root[..., 3:]) + cross(stretched, root[..., :3])
     rate = np.concatenate((turned, moment_rate), axis=-1)
     velocity, spin = -(rotation @ stretched[..., None])[..., 0], -(rotation @ bend[..., None])[..., 0]
     slope = None if tangent is None else _root_slope(rotation, position, n, m, tangent, spread)
@@ -187,14 +187,14 @@ def _followed(
     p = begin_p - (lengths * _NODES[:, None]) * begin_r[:, 2]
     for _ in range(_SWEEPS):
         if weighs is not None:
-            both = np.concatenate((weighs, _cross(p, weighs)))
+            both = np.concatenate((weighs, cross(p, weighs, 0)))
             gathered = before + lengths * (_MATRIX @ both)
             n, m = force + gathered[:3], moment + gathered[3:]
-        about = m - _cross(p, n)
+        about = m - cross(p, n, 0)
         local = np.concatenate((_turned_back(r, n), _turned_back(r, about)))
         strain = soft * local
         # r [-kappa]x, row by row
-        turning = _cross(strain[3:, None], r.swapaxes(0, 1)).swapaxes(0, 1)
+        turning = cross(strain[3:, None], r.swapaxes(0, 1), 0).swapaxes(0, 1)
         moving = -(r[:, 0] * strain[0] + r[:, 1] * strain[1] + r[:, 2] * (strain[2] + 1.0))
         new_r = begin_r + lengths * (_MATRIX @ turning)
         new_p = begin_p + lengths * (_MATRIX @ moving)
@@ -221,13 +221,6 @@ def _followed(
     )
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Return a x b by components along the first of as many axes."""
-    crossed = a.take(_NEXT, axis=0) * b.take(_AFTER, axis=0)
-    crossed -= a.take(_AFTER, axis=0) * b.take(_NEXT, axis=0)
-    return crossed
-
-
 def _turned_back(r: Array, vector: Array) -> Array:
     """Return r^T v by components along the first axes."""
     return r[0] * vector[0] + r[1] * vector[1] + r[2] * vector[2]
@@ -250,18 +243,20 @@ def piece_count(law: SectionFlexibilities, length: Array, wrench: Array) -> np.n
 
 
 _AXIS = np.array([0.0, 0.0, 1.0])
-_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def _flexibilities(law: SectionFlexibilities, u: Array) -> Array:
     """Return the six flexibilities of sections at u (..., points), (..., points, 6): stretch and curvature."""
-    parts = (law.shear_x(u), law.shear_y(u), law.axial(u), law.bending_x(u), law.bending_y(u), law.torsion(u))
-    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+    parts = (law.shear_x, law.shear_y, law.axial, law.bending_x, law.bending_y, law.torsion)
+    flexibilities = np.empty((*u.shape, 6))
+    for index, part in enumerate(parts):
+        flexibilities[..., index] = part(u)
+    return flexibilities
 
 
 def _in_section(r: Array, p: Array, n: Array, m: Array) -> Array:
     """Return the wrench (n, m) about the tip as the section placed at (r, p) carries it, in its axes, (..., 6)."""
-    both = np.stack(np.broadcast_arrays(n, m - np.cross(p, n)), axis=-2)
+    both = np.stack(np.broadcast_arrays(n, m - cross(p, n)), axis=-2)
     return (both @ r).reshape(*p.shape[:-1], 6)
 
 
@@ -277,8 +272,7 @@ def _advance_tangent(tangent, spread, r, p, flexibility, n, m, line, matrix, las
     adjoint[..., :3, 3:] = skew(p) @ r
     a = -(adjoint * flexibility[..., None, :]) @ adjoint.mT
     b = np.zeros_like(a)
-    cross = skew(n)
-    b[..., :3, 3:] = b[..., 3:, :3] = cross
+    b[..., :3, 3:] = b[..., 3:, :3] = skew(n)
     b[..., 3:, 3:] = skew(m)
     flat = (*a.shape[:-2], 36)
     start, before = tangent[..., None, :, :], spread[..., None, :, :]
