@@ -252,7 +252,8 @@ def _loads(log: Log, taken: set[str]) -> list[_Line]:
             else:
                 continue
             said = stream.units.get(name) or unit_in_name(name)
-            doubt = "is it what acts on the tool point, in base axes?"
+            # the recording's own name says what it is
+            doubt = "" if name == f"w.{component}" else "is it what acts on the tool point, in base axes?"
             unit = (spelled(said) if said else None) or ("N" if component[0] == "f" else "N m")
             lines.setdefault(f"w.{component}", _Line(f"w.{component}", name, unit, doubt=doubt))
     return list(lines.values())

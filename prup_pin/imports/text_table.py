@@ -135,7 +135,10 @@ def _understood(path: Path) -> tuple[_Manner, list[str]]:
 def _decoded(content: bytes) -> tuple[str, str]:
     """Return text with plain line ends, and its encoding."""
     try:
-        text, encoding = content.decode("utf-8-sig"), "utf-8-sig"
+        if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+            text, encoding = content.decode("utf-16", "ignore"), "utf-16"
+        else:
+            text, encoding = content.decode("utf-8-sig"), "utf-8-sig"
     except UnicodeDecodeError:
         text, encoding = content.decode("latin-1"), "latin-1"
     return text.replace("\r\n", "\n").replace("\r", "\n"), encoding

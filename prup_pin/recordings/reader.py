@@ -102,6 +102,11 @@ class _Form:
     coordinates: Mapping[str, str] = field(default_factory=dict)
     is_path: bool = False
 
+    @property
+    def otherwise(self) -> str:
+        """What else can be done with a table that is not written as a recording is."""
+        return "" if self.is_path else ", or let `prup-pin import` make a recording of it"
+
     def knows(self, name: str) -> bool:
         """Return whether a column's name has a meaning."""
         return is_known(name) or name in self.coordinates
@@ -289,11 +294,14 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     for separator, word in _SEPARATORS.items():
         if text.count(separator) > text.count(","):
             decimal = " and decimal points instead of decimal commas" if re.search(r"\d,\d", second) else ""
-            message = f"the columns are separated by {word}; export the table again with commas{decimal}"
+            message = (
+                f"the columns are separated by {word}; export the table again with commas{decimal}{form.otherwise}"
+            )
             raise problems.error(TableProblem(message, 1))
     if text.lstrip().startswith("#"):
         message = (
             "is a remark ('#'); expected the header: time, q.<joint>, … Remarks go to \"notes\" in the JSON beside it"
+            f"{form.otherwise}"
         )
         raise problems.error(TableProblem(message, 1))
     try:
@@ -427,7 +435,9 @@ def _careful(
     while chunk := list(itertools.islice(rows, _CHUNK)):
         chunk_lines = [line for line, _ in chunk]
         if not lines and first == 2 and _is_second_header([row for _, row in chunk[:2]], used):
-            message = "is a row of words, such as units; expected one header row and then numbers. Remove it"
+            message = (
+                f"is a row of words, such as units; expected one header row and then numbers. Remove it{form.otherwise}"
+            )
             problems.add(TableProblem(message, chunk_lines[0]))
             chunk, chunk_lines = chunk[1:], chunk_lines[1:]
         cells = list(zip(*(row for _, row in chunk), strict=True))

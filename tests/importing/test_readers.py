@@ -41,6 +41,12 @@ def test_tables_of_text(tmp_path, ending, how):
     assert stream.units == ({"t": "s"} | {f"q{k}": "deg" for k in range(1, 7)} if "below" in how else {})
 
 
+def test_text_of_two_bytes_a_letter(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t;q1\n0;1,5\n1;2,5\n", encoding="utf-16")
+    assert only(read_log(path)).columns["q1"].tolist() == [1.5, 2.5]
+
+
 def test_names_that_stand_in_a_comment_and_cells_that_are_empty(tmp_path):
     path = tmp_path / "log.dat"
     path.write_text("% recorded on Monday\n% t, q1, note\n0, 1.5, a\n1, , b\n2, nan, c\n3, 2.5, d\n")

@@ -249,6 +249,7 @@ def test_other_separators(write, separator, word):
     assert line == 1
     assert f"separated by {word}; export the table again with commas" in message
     assert "decimal" not in message
+    assert message.endswith("or let `prup-pin import` make a recording of it")
     commas = TABLE.replace(",", separator).replace(".", ",").replace("q,", "q.")
     assert "decimal points instead of decimal commas" in only(write(commas))[2]
 
