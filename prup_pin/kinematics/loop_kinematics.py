@@ -139,7 +139,9 @@ class LoopKinematics:
     def _matrix(self, wrenches: Array, jacobian: Array, wanted_rows: Callable[[Array], Array]) -> Array:
         """Return the Jacobian of gaps and what is wanted (c + t, nv), from closure wrenches (c, 6)."""
         if isinstance(wanted_rows, TaskRows):
-            return np.concatenate((wrenches, wanted_rows.rates)).dot(jacobian) * self._signs
+            matrix = np.concatenate((wrenches, wanted_rows.rates)).dot(jacobian)
+            matrix *= self._signs
+            return matrix
         return np.concatenate((self.closure.jacobian(wrenches, jacobian), wanted_rows(jacobian)))
 
     def _as_drawn(self, gap: Array, wanted: Sequence[float]) -> bool:

@@ -159,9 +159,9 @@ class _Piece(NamedTuple):
     def sections(self) -> tuple[Array, Array, Array, Array]:
         """Return r (..., stages, 3, 3), and p, n and m (..., stages, 3)."""
         batch = self.settled.shape
-        r = np.moveaxis(self.r, (3, 2), (0, 1)).reshape(*batch, _STAGES, 3, 3)
+        r = self.r.transpose(3, 2, 0, 1).reshape(*batch, _STAGES, 3, 3)
         vectors = (np.broadcast_to(x, self.p.shape) for x in (self.p, self.n, self.m))
-        p, n, m = (np.moveaxis(x, (2, 1), (0, 1)).reshape(*batch, _STAGES, 3) for x in vectors)
+        p, n, m = (x.T.reshape(*batch, _STAGES, 3) for x in vectors)
         return r, p, n, m
 
 
@@ -177,10 +177,10 @@ def _followed(
     begin_r = np.ascontiguousarray(rotation.reshape(-1, 9).T).reshape(3, 3, 1, -1)
     begin_p = np.ascontiguousarray(position.reshape(-1, 3).T)[:, None]
     lengths = step.reshape(-1)
-    soft = np.ascontiguousarray(np.moveaxis(flexibility.reshape(-1, _STAGES, 6), (2, 1), (0, 1)))
+    soft = np.ascontiguousarray(flexibility.reshape(-1, _STAGES, 6).T)
     load = np.ascontiguousarray(wrench.reshape(-1, 6).T)[:, None]
     force, moment = load[:3], load[3:]
-    weighs = None if line is None else np.moveaxis(line.reshape(-1, _STAGES, 3), (2, 1), (0, 1))
+    weighs = None if line is None else line.reshape(-1, _STAGES, 3).T
     before = np.ascontiguousarray(carried.reshape(-1, 6).T)[:, None]
     n, m, both = force, moment, np.zeros((6, _STAGES, len(lengths)))
     r = np.repeat(begin_r, _STAGES, axis=2)

@@ -59,4 +59,11 @@ def mass_per_length(density: Array, area: Array) -> Array:
 
 def constant(value: Array) -> Callable[[Array], Array]:
     """Return the section law of a uniform beam: `value` (n,) at every distance from the tip."""
-    return lambda u: np.broadcast_to(np.asarray(value)[..., None], u.shape)
+    column = np.asarray(value)[..., None]
+
+    def law(u: Array) -> Array:
+        found = np.empty(u.shape)
+        found[...] = column
+        return found
+
+    return law

@@ -100,7 +100,9 @@ class Statics(NamedTuple):
         """Return C (..., 6, 6), the sum over modules of J^T (Lambda J), as one product of all their rows, of the
         deformations (load rows, 6)."""
         c = product(self.loads.mT, deformations)
-        return (c + c.mT) * HALF
+        c = c + c.mT
+        c *= HALF
+        return c
 
     def displacement(self, strains, frame: str | None) -> Array:
         """Return the displacement (..., 6) of the tool, or of a named frame, when modules deform by `strains`.

@@ -157,7 +157,8 @@ class Compliance:
                     rigid,
                 )
         k = inverse * self._scaling
-        k = (k + k.T) * HALF
+        k = k + k.T
+        k *= HALF
         k.setflags(write=False)
         return k
 
