@@ -281,7 +281,7 @@ def test_robots_and_kinds(run):
         (["--wrench", "mz=100N"], ["Nm"]),
         (["--wrench", "fx"], ["component=value"]),
         (["--at-load"], ["--wrench"]),
-        (["--set", "leg1/linear_rod.diametr=0.02"], ["leg1/linear_rod.diameter"]),
+        (["--set", "leg1/linear_rod.diametr=20mm"], ["no parameter named", "leg1/linear_rod.diameter"]),
         (["--set", "leg1/linear_rod.diameter=-2mm"], ["> 0 m"]),
         (["--set", "leg9*=1"], ["leg9*"]),
         (["--set", "leg1/linear_rod.diameter"], ["NAME=VALUE"]),

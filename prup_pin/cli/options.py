@@ -153,6 +153,8 @@ def changes_of(robot: Robot, settings: Sequence[str]) -> dict[str, Any]:
             if not names:
                 raise UnknownNameError("parameter", pattern, list(robot.parameters))
         for name in names:
+            if name not in robot.parameters:  # said before its value is doubted
+                robot.with_parameters({name: 0.0})
             changes[name] = _parameter_value(robot, name, value, setting)
     return changes
 
