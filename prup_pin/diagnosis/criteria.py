@@ -382,9 +382,12 @@ AR_ORDER, AR_FLOOR = 6, 0.01
 #: Share of the held-out squares by which plain weights must be better than whitened ones: less than this, a law that is
 #: a trace of the filters may save, and whitening knows more of noise.
 EFFORT_PLAINLY = 0.1
-#: Share of what is left that a curve of no law must take away, held out, to be told as unknown.
-EFFORT_CURVE_GAIN = 0.05
-#: ... and the share of what the laws take away: less is what every real joint has beyond any law.
+#: Share of what is left that a curve of no law must take away, held out, to be told as unknown: of all joints, or of
+#: its own.
+EFFORT_CURVE_GAIN, EFFORT_CURVE_OWN = 0.05, 0.3
+#: Share of what all links together take away that one body alone must, to be told beside.
+EFFORT_ALONE = 0.5
+#: ... and the share of what the laws take away there: less is what every real joint has beyond any law.
 EFFORT_MATERIAL = 0.005
 #: A law at the same joint imitates such a curve where the curve saves more than this share of what the law does.
 EFFORT_IMITATED = 0.03

@@ -218,6 +218,30 @@ def test_a_spring_and_a_wave_of_which_little_is_seen_are_told_beside_each_other(
     assert "cogging at carriage" in finding.alternatives
 
 
+def test_a_cable_that_drags_along_is_unknown_and_followed(carriage):
+    """Two springs that slip, after 20 and 60 mm: no friction of the library turns round on so long a way."""
+
+    def dragged(recording):
+        q, out = np.asarray(recording.positions["carriage"]), 0.0
+        for way, force in ((0.02, 20.0), (0.06, 30.0)):
+            slip = np.zeros(len(q))
+            for row in range(1, len(q)):
+                slip[row] = np.clip(slip[row - 1] + (q[row] - q[row - 1]) / way, -1, 1)
+            out = out + force * slip
+        return recording.with_measurements(efforts={"carriage": recording.efforts["carriage"] + out})
+
+    found = diagnose(carriage, dragged(axis(3000, noise=1.0)))
+    assert found.verdict == "unexplained"
+    unknown = next(finding for finding in found.findings if finding.physics == "unknown")
+    assert unknown.location == "carriage"
+    assert "its way since it turned round" in unknown.statement.replace("the joint's", "its")
+    other = dragged(axis(2000, noise=1.0, seed=4))
+    told = simulate(carriage, replace(other, efforts={"carriage": np.zeros(2000)}), found.effects).efforts["carriage"]
+    plain = simulate(carriage, replace(other, efforts={"carriage": np.zeros(2000)})).efforts["carriage"]
+    left, before = (np.nanstd(other.efforts["carriage"] - values) for values in (told, plain))
+    assert left < 0.25 * before
+
+
 def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
     found = diagnose(carriage, axis(drag=2500.0))
     assert found.verdict == "unexplained"

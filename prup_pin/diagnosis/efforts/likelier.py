@@ -78,7 +78,7 @@ def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[E
         return []
     # what one of them leaves must not count as noise against the other
     best = max(rivals, key=lambda other: _weight(given, left, pull, other, 1.0)[1])
-    apart = max(min(_scatter(given, chosen, term), _scatter(given, rest.with_term(best), best)), 1.0)
+    apart = max(min(_scatter(given, rest, left, other) for other in (term, best)), 1.0)
     weighed = {id(other): _weight(given, left, pull, other, apart) for other in [term, *rivals]}
     if is_body(term):
         bodies = [other for other in [term, *rivals] if is_body(other)]
@@ -102,10 +102,9 @@ def _same_thing(term: EffortCandidate, other: EffortCandidate) -> bool:
     )
 
 
-def _scatter(given: Gathered, chosen: Chosen, term: EffortCandidate) -> float:
+def _scatter(given: Gathered, rest: Chosen, left: Array, term: EffortCandidate) -> float:
     """Return how far whole blocks scatter along a term's columns, as a multiple of what white noise would."""
-    rest = chosen.without(term)
-    _, left, _ = pulls(given, rest)
+    chosen = rest.with_term(term)
     basis = _basis(given, left, term)
     if not basis.size:
         return 1.0

@@ -23,8 +23,10 @@ from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
     EFFORT_ALIKE,
+    EFFORT_ALONE,
     EFFORT_CLASS,
     EFFORT_CURVE_GAIN,
+    EFFORT_CURVE_OWN,
     EFFORT_IMITATED,
     EFFORT_LIKELIER,
     EFFORT_LOUD,
@@ -54,6 +56,8 @@ __all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_o
 
 #: Candidates beside a finding that are looked at as its rivals.
 _RIVALS = 24
+#: Share of the most that one body takes away, from which another is as good.
+_AS_GOOD = 0.99
 #: Means that a curve is drawn through.
 _BINS = 24
 
@@ -190,20 +194,21 @@ def _with_curves(
     """
     free: list[EffortCandidate] = []
     imitating: list[EffortCandidate] = []
-    began = held_out(given, Chosen(chosen.base))
+    began = Beside(given, Chosen(chosen.base))
     for _ in range(3):
         given, curves = efforts.with_curves(given)
         ranked, best = scores(given.only(curves), chosen)
         limit = threshold(best)
-        left = held_out(given, chosen)
+        beside = Beside(given, chosen)
         tried = []
         for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
             if score.log_chance >= limit:
                 continue
-            after = held_out(given, chosen.with_term(score.candidate))
-            share, sure = worth(left, after)
-            material = (left - after).sum() > EFFORT_MATERIAL * (began.sum() - left.sum()) or not chosen.terms
-            if sure > EFFORT_SURE and share > EFFORT_CURVE_GAIN and material:
+            share, sure = worth(beside.left, held_out(given, chosen.with_term(score.candidate)))
+            saving, own = share * float(beside.left.sum()), beside.left_in(score.candidate)
+            material = saving > EFFORT_MATERIAL * (began.left_in(score.candidate) - own) or not chosen.terms
+            much = share > EFFORT_CURVE_GAIN or saving > EFFORT_CURVE_OWN * own
+            if sure > EFFORT_SURE and much and material:
                 tried.append((share, score.candidate))
         curve = max(tried, key=lambda item: item[0])[1] if tried else relieving(given, chosen, curves)
         if curve is None or any(curve.name == other.name for other in free):
@@ -423,13 +428,21 @@ class _Verdict:
         left, before = float(self.held.sum()) + self.strained, float(without.sum()) + self._strain(rest)
         gain = float(np.clip(1 - left / max(before, np.finfo(float).tiny), 0.0, 1.0))
         places, laws = self._rivals(term, without)
+        parameters, statement = self._parameters(term, values), effect.statement(self.mechanism)
+        if isinstance(term.law, InertialParameters):
+            low, high = parameters["mass"].interval
+            if low <= 0 <= high:
+                statement = (
+                    f"{term.place.name} has another centre or inertia than in the robot file; of its mass this motion "
+                    "tells nothing"
+                )
         return Finding(
             physics=term.law.physics,
             location=term.place.name,
             candidates=tuple(dict.fromkeys((term.place.name, *places))),
-            parameters=self._parameters(term, values),
+            parameters=parameters,
             heldout_gain=gain,
-            statement=effect.statement(self.mechanism),
+            statement=statement,
             effect=effect,
             alternatives=tuple(dict.fromkeys(laws)),
         )
@@ -499,8 +512,31 @@ class _Verdict:
             statement=(
                 f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} "
                 f"combinations that this motion tells, {len(differ)} are surely others"
+                f"{self._alone_of_all(term, without)}"
             ),
         )
+
+    def _alone_of_all(self, term: EffortCandidate, without: Array) -> str:
+        """Return what one body alone would take away of what all links do, in words, where that is most of it."""
+        rest, gain = self.named.without(term), float((without - self.held).sum())
+        single = [other for other in self.given.candidates if is_body(other) and other is not term]
+        single = [other for other in single if not isinstance(other.law, AllLinks)]
+        if not single:
+            return ""
+        saved_by = (without - Beside(self.given, rest).with_each(single)).sum(axis=1)
+        # the tool's load comes before the link that would be as good
+        best = min(
+            (one for one, own in zip(single, saved_by, strict=True) if own > _AS_GOOD * saved_by.max()),
+            key=lambda one: one.where.start,
+        )
+        with_it = rest.with_term(best)
+        x, _ = fit(self.given, with_it)
+        values = best.law.fitted(best.place, x[with_it.own(best)], best.values)
+        share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
+        if share < EFFORT_ALONE or not best.law.plausible(best.place, values, self.mechanism):
+            return ""
+        told = best.law.statement(best.place, values, self.mechanism)
+        return f"; {100 * min(share, 1.0):.0f} % of that would be taken away by one body alone: {told}"
 
     def _effect(self, term: EffortCandidate, values: Mapping[str, float]) -> Effect:
         kept = {q.name: float(values[q.name]) for q in term.law.quantities_at(term.place, self.mechanism)}

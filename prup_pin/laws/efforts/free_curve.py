@@ -23,7 +23,12 @@ VARIABLES = {
     "position": ("rad", "m"),
     "load": ("N m", "N"),
     "time": ("s", "s"),
+    "way since it turned round": ("rad", "m"),
 }
+#: The last of them: friction that builds up on its way, of cables, seals and gears that give (Dahl's, of several ways).
+_TURN = "way since it turned round"
+#: Shares of a joint's travel on which such friction turns round.
+_WAYS = (0.01, 0.03, 0.1, 0.3, 1.0)
 #: Knots of a curve, and of one of friction along the way: a rail that pinches does so in places.
 _KNOTS, _FINE = 9, 25
 
@@ -36,7 +41,17 @@ def variable_of(at: InMotion, joint: str, variable: str) -> Array:
         return at.position(joint)
     if variable == "load":
         return at.effort_of(joint, at.rigid)
+    if variable == _TURN:
+        return _since_turning(at, joint)
     return at.motion.time - at.motion.time[0]
+
+
+def _since_turning(at: InMotion, joint: str) -> Array:
+    """Return how far a joint is from where it turned round last, (N,); what is smaller than friction's way is none."""
+    position, way = at.position(joint), at.dragged(joint, usual_way(at, joint)) > 0
+    turned = np.flatnonzero(way[1:] != way[:-1]) + 1
+    last = np.concatenate(([0], turned))[np.searchsorted(turned, np.arange(len(position)), side="right")]
+    return np.abs(position - position[last])
 
 
 @dataclass(frozen=True)
@@ -66,6 +81,8 @@ class FreeCurve(EffortLaw):
     @property
     def count(self) -> int:
         """Knots of the curve."""
+        if self.variable == _TURN:
+            return len(_WAYS)
         return _FINE if self.friction else _KNOTS
 
     @property
@@ -100,7 +117,10 @@ class FreeCurve(EffortLaw):
         return known and bool(np.ptp(variable_of(at, place.name, self.variable)) > 0)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        """Return where its knots stand: as many samples between any two of them."""
+        """Return where its knots stand: as many samples between any two of them; or the ways of friction."""
+        if self.variable == _TURN:
+            travel = float(np.ptp(at.position(place.name)))
+            return [{f"at {index}": share * travel for index, share in enumerate(_WAYS)}]
         x, shares = variable_of(at, place.name, self.variable), np.linspace(0, 1, self.count)
         knots = np.quantile(x, shares)
         if not (np.diff(knots) > 1e-9 * np.ptp(x)).all():  # where the joint often stands
@@ -110,6 +130,8 @@ class FreeCurve(EffortLaw):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         x = variable_of(at, place.name, self.variable)
         knots = np.array([values[f"at {index}"] for index in range(self.count)])
+        if self.variable == _TURN:
+            return np.stack([at.along(place.name, at.dragged(place.name, way)) for way in knots.tolist()], axis=-1)
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
         both = np.concatenate(([] if self.friction else [hats]) + [hats * turning[:, None]], axis=1)
@@ -120,4 +142,7 @@ class FreeCurve(EffortLaw):
 
 
 #: All curves that are tried.
-CURVES = (*map(FreeCurve, VARIABLES), FreeCurve("position", friction=True))
+CURVES = (
+    *(FreeCurve(variable, friction=variable == _TURN) for variable in VARIABLES),
+    FreeCurve("position", friction=True),
+)

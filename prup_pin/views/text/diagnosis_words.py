@@ -27,6 +27,8 @@ __all__ = [
 
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
+#: Findings that a sentence lists one by one.
+_IN_A_SENTENCE = 6
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
@@ -42,7 +44,7 @@ def verdict_text(diagnosis: Diagnosis) -> str:
             f"Nothing is missing: what is left between simulation and recording is noise ({number(after, 3)} times it)."
         )
     named = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
-    told = _joined([finding_text(finding) for finding in named])
+    told = _joined(_all_told(named))
     takes = f"the residual falls from {number(before, 3)} to {number(after, 3)} times the noise"
     if diagnosis.verdict == "explained":
         return f"Explained: with {told} {takes}."
@@ -55,6 +57,16 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         f"Unexplained: the residual is {number(before, 3)} times the noise, and no law of the library takes it "
         f"away{where}."
     )
+
+
+def _all_told(named: Sequence[Finding]) -> list[str]:
+    """Return findings for a sentence: each for itself, or where there are many of them, each physics once."""
+    if len(named) <= _IN_A_SENTENCE:
+        return [finding_text(finding) for finding in named]
+    kinds: dict[str, list[Finding]] = {}
+    for finding in named:
+        kinds.setdefault(finding.physics, []).append(finding)
+    return [f"{finding_text(first)}{f' and {len(others)} more' if others else ''}" for first, *others in kinds.values()]
 
 
 def _joined(items: Sequence[str]) -> str:
