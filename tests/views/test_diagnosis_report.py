@@ -5,6 +5,7 @@ import html
 import json
 import re
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,6 +43,20 @@ def page(diagnosed):
 def words(page):
     body = re.sub(r"<(script|style)\b.*?</\1>", " ", page[page.index("<body>") :], flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", body)).replace("\u2212", "-").split())
+
+
+def test_a_verdict_of_many_findings_tells_each_physics_once(diagnosed):
+    _, _, diagnosis = diagnosed
+    first = replace(diagnosis.findings[0], effect=None)
+    many = [
+        replace(first, physics=physics, location=f"joint_{index}")
+        for physics, count in (("coulomb_friction", 5), ("effort_gain", 1), ("backlash", 2))
+        for index in range(count)
+    ]
+    told = verdict_text(replace(diagnosis, verdict="explained", findings=tuple(many)))
+    assert "coulomb friction at joint_0 and 4 more, effort gain at joint_0 and backlash at joint_0 and 1 more" in told
+    few = verdict_text(replace(diagnosis, verdict="explained", findings=tuple(many[:6])))
+    assert "coulomb friction at joint_4 and effort gain at joint_0" in few
 
 
 def test_it_says_what_was_found(diagnosed, page):
