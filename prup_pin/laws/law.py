@@ -175,4 +175,9 @@ class Effect:
 
 
 #: Load components of each motion of a joint module.
-ASPECTS: Mapping[str, slice] = {"radial": slice(0, 2), "axial": slice(2, 3), "tilting": slice(3, 5)}
+ASPECTS: Mapping[str, slice] = {
+    "radial": slice(0, 2),
+    "axial": slice(2, 3),
+    "tilting": slice(3, 5),
+    "rotational": slice(5, 6),
+}

@@ -24,6 +24,7 @@ _STIFFNESSES = {
     "radial": ("radial_stiffness", "reference_stiffness"),
     "axial": ("axial_stiffness",),
     "tilting": ("tilting_stiffness",),
+    "rotational": ("rotational_stiffness",),
 }
 _WHOLE = ("stiffness", "torsional_stiffness", "youngs_modulus")
 
@@ -56,7 +57,7 @@ def turns(mechanism: Mechanism, place: Place) -> bool:
     """Return True where a module's motion is a rotation, so that its load is a moment."""
     module = mechanism.module(place.name)
     if not isinstance(module.kind, DriveModule):
-        return place.aspect == "tilting"
+        return place.aspect in ("tilting", "rotational")
     return drive_turns(mechanism, module)
 
 

@@ -27,7 +27,7 @@ class StiffnessChanged(Law):
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         bodies = [Place(module.name) for module in beams(mechanism) if stiffness_of(module, "")]
-        joints = yielding(mechanism, ("radial", "axial", "tilting"))
+        joints = yielding(mechanism, ("radial", "axial", "tilting", "rotational"))
         drives = yielding(mechanism, ("",))
         return [*bodies, *joints, *drives]
 

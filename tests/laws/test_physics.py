@@ -12,7 +12,7 @@ import pytest
 from prup_pin import laws
 from prup_pin.laws import LAWS, Effect, Inputs, Place, Setup
 from prup_pin.simulation import Simulator
-from prup_pin.spatial import rotation_exp
+from prup_pin.spatial import rotation_exp, rotation_log
 
 from ..statics.build import RobotFile
 from .bench import change, effect, nominal, robot, simulator
@@ -182,6 +182,20 @@ def test_creep_goes_back_after_the_load(spring):
     x = pulled(spring, [0.0, 10.0, 0.0, 0.0], [of(laws.CreepLaw, "spring", share=0.4, time_constant=2.0)], time=time)
     expected = 4 / K * np.exp(-np.array([1.0, 3.0]) / 2.0)
     np.testing.assert_allclose(x[2:, 0], expected, rtol=1e-6)
+
+
+def test_a_guide_that_is_softer_about_its_own_axis_turns_more(tmp_path):
+    """M / k about the axle, and nothing else of it: its stiffness there is a word of its own."""
+    file = RobotFile()
+    file.link("block")
+    file.held("slide", "base", "block", axis=(1, 0, 0))
+    file.module("guide", "bearing", "slide", {"rotational_stiffness": 2e3}, axis=(0, 0, 1))
+    found = file.load(tmp_path, "block")
+    soft = of(laws.StiffnessChanged, "guide", "rotational", factor=0.4)
+    assert soft.place in soft.law.places(found.mechanism)
+    loads = Inputs(np.zeros(1), np.zeros((1, 1)), np.array([[0.0, 30.0, 0.0, 0.0, 5.0, 10.0]]), np.zeros(1, int))
+    run = Simulator(found, loads).run([soft])
+    np.testing.assert_allclose(rotation_log(run.rotation[0]), [0, 0, 10.0 / 800.0], rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(
