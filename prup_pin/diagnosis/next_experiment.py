@@ -77,6 +77,10 @@ def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
         return {"why": why, "plan": _written(search, search.largest(), CYCLE)}
     chosen, repeated = search.planned()
     told = _Told(search, chosen, repeated)
+    if told.most < WORTH_DOING and told.undecided:
+        # what is worth a plan for all is little; what is worth it for one pair, gone through often, tells that pair
+        told = _Told(search, search.best_places(told.undecided[0]), MOST_REPEATED)
+        repeated, chosen = told.repeated, told.chosen
     answer = {"why": told.why, "plan": {}, **told.lists, "weighed": len(search.positions)}
     if told.most >= WORTH_DOING:
         cycle = CYCLE[:-1] * (repeated - 1) + CYCLE
@@ -203,6 +207,7 @@ class _Told:
         self.search, self.chosen, self.repeated = search, list(chosen), repeated
         self.lists: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": [], "undecided": []}
         self.most = 0.0
+        self.undecided: list[int] = []
         said: dict[str, list[tuple[Pair, float | None]]] = {name: [] for name in self.lists}
         alike: list[tuple[int, dict[str, Any]]] = []
         test = self._test()
@@ -213,6 +218,7 @@ class _Told:
             if size < INDISTINCT:
                 kind = "cannot_separate" if self._is_proved_alike(k) else "undecided"
                 alike.append((k, entry))
+                self.undecided += [k] * (kind == "undecided")
             if kind != "cannot_separate":
                 self.most = max(self.most, size)
             self.lists[kind].append(entry)
