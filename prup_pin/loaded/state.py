@@ -113,12 +113,16 @@ def stepped(structure: Structure, state: State, change: Array) -> State:
     for index, (_, dof) in enumerate(structure.drives):
         rates[:, dof] = change[:, nq + index]
     travel += rates
+    moving, twists = [], []
     for joint in range(1, structure.count):
         first = structure.first_dof[joint]
         dofs = slice(first, first + structure.subspaces[joint].shape[1])
         moved = rates[:, dofs]
         if moved.any():
-            joints[:, joint] = joints[:, joint] @ _motion(moved @ structure.subspaces[joint].T)
+            moving.append(joint)
+            twists.append(moved @ structure.subspaces[joint].T)
+    if moving:
+        joints[:, moving] = joints[:, moving] @ _motion(np.stack(twists, axis=1))
     return State(
         joints,
         travel,
@@ -140,10 +144,10 @@ def with_actuators(structure: Structure, state: State, actuators: Array | None) 
 
 
 def _motion(twist: Array) -> Array:
-    """Return the placements exp(S v) of twists (N, 6) of a joint, (N, 4, 4)."""
-    turn = twist[:, 3:]
-    out = np.zeros((len(twist), 4, 4))
-    out[:, :3, :3] = rotation_exp(turn)
-    out[:, :3, 3] = (rotation_tangent(turn) @ twist[:, :3, None])[..., 0]
-    out[:, 3, 3] = 1.0
+    """Return the placements exp(S v) of joints' twists (..., 6), (..., 4, 4)."""
+    turn = twist[..., 3:]
+    out = np.zeros((*twist.shape[:-1], 4, 4))
+    out[..., :3, :3] = rotation_exp(turn)
+    out[..., :3, 3] = (rotation_tangent(turn) @ twist[..., :3, None])[..., 0]
+    out[..., 3, 3] = 1.0
     return out
