@@ -449,10 +449,17 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
         # further off than a drawing can be: it is something else, for the laws to name
         if any(kinds.get(kind.name, 0.0) > kind.largest for kind in KINDS_OF_TOLERANCE):
             kinds = {}
-    yielding = tuple(name.removeprefix(_YIELDS) for name in names if name.startswith(_YIELDS))
+    yielding = tuple(name.removeprefix(_YIELDS) for name in names if _gives_way(fit, labels, name))
     own = seen.parameters.toleranced.law.deviations
     silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}
     return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists)
+
+
+def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
+    """Return True for a way in which joints yield to their load: what comes towards it is no compliance."""
+    here = labels == kind
+    sure = fit.mean[here] / np.diagonal(fit.covariance)[here]
+    return kind.startswith(_YIELDS) and (kind.endswith(UnevenJointCompliance.variant) or float(sure.sum()) > 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,6 +111,14 @@ def test_calibration_that_nothing_was_told_predicts_other_poses(given):
     assert left < 5  # of hundreds: what yields has stayed out
 
 
+def test_what_comes_towards_its_load_does_not_yield():
+    labels = np.array(["yields own"] * 3 + ["position"])
+    fit = spread._Fit(np.ones(4), 1.0, np.array([2.0, -0.5, 0.1, -9.0]), np.diag([0.01, 0.01, 0.01, 1.0]), 0.0)
+    assert spread._gives_way(fit, labels, "yields own")
+    assert not spread._gives_way(replace(fit, mean=-fit.mean), labels, "yields own")
+    assert not spread._gives_way(fit, labels, "position")
+
+
 def test_a_few_places_are_left_to_laws():
     tree = PosedTree(TORSO, about={"bend": 4e-4}, offsets={"left_elbow": 0.03}, tracker=SOMEWHERE)
     recording = replace(bench(tree, 45), noise=Noise())
