@@ -69,6 +69,17 @@ def test_signs_and_degrees_of_single_joints_are_told(ur5, recording, group, fact
     assert told in str(caught.value)
 
 
+def test_a_robot_that_hangs_from_the_ceiling_has_no_sign_turned_round(ur5, recording):
+    """Its weight pulls at the shoulder and the elbow as if both efforts were told the other way round."""
+    known = InMotion.of(ur5, motion_of(recording, ur5))
+    other = dict(zip(known.driven, known.rigid_under(-2 * ur5.gravity).T, strict=True))
+    hung = {name: values + other[name] for name, values in recording.efforts.items()}
+    assert not any("turned round" in doubt for doubt in checked(ur5, replace(recording, efforts=hung)))
+    both = {"shoulder_lift_joint": -1, "wrist_2_joint": -1}
+    with pytest.raises(InputError, match="turned round"):
+        checked(ur5, changed(recording, "efforts", both))
+
+
 def test_all_in_degrees_and_columns_in_another_order_are_told(ur5, recording):
     wrong = changed(recording, "positions", dict.fromkeys(recording.positions, 180 / np.pi))
     with pytest.raises(InputError, match="% if all positions are in degrees"):

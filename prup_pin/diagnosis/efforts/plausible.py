@@ -15,6 +15,7 @@ import numpy as np
 
 from ...dynamics import InMotion, Motion
 from ...errors import InputError
+from ...laws.efforts.mounting import Mounting
 from ...numbers import number
 from ...recordings.columns import LARGEST_NUMBER
 from ...spatial import Array
@@ -72,7 +73,7 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     for unit in units:
         first = _left(motion, efforts / unit, rigid)
         if first > EFFORT_STRANGE:
-            _read_otherwise(at, motion, efforts / unit, first)
+            _read_otherwise(at, motion, efforts / unit, first, _left_hung(at, rows, motion, efforts / unit))
             _check_limits(at, motion, first)
     if in_units or not _apart(gains):
         return []
@@ -89,8 +90,11 @@ def _apart(gains: dict[str, float]) -> bool:
     return not (len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT))
 
 
-def _read_otherwise(at: InMotion, motion: Motion, efforts: Array, first: float) -> None:
-    """Raise InputError where the efforts make sense once some columns are read otherwise."""
+def _read_otherwise(at: InMotion, motion: Motion, efforts: Array, first: float, hung: float) -> None:
+    """Raise InputError where the efforts make sense once some columns are read otherwise.
+
+    hung: what is left where the robot hangs from a wall or a ceiling, which columns turned round imitate.
+    """
     least = first
     words: list[str] = []
     while len(words) < _MOST:
@@ -103,7 +107,7 @@ def _read_otherwise(at: InMotion, motion: Motion, efforts: Array, first: float) 
             break
         least, motion, efforts = left, changed, given
         words.append(reading.words)
-    if words and least < EFFORT_MEANT * min(first, 1.0):
+    if words and least < min(EFFORT_MEANT * min(first, 1.0), hung):
         raise InputError(
             f"as they stand, positions and efforts leave {_share(first)} of the efforts unexplained by the rigid robot "
             f"and friction, but {_share(least)} if {', and '.join(words)}: is it so? Expected columns of the robot "
@@ -125,6 +129,25 @@ def _left(motion: Motion, efforts: Array, rigid: Array) -> float:
     """Return what rigid efforts and friction leave of efforts (n, k): a share, RMS of the joints."""
     shares = _shares(motion, efforts, rigid)
     return float(np.sqrt(np.nanmean(shares))) if np.isfinite(shares).any() else 0.0
+
+
+def _left_hung(at: InMotion, rows: np.ndarray, motion: Motion, efforts: Array) -> float:
+    """Return the same of efforts (n, k) at some `rows` where gravity may pull any way, as strong as it is."""
+    law = Mounting()
+    places, table, values = law.places(at.mechanism), [], []
+    if not places:
+        return np.inf
+    rigid, pulled = at.rigid[rows], law.efforts_per(places[0], {}, at)[rows]
+    for column, name in enumerate(motion.driven):
+        size = float(np.linalg.norm(efforts[:, column]))
+        if size > 0:
+            table.append(_freed(motion, name, pulled[:, column]) / size)
+            values.append(_freed(motion, name, efforts[:, column] - rigid[:, column]) / size)
+    more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
+    if not law.plausible(places[0], dict(zip(law.linear, map(float, more), strict=True)), at.mechanism):
+        return np.inf
+    shares = [float(((value - own @ more) ** 2).sum()) for own, value in zip(table, values, strict=True)]
+    return float(np.sqrt(np.mean(shares)))
 
 
 def _shares(motion: Motion, efforts: Array, rigid: Array) -> Array:

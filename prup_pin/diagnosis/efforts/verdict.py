@@ -533,8 +533,10 @@ class _Verdict:
         x, _ = fit(self.given, with_it)
         values = best.law.fitted(best.place, x[with_it.own(best)], best.values)
         share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
-        if share < EFFORT_ALONE or not best.law.plausible(best.place, values, self.mechanism):
-            return ""
+        drawn = sum(float(inertia.mass) for inertia in self.mechanism.model.inertias)
+        own = abs(values.get("mass", 0.0))
+        if share < EFFORT_ALONE or own > drawn or not best.law.plausible(best.place, values, self.mechanism):
+            return ""  # a robot file without masses lacks more than one body
         told = best.law.statement(best.place, values, self.mechanism)
         return f"; {100 * min(share, 1.0):.0f} % of that would be taken away by one body alone: {told}"
 
