@@ -9,10 +9,10 @@ from scipy.stats import norm
 
 from ..numbers import number, quantity
 from .calibrate import CalibratedParameter
-from .compete import cross_validated
 from .criteria import FALSE_ALARM
 from .diagnosis import Finding, FittedParameter
 from .fit import Fit, Problem
+from .held_out import cross_validated
 
 __all__ = ["all_over"]
 

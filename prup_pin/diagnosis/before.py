@@ -12,16 +12,16 @@ from ..numbers import number
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
-from .compete import Selection
+from .asked import asked
 from .criteria import EFFORT_INDISTINCT
 from .detectable import not_detectable
-from .diagnose import asked
 from .diagnosis import Detectable
 from .efforts.gather import Efforts
 from .efforts.merged import has_efforts, has_poses, unused_by_efforts
 from .efforts.plausible import check_efforts
 from .efforts.search import pulls
 from .plausible import unused_columns
+from .selection import Selection
 
 __all__ = ["Excitation", "Prospects", "prospects"]
 

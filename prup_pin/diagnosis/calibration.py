@@ -13,9 +13,9 @@ from ..errors import InputError
 from ..laws import Effect
 from ..recordings import Recording
 from ..robot import Robot
+from .asked import asked
 from .calibrate import CalibratedParameter, calibrated_parameters
 from .criteria import clean_bound
-from .diagnose import asked
 from .limits import limits_heard
 from .whiteness import compared
 

@@ -9,10 +9,10 @@ from scipy.stats import chi2 as chi_squared
 
 from ..spatial import Array
 from .candidates import Candidate
-from .compete import Selection
 from .criteria import FALSE_ALARM, LEAST_WARMING, MOST_PARAMETERS_TOLD
 from .diagnosis import Detectable
 from .fit import Fit, Problem
+from .selection import Selection
 
 __all__ = ["not_detectable"]
 

@@ -21,9 +21,9 @@ import numpy as np
 from ..numbers import number
 from ..spatial import Array
 from .calibrate import Toleranced
-from .compete import penalty
 from .criteria import MISJUDGED, MISJUDGED_COST, beyond_tolerance
 from .fit import Fit, Problem
+from .selection import penalty
 
 __all__ = ["beyond_of", "factors_of_kinds", "judged", "misjudged", "told", "widened"]
 

@@ -10,7 +10,6 @@ import numpy as np
 from ..numbers import number
 from ..robot import Robot
 from ..spatial import WRENCH_NAMES, Array
-from .compete import Selection
 from .criteria import (
     CERTAIN,
     DEEPER_CANDIDATES,
@@ -29,6 +28,7 @@ from .criteria import (
     WORTH_SEPARATING,
 )
 from .fit import Problem, Term
+from .selection import Selection
 from .separation import Bench, Pair, Test, apart, known_of
 
 __all__ = ["next_experiment"]

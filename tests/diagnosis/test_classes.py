@@ -7,7 +7,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.diagnose import _is_richer
+from prup_pin.diagnosis.findings import _is_richer
 from prup_pin.diagnosis.spread import Outlier, Spread
 from prup_pin.laws import Place, law_at
 from prup_pin.laws.in_recording import lasting

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import prup_pin
-from prup_pin.diagnosis import compete
+from prup_pin.diagnosis import contest, selection
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.recordings import LoadProgramme, RandomPoses, TestPlan
 from prup_pin.simulation import Simulator, effect_named, inputs_of
@@ -35,7 +35,7 @@ def searched():
     simulator = Simulator(robot, inputs_of(inputs, robot))
     problem = problem_of(simulator, effects)
     library = [found for found in candidates(robot.mechanism, simulator.inputs) if found.name in LAWS]
-    return compete._Search(problem, compete.Budget()), {found.name: found for found in library}
+    return selection.Search(problem, selection.Budget()), {found.name: found for found in library}
 
 
 @pytest.mark.parametrize("wrong", [(HINGE, PAYLOAD), (WEIGHT, HINGE, TARGET)])
@@ -45,7 +45,7 @@ def test_a_place_that_looks_alike_is_tried_with_another_weight_and_with_a_law_le
     for name in wrong:
         _, term, _ = search.quick(fit, fit.terms, library[name])
         fit = search.refine([*fit.terms, term], fit)
-    rivals = [compete.challengers(search, fit, place, list(library.values())) for place in range(len(fit.terms))]
-    found = compete._in_pairs(search, fit, rivals)
+    rivals = [contest.challengers(search, fit, place, list(library.values())) for place in range(len(fit.terms))]
+    found = contest.in_pairs(search, fit, rivals)
     assert {term.candidate.name for term in found.terms} == {DRIVE, WEIGHT}
     assert found.chi2 / found.residual.size == pytest.approx(1.0, abs=0.15)

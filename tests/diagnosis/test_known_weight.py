@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.diagnosis import compete
+from prup_pin.diagnosis import contest, selection
 from prup_pin.diagnosis.candidates import candidates
-from prup_pin.diagnosis.compete import penalty, select
+from prup_pin.diagnosis.compete import select
+from prup_pin.diagnosis.selection import penalty
 from prup_pin.recordings import LoadProgramme, RandomPoses, TestPlan
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 
@@ -62,10 +63,10 @@ def test_a_payload_of_any_mass_gives_way_to_the_weight_that_acts(bench):
     simulator, library = bench
     problem = measured(simulator)
     wrong = problem.refine([library[PAYLOAD].term(library[PAYLOAD].starts()[0])], problem.first)
-    search = compete._Search(problem, compete.Budget())
-    assert values(compete._weighed(search, wrong, list(library.values()))).keys() == {WEIGHT}
+    search = selection.Search(problem, selection.Budget())
+    assert values(contest.weighed_terms(search, wrong, list(library.values()))).keys() == {WEIGHT}
     right = problem.refine([library["stiffness_changed at leg1/drive"].term(np.zeros(1))], problem.first)
-    assert compete._weighed(search, right, list(library.values())) is right
+    assert contest.weighed_terms(search, right, list(library.values())) is right
 
 
 def test_weight_costs_no_parameter_and_has_no_rival_but_weight(bench):

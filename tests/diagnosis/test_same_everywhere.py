@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 import prup_pin
 from prup_pin.diagnosis import compete, diagnose
 from prup_pin.diagnosis.candidates import candidates
-from prup_pin.diagnosis.compete import Budget, select
+from prup_pin.diagnosis.compete import select
+from prup_pin.diagnosis.selection import Budget
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, inputs_of
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json

@@ -27,7 +27,7 @@ EXCHANGED = 20, ("left_ball", "right_ball")
 
 def asked(recording):
     with threadpool_limits(1, user_api="blas"):
-        return importlib.import_module("prup_pin.diagnosis.diagnose").asked(
+        return importlib.import_module("prup_pin.diagnosis.asked").asked(
             prup_pin.load(TORSO), recording, lambda stage, share: None
         )
 

@@ -16,8 +16,9 @@ from ...simulation import as_recorded, simulate
 from ...spatial import Array
 from ..criteria import EFFORT_TARED, MOST_SAMPLES
 from ..diagnosis import Diagnosis
+from .diagnose import diagnose_efforts
+from .diagnosis import EffortDiagnosis
 from .merged import joined, together_in_time
-from .verdict import EffortDiagnosis, diagnose_efforts
 
 __all__ = ["with_efforts_at_rest"]
 

@@ -12,7 +12,7 @@ from ...mechanism import Mechanism
 from ...recordings import Recording, Together, suspicions
 from ..diagnosis import VERDICTS, Diagnosis, Finding
 from ..plausible import unused_columns
-from .verdict import EffortDiagnosis
+from .diagnosis import EffortDiagnosis
 
 __all__ = [
     "has_efforts",

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from ...dynamics import INERTIAL, InMotion, Motion, motion_of
-from ...errors import InputError
+from ...dynamics import INERTIAL, Motion
 from ...laws import Effect, Place
-from ...laws.efforts import EffortLaw
 from ...laws.efforts.all_links import AllLinks
 from ...laws.efforts.effort_sensor import EffortUnit
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
@@ -25,13 +23,9 @@ from ..criteria import (
     EFFORT_ALIKE,
     EFFORT_ALONE,
     EFFORT_CLASS,
-    EFFORT_CURVE_GAIN,
-    EFFORT_CURVE_OWN,
     EFFORT_IMITATED,
     EFFORT_LIKELIER,
     EFFORT_LOUD,
-    EFFORT_MATERIAL,
-    EFFORT_PLAINLY,
     EFFORT_SURE,
     EFFORT_UNLIKELY,
     EFFORT_UNTOLD,
@@ -44,15 +38,16 @@ from ..diagnosis import Detectable, Finding, FittedParameter
 from .beside import Beside
 from .chosen import Chosen, fit, saved
 from .columns import EffortCandidate, Gathered
-from .gains import Gains, gains_of, in_newtons
+from .diagnosis import AGAINST, EffortCurve, EffortDiagnosis
+from .gains import Gains
 from .gather import Efforts
-from .likelier import is_body, likelier, odds
+from .likelier import is_body, odds
 from .normal import Normal
-from .plausible import check_efforts
-from .relief import relieved, relieving, strain
-from .search import held_out, pruned, scores, searched, threshold, uncertainty, worth
+from .relief import strain
+from .search import held_out, scores, threshold, uncertainty
 
-__all__ = ["EffortCurve", "EffortDiagnosis", "diagnose_efforts", "effort_curve_of"]
+__all__ = ["Verdict"]
+
 
 #: Candidates beside a finding that are looked at as its rivals.
 _RIVALS = 24
@@ -62,179 +57,12 @@ _AS_GOOD = 0.99
 _BINS = 24
 
 
-@dataclass(frozen=True, eq=False)
-class EffortCurve:
-    """What a joint's effort asks for beyond all that is known but a finding, against what drives it.
-
-    x (m,) and y (m,) with its standard error (m,); law (m,): what the finding gives there, or None.
-    """
-
-    joint: str
-    against: str
-    x: Array
-    y: Array
-    deviation: Array
-    law: Array | None
-    x_unit: str
-    y_unit: str
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class EffortDiagnosis:
-    """What the efforts say.
-
-    joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `cutoff` [Hz], with speed,
-    position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of it:
-    'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m]; before, after: of the residual in
-    multiples of it, each {'fit', 'heldout'}. curves: by the place of a finding.
-    """
-
-    joints: tuple[str, ...]
-    units: tuple[str, ...]
-    time: Array
-    measured: Array
-    rigid: Array
-    predicted: Array
-    speed: Array
-    position: Array
-    good: np.ndarray
-    cutoff: float
-    noise: Array
-    declared: bool
-    before: Mapping[str, float]
-    after: Mapping[str, float]
-    by_joint: Mapping[str, Mapping[str, float]]
-    shares: Mapping[str, Mapping[str, float]]
-    findings: tuple[Finding, ...]
-    effects: tuple[Effect, ...]
-    curves: tuple[EffortCurve, ...]
-    verdict: str
-    not_detectable: tuple[Detectable, ...]
-    advice: str
-    remarks: tuple[str, ...]
-    rows: np.ndarray
-    standing: bool = False
-
-    def __repr__(self) -> str:
-        found = ", ".join(f"{finding.physics} at {finding.location}" for finding in self.findings) or "nothing"
-        return f"<EffortDiagnosis {self.verdict} of {len(self.joints)} joints, {len(self.time)} samples: {found}>"
-
-
-def diagnose_efforts(
-    robot: Robot,
-    recording: Recording,
-    tell: Callable[[str, float], None] = lambda stage, share: None,
-    held: Mapping[str, Array] | None = None,
-) -> EffortDiagnosis:
-    """Return what the columns tau of a recording say that a rigid robot's inverse dynamics leave out.
-
-    held: by joint (N,), what drives hold at rest where more is known than of a rigid robot; NaN where it is not.
-
-    Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
-    """
-    mechanism = robot.mechanism
-    tell("the motion", 0.02)
-    motion = motion_of(recording, mechanism)
-    if not motion.driven:
-        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
-    at = InMotion.of(mechanism, motion)
-    if held is not None:
-        known = np.column_stack([held[name][motion.rows] for name in at.driven])
-        at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
-    tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
-    gains = gains_of(at, tolerances)
-    scale = np.ones(len(at.driven)) if gains is None else gains.gains
-    doubts = check_efforts(at, scale)
-    at = in_newtons(at, scale)
-    declared = recording.noise.effort
-    efforts = Efforts(at, tolerances, declared / scale if declared else None)
-    tell("laws compete for the efforts", 0.1)
-    efforts, given, chosen = _found(
-        efforts, gains is not None, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share)
-    )
-    tell("what no law explains", 0.75)
-    given, chosen = relieved(given, chosen, efforts.with_curves)
-    given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
-    tell("the verdict", 0.9)
-    found = _Verdict(robot, recording, efforts, given, chosen, free, imitating, gains).whole()
-    return replace(found, remarks=(*doubts, *found.remarks))
-
-
-def _found(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
-    """Return the laws that the efforts ask for, with the weights that they were found by; `freed`: beside free masses.
-
-    Whitened where what is left is noise. Where it is what the laws lack, a whitened fit is good where that is least
-    and not where the efforts are large: then plain weights leave less of the efforts on held-out blocks.
-    """
-    given = efforts.gathered()
-    start = efforts.start(given if freed else None)
-    white, own = searched(given, start, efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
-    if efforts.noise is not None:
-        left = efforts.held_out_residual(white, own) / efforts.noise
-        if _rms(left[efforts.good]) < EFFORT_LOUD:
-            return efforts, white, own
-    plainly = efforts.plainly()
-    given = plainly.gathered()
-    start = plainly.start(given if freed else None)
-    given, chosen = searched(given, start, plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s))
-    before, after = efforts.held_out_plainly(white, own), plainly.held_out_plainly(given, chosen)
-    share, sure = worth(before, after)
-    if sure > EFFORT_SURE and share > EFFORT_PLAINLY:
-        return plainly, given, chosen
-    return efforts, white, own
-
-
-def _with_curves(
-    efforts: Efforts, given: Gathered, chosen: Chosen
-) -> tuple[Gathered, Chosen, list[EffortCandidate], list[EffortCandidate]]:
-    """Return what is chosen, the curves of no law that the efforts still ask for, and laws that imitate them.
-
-    A law that only imitates what is there leaves its shape behind: it is not named. Where it serves beside the curve, a
-    prediction keeps it.
-    """
-    free: list[EffortCandidate] = []
-    imitating: list[EffortCandidate] = []
-    began = Beside(given, Chosen(chosen.base))
-    for _ in range(3):
-        given, curves = efforts.with_curves(given)
-        ranked, best = scores(given.only(curves), chosen)
-        limit = threshold(best)
-        beside = Beside(given, chosen)
-        tried = []
-        for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
-            if score.log_chance >= limit:
-                continue
-            share, sure = worth(beside.left, held_out(given, chosen.with_term(score.candidate)))
-            saving, own = share * float(beside.left.sum()), beside.left_in(score.candidate)
-            material = saving > EFFORT_MATERIAL * (began.left_in(score.candidate) - own) or not chosen.terms
-            much = share > EFFORT_CURVE_GAIN or saving > EFFORT_CURVE_OWN * own
-            if sure > EFFORT_SURE and much and material:
-                tried.append((share, score.candidate))
-        curve = max(tried, key=lambda item: item[0])[1] if tried else relieving(given, chosen, curves)
-        if curve is None or any(curve.name == other.name for other in free):
-            break
-        free.append(curve)
-        shape = _lost(given, chosen) - _lost(given, chosen.with_term(curve))
-        for term in chosen.terms:
-            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or _of_time(curve):
-                continue  # what changes with time is still what it is
-            own = _lost(given, chosen.without(term)) - _lost(given, chosen)
-            if term.law.by_shape or shape > EFFORT_IMITATED * own:
-                imitating.append(term)
-        # what imitated that shape, or made room for it elsewhere
-        doubtful = [term for term in chosen.terms if term.place.name != curve.place.name] + imitating
-        chosen = pruned(
-            given, chosen.with_term(curve), [term for term in doubtful if not isinstance(term.law, FreeCurve)]
-        )
-    return given, chosen, free, imitating
-
-
-def _lost(given: Gathered, chosen: Chosen) -> float:
+def cost_of_blocks(given: Gathered, chosen: Chosen) -> float:
     """Return the squares that held-out blocks keep, and those of strained tolerances."""
     return float(held_out(given, chosen).sum()) + _squared(strain(chosen, fit(given, chosen)[0]))
 
 
-class _Verdict:
+class Verdict:
     """A fit, asked for everything that is told of it."""
 
     def __init__(
@@ -258,7 +86,7 @@ class _Verdict:
         self.x, self.matrix = fit(given, chosen)
         self.base_only = Chosen(chosen.base)
         # what the corrected model holds: another recording has its own time
-        self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not _of_time(term)))
+        self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not is_of_time(term)))
         kept = [term for term in self.named.terms if not isinstance(term.law, FreeCurve)]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, _ = fit(given, self.named)
@@ -307,7 +135,7 @@ class _Verdict:
             ]
         elif not unknown and shares["all"]["heldout"] > EFFORT_UNTOLD and not declared:
             worst = max(
-                self.at.driven, key=lambda name: shares[name]["heldout"] * _rms(measured[:, self._column(name)])
+                self.at.driven, key=lambda name: shares[name]["heldout"] * rms_of(measured[:, self._column(name)])
             )
             text = (
                 f"{number(100 * shares['all']['heldout'], 3)} % of the efforts are left, most of it at "
@@ -362,7 +190,7 @@ class _Verdict:
             return np.full(len(self.at.driven), declared) / self.scale, True
         x, _ = fit(self.given, self.chosen)
         rest = (self.motion.efforts - self.at.rigid - self.efforts.added(self.chosen, x))[self.efforts.every]
-        sizes = [_rms(rest[self.efforts.good[:, k], k]) for k in range(rest.shape[1])]
+        sizes = [rms_of(rest[self.efforts.good[:, k], k]) for k in range(rest.shape[1])]
         return np.maximum(np.nan_to_num(sizes), np.finfo(float).tiny), False
 
     def _residuals(
@@ -374,10 +202,10 @@ class _Verdict:
         told = (self.motion.efforts - self.at.rigid / self.scale)[every]
         first, last = told / noise, (raw - added[every]) / noise
         ratio = self._held_ratio()
-        before = _rms(first[good])
-        after = _rms(last[good])
+        before = rms_of(first[good])
+        after = rms_of(last[good])
         by_joint = {
-            name: {"before": _rms(first[good[:, k], k]), "after": _rms(last[good[:, k], k])}
+            name: {"before": rms_of(first[good[:, k], k]), "after": rms_of(last[good[:, k], k])}
             for k, name in enumerate(self.at.driven)
         }
         return {"fit": before, "heldout": before}, {"fit": after, "heldout": after * ratio}, by_joint
@@ -396,9 +224,9 @@ class _Verdict:
         columns = {name: [k] for k, name in enumerate(self.at.driven)}
         for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():
             good = efforts.good[:, where]
-            size = max(_rms(measured[:, where][good]), np.finfo(float).tiny)
+            size = max(rms_of(measured[:, where][good]), np.finfo(float).tiny)
             out[name] = {
-                key: _rms((measured - values)[:, where][good]) / size
+                key: rms_of((measured - values)[:, where][good]) / size
                 for key, values in (("rigid", rigid), ("fit", predicted), ("heldout", held))
             }
         return out
@@ -649,7 +477,7 @@ class _Verdict:
             f"structure is left over at {term.place.name} that no law of the library takes away; "
             f"{'friction' if law.friction else 'an effort'} that follows the joint's {law.variable} by a curve of its "
             f"own would take away {100 * share:.0f} % of what is left"
-            + ("" if _of_time(term) else ", and the corrected model follows it"),
+            + ("" if is_of_time(term) else ", and the corrected model follows it"),
             share,
         )
 
@@ -735,14 +563,18 @@ class _Verdict:
         left = (efforts.measured[every] - efforts.rigid[every] - full) * self.scale
         for term in (*self.laws, *self.free):
             joint, curve = term.place.name, isinstance(term.law, FreeCurve)
-            variable = term.law.variable if isinstance(term.law, FreeCurve) else _against(term)
+            variable = term.law.variable if isinstance(term.law, FreeCurve) else AGAINST.get(term.law.physics)
             if variable is None or joint not in self.at.driven:
                 continue
             column = self.at.driven.index(joint)
             good = efforts.good[:, column]
-            same = [] if _of_time(term) else [term]
+            same = [] if is_of_time(term) else [term]
             if not curve:
-                same = [other for other in self.laws if other.place.name == joint and _against(other) == variable]
+                same = [
+                    other
+                    for other in self.laws
+                    if other.place.name == joint and AGAINST.get(other.law.physics) == variable
+                ]
                 if same[0] is not term:
                     continue  # drawn once, together
             own = np.zeros(len(left))
@@ -837,34 +669,7 @@ class _Verdict:
         return remarks
 
 
-#: What a word's effort is drawn against.
-_AGAINST = {
-    "viscous_friction": "speed",
-    "coulomb_friction": "speed",
-    "stribeck_friction": "speed",
-    "counterbalance": "position",
-    "cogging": "position",
-    "effort_gain": "load",
-}
-
-
-def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> EffortCurve | None:
-    """Return what the efforts ask for at a finding's joint, against what drives it; None where nothing was drawn."""
-    if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
-        return None
-    against, unknown = _AGAINST.get(finding.physics), finding.physics == "unknown"
-    if against is None and not unknown:
-        return None
-    # beside what no law gives, a joint may have a law of its own, whose curve is another finding's
-    here = [curve for curve in efforts.curves if curve.joint == finding.location and (curve.law is None) == unknown]
-    return next((curve for curve in here if against in (None, curve.against)), None)
-
-
-def _against(term: EffortCandidate) -> str | None:
-    return _AGAINST.get(term.law.physics)
-
-
-def _of_time(term: EffortCandidate) -> bool:
+def is_of_time(term: EffortCandidate) -> bool:
     return isinstance(term.law, FreeCurve) and term.law.variable == "time"
 
 
@@ -892,7 +697,8 @@ def _squared(values: Array) -> float:
     return float((values**2).sum())
 
 
-def _rms(values: Array) -> float:
+def rms_of(values: Array) -> float:
+    """Return the root mean square of values; NaN where there is none."""
     return float(np.sqrt(np.mean(values**2))) if np.size(values) else float("nan")
 
 

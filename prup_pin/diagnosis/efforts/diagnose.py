@@ -1,0 +1,146 @@
+"""`diagnose_efforts`: from a robot in motion to what its efforts say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ...dynamics import InMotion, motion_of
+from ...errors import InputError
+from ...laws.efforts.free_curve import FreeCurve
+from ...recordings import Recording
+from ...robot import Robot
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_CURVE_GAIN,
+    EFFORT_CURVE_OWN,
+    EFFORT_IMITATED,
+    EFFORT_LOUD,
+    EFFORT_MATERIAL,
+    EFFORT_PLAINLY,
+    EFFORT_SURE,
+)
+from .beside import Beside
+from .chosen import Chosen
+from .columns import EffortCandidate, Gathered
+from .diagnosis import EffortDiagnosis
+from .gains import gains_of, in_newtons
+from .gather import Efforts
+from .likelier import likelier
+from .plausible import check_efforts
+from .relief import relieved, relieving
+from .search import held_out, pruned, scores, searched, threshold, worth
+from .verdict import Verdict, cost_of_blocks, is_of_time, rms_of
+
+__all__ = ["diagnose_efforts"]
+
+
+def diagnose_efforts(
+    robot: Robot,
+    recording: Recording,
+    tell: Callable[[str, float], None] = lambda stage, share: None,
+    held: Mapping[str, Array] | None = None,
+) -> EffortDiagnosis:
+    """Return what the columns tau of a recording say that a rigid robot's inverse dynamics leave out.
+
+    held: by joint (N,), what drives hold at rest where more is known than of a rigid robot; NaN where it is not.
+
+    Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
+    """
+    mechanism = robot.mechanism
+    tell("the motion", 0.02)
+    motion = motion_of(recording, mechanism)
+    if not motion.driven:
+        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
+    at = InMotion.of(mechanism, motion)
+    if held is not None:
+        known = np.column_stack([held[name][motion.rows] for name in at.driven])
+        at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
+    tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
+    gains = gains_of(at, tolerances)
+    scale = np.ones(len(at.driven)) if gains is None else gains.gains
+    doubts = check_efforts(at, scale)
+    at = in_newtons(at, scale)
+    declared = recording.noise.effort
+    efforts = Efforts(at, tolerances, declared / scale if declared else None)
+    tell("laws compete for the efforts", 0.1)
+    efforts, given, chosen = _found(
+        efforts, gains is not None, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share)
+    )
+    tell("what no law explains", 0.75)
+    given, chosen = relieved(given, chosen, efforts.with_curves)
+    given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
+    tell("the verdict", 0.9)
+    found = Verdict(robot, recording, efforts, given, chosen, free, imitating, gains).whole()
+    return replace(found, remarks=(*doubts, *found.remarks))
+
+
+def _found(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
+    """Return the laws that the efforts ask for, with the weights that they were found by; `freed`: beside free masses.
+
+    Whitened where what is left is noise. Where it is what the laws lack, a whitened fit is good where that is least
+    and not where the efforts are large: then plain weights leave less of the efforts on held-out blocks.
+    """
+    given = efforts.gathered()
+    start = efforts.start(given if freed else None)
+    white, own = searched(given, start, efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
+    if efforts.noise is not None:
+        left = efforts.held_out_residual(white, own) / efforts.noise
+        if rms_of(left[efforts.good]) < EFFORT_LOUD:
+            return efforts, white, own
+    plainly = efforts.plainly()
+    given = plainly.gathered()
+    start = plainly.start(given if freed else None)
+    given, chosen = searched(given, start, plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s))
+    before, after = efforts.held_out_plainly(white, own), plainly.held_out_plainly(given, chosen)
+    share, sure = worth(before, after)
+    if sure > EFFORT_SURE and share > EFFORT_PLAINLY:
+        return plainly, given, chosen
+    return efforts, white, own
+
+
+def _with_curves(
+    efforts: Efforts, given: Gathered, chosen: Chosen
+) -> tuple[Gathered, Chosen, list[EffortCandidate], list[EffortCandidate]]:
+    """Return what is chosen, the curves of no law that the efforts still ask for, and laws that imitate them.
+
+    A law that only imitates what is there leaves its shape behind: it is not named. Where it serves beside the curve, a
+    prediction keeps it.
+    """
+    free: list[EffortCandidate] = []
+    imitating: list[EffortCandidate] = []
+    began = Beside(given, Chosen(chosen.base))
+    for _ in range(3):
+        given, curves = efforts.with_curves(given)
+        ranked, best = scores(given.only(curves), chosen)
+        limit = threshold(best)
+        beside = Beside(given, chosen)
+        tried = []
+        for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
+            if score.log_chance >= limit:
+                continue
+            share, sure = worth(beside.left, held_out(given, chosen.with_term(score.candidate)))
+            saving, own = share * float(beside.left.sum()), beside.left_in(score.candidate)
+            material = saving > EFFORT_MATERIAL * (began.left_in(score.candidate) - own) or not chosen.terms
+            much = share > EFFORT_CURVE_GAIN or saving > EFFORT_CURVE_OWN * own
+            if sure > EFFORT_SURE and much and material:
+                tried.append((share, score.candidate))
+        curve = max(tried, key=lambda item: item[0])[1] if tried else relieving(given, chosen, curves)
+        if curve is None or any(curve.name == other.name for other in free):
+            break
+        free.append(curve)
+        shape = cost_of_blocks(given, chosen) - cost_of_blocks(given, chosen.with_term(curve))
+        for term in chosen.terms:
+            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or is_of_time(curve):
+                continue  # what changes with time is still what it is
+            own = cost_of_blocks(given, chosen.without(term)) - cost_of_blocks(given, chosen)
+            if term.law.by_shape or shape > EFFORT_IMITATED * own:
+                imitating.append(term)
+        # what imitated that shape, or made room for it elsewhere
+        doubtful = [term for term in chosen.terms if term.place.name != curve.place.name] + imitating
+        chosen = pruned(
+            given, chosen.with_term(curve), [term for term in doubtful if not isinstance(term.law, FreeCurve)]
+        )
+    return given, chosen, free, imitating

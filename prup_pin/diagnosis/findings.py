@@ -1,0 +1,345 @@
+"""Findings, one function for each kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..laws import Effect
+from ..laws.deeds import Moved
+from ..laws.in_recording import InRecording
+from ..laws.joint_compliance import EACH_JOINT
+from ..numbers import number
+from ..recordings import SENSORS
+from ..robot import Robot
+from ..spatial import Array, rotation_exp, rotation_log
+from .calibrate import (
+    CalibratedParameter,
+)
+from .candidates import Candidate
+from .criteria import (
+    DEFLECTION_GAIN,
+    DEFLECTION_OF_ITSELF,
+    DEFLECTION_SHARE,
+    INDISTINCT,
+    INDISTINCT_COST,
+    UNSEEN,
+    WIDEST_LOGARITHM,
+)
+from .diagnosis import Finding, FittedParameter
+from .fit import Fit, Problem, Term
+from .held_out import cross_validated
+from .selection import Selection, implausible, scale_of
+from .whiteness import compared, could_show_structure
+
+__all__ = [
+    "acting_anyway",
+    "finding_of",
+    "finite_deflection",
+    "growth_without",
+    "located_nowhere",
+    "nothing_compared",
+    "off_beyond_tolerance",
+    "parameters_of",
+    "rms_of",
+    "sensor_elsewhere",
+    "told_alone",
+    "too_few",
+    "unknown_at_robot",
+]
+
+
+def sensor_elsewhere(
+    effect: Effect,
+    deviation: Array,
+    first: Fit,
+    before: Array,
+    robot: Robot,
+    calibrated: Sequence[CalibratedParameter],
+) -> Finding:
+    """Return the finding that a pose sensor stands elsewhere than believed, seen before anything was simulated.
+
+    deviation (6,) of its parameters; what was calibrated of them since is part of it.
+    """
+    law = effect.law.law if isinstance(effect.law, InRecording) else effect.law
+    group = effect.law.group.label if isinstance(effect.law, InRecording) else ""
+    own = {
+        item.name.partition(" in ")[0]: item
+        for item in calibrated
+        if item.deviation.kind in SENSORS["pose_sensor"]
+        and (item.deviation.group.label if item.deviation.group else "") == group
+    }
+    values, names = dict(effect.values), [quantity.name for quantity in law.quantities]
+    if len(own) == len(names):
+        report = Moved(np.eye(4), np.eye(4))
+        for axis, unit in zip(("x", "y", "z", "rx", "ry", "rz"), np.eye(6), strict=True):  # in the order of their acts
+            step = own[f"pose_sensor.{axis}"].value * unit
+            report = report.then(Moved.from_frame(rotation_exp(step[3:]), step[:3]))
+        whole = rotation_exp(np.array([values[name] for name in names[:3]]))
+        report = report.then(Moved.from_frame(whole, np.array([values[name] for name in names[3:]])))
+        at, turn = report(np.zeros((1, 3)), np.eye(3)[None])
+        values = dict(zip(names, map(float, (*rotation_log(turn)[0], *at[0])), strict=True))
+        sizes = np.array([own[f"pose_sensor.{axis}"].sd for axis in ("rx", "ry", "rz", "x", "y", "z")]).reshape(2, 3)
+        deviation = np.sqrt(sizes**2 @ (whole**2).T).ravel()
+    units = {quantity.name: quantity.unit for quantity in law.quantities}
+    parameters = {
+        name: FittedParameter(value, units[name], (value - 1.96 * size, value + 1.96 * size))
+        for (name, value), size in zip(values.items(), deviation.tolist(), strict=True)
+    }
+    return Finding(
+        physics=effect.law.physics,
+        location=effect.place.name,
+        candidates=(effect.place.name,),
+        parameters=parameters,
+        heldout_gain=float(1 - (first.residual**2).sum() / max(float((before**2).sum()), 1e-300)),
+        statement=f"{effect.law.statement(effect.place, values, robot.mechanism)}; where it just stands there, declare "
+        "it (tolerances frame_position and frame_rotation)",
+        effect=effect,
+    )
+
+
+def acting_anyway(effect: Effect, robot: Robot) -> Finding:
+    """Return the finding of something without a parameter, which the calibration asked for."""
+    return Finding(
+        physics=effect.law.physics,
+        location=effect.place.name,
+        candidates=(effect.place.name,),
+        parameters={},
+        heldout_gain=0.0,
+        statement=effect.statement(robot.mechanism),
+        effect=effect,
+    )
+
+
+def off_beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Finding:
+    """Return the finding that a parameter lies beyond its tolerance."""
+    reach = 1.96 * item.sd
+    gain = (item.x / item.share) ** 2
+    own = item.deviation.kind in (*SENSORS["pose_sensor"], *SENSORS["target"])  # set up by whoever measures
+    return Finding(
+        physics=item.deviation.physics,
+        location=item.deviation.place,
+        candidates=(item.deviation.place,),
+        parameters={
+            item.name: FittedParameter(item.value, item.deviation.unit, (item.value - reach, item.value + reach))
+        },
+        heldout_gain=float(gain / (gain + max(held, 1e-300))),
+        statement=(
+            f"{item.name} lies {number(abs(item.x), 3)} tolerances beside the robot file: "
+            f"{number(item.value, 6)} {item.deviation.unit} instead of {number(item.deviation.nominal, 6)}"
+            + (f"; where it just is there, declare it (tolerance {item.deviation.kind})" if own else "")
+        ),
+    )
+
+
+def rms_of(chi2: float, count: int) -> float:
+    """Return the root mean square of `count` numbers; NaN where there is none."""
+    return float(np.sqrt(chi2 / count)) if count else float("nan")
+
+
+def located_nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Finding:
+    """Return the finding that something is left which no part of the robot accounts for."""
+    modules = len(fit.influence.rows)
+    places = len({candidate.place.name for candidate in selection.library})
+    laws = len({candidate.law.physics for candidate in selection.library})
+    tried = f"{laws} kinds of physics at {places} places"
+    if modules:
+        tried += f" were tried, and whatever deformation of {modules} module{'s' if modules > 1 else ''}"
+    else:
+        tried += " were tried; the robot file has no module that could yield"
+    squares = (fit.residual**2).sum(axis=0)
+    parts = [(name, squares[where].sum()) for name, _, where in problem.stack.groups()]
+    most, size = max(parts, key=lambda part: part[1])
+    share = size / max(float(squares.sum()), 1e-300)
+    return unknown_at_robot(
+        f"what is left is {number(rms_of(fit.chi2, count), 3)} times the noise, and nothing takes it away: {tried}. "
+        f"It shows in the {most} ({100 * share:.0f} % of its square)"
+    )
+
+
+def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
+    """Return the finding that nobody can know whether anything is missing."""
+    measured = problem.stack.exists.any()
+    why = (
+        "no sample with a measured pose could be simulated"
+        if measured
+        else "the recording holds no measured pose, of the tool (columns p.x … r.z) or of a marker"
+    )
+    rest = f"; not used were {', '.join(unused)}" if unused else ""
+    return unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
+
+
+def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:
+    """Return the finding that nobody can know what is noise: it was taken from samples too few to show structure."""
+    samples = selection.last.samples
+    if selection.last.terms or could_show_structure(blocks[samples]):
+        return None
+    noise, poses = problem.noise, len(np.unique(blocks[samples]))
+    counted = f"{_counted(len(samples), 'sample')} of {_counted(poses, 'pose')}"
+    return unknown_at_robot(
+        f"nothing can be said: the noise is not declared, and {counted} are too few to tell noise of "
+        f"{number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad from something left "
+        "out. Declare "
+        "position_noise and rotation_noise beside the recording, or record more"
+    )
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' if count != 1 else ''}"
+
+
+def unknown_at_robot(statement: str) -> Finding:
+    """Return the finding of something that no law takes away and that has no place."""
+    return Finding(
+        physics="unknown",
+        location="robot",
+        candidates=("robot",),
+        parameters={},
+        heldout_gain=0.0,
+        statement=statement,
+    )
+
+
+def growth_without(problem: Problem, fit: Fit, index: int) -> float:
+    """Return how much chi squared would grow without a term."""
+    kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
+    left = problem.beyond(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
+    return float((left**2).sum()) - fit.chi2
+
+
+def finding_of(
+    problem: Problem,
+    fit: Fit,
+    index: int,
+    selection: Selection,
+    robot: Robot,
+    held: float,
+    labels: np.ndarray | None = None,
+) -> Finding:
+    """Return the finding of a term. labels (n,): of what is held out where much was calibrated beside it."""
+    term = fit.terms[index]
+    if labels is None:
+        without = growth_without(problem, fit, index) + fit.chi2
+    else:
+        without = cross_validated(problem, fit, labels, less=index)
+    scale = scale_of(problem, fit)  # where more than noise is left, less can be told apart
+    own = fit.chi2 + scale * implausible(term)
+    places, laws = [term.candidate.place.name], list[str]()
+    places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
+    for rival in selection.rivals[index]:
+        # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
+        absurd = rival.chi2 + scale * implausible(rival.term) > own + INDISTINCT_COST * scale * INDISTINCT
+        if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
+            continue
+        if rival.term.candidate.law.physics == term.candidate.law.physics:
+            if rival.term.candidate.everywhere and _beside_others(rival.term, fit, index):
+                continue
+            places += dict.fromkeys((rival.term.candidate.place.name, *rival.term.candidate.parts))
+        elif rival.term is not term:
+            if not any(_is_richer(rival.term.candidate.name, name) for name in laws):
+                laws.append(rival.term.candidate.name)
+            places.append(rival.term.candidate.place.name)
+    parameters = parameters_of(problem, fit, index)
+    return Finding(
+        physics=term.candidate.law.physics,
+        location=term.candidate.place.name,
+        candidates=tuple(dict.fromkeys(places)),
+        parameters=parameters,
+        heldout_gain=float(np.clip(1 - held / max(without, 1e-300), 0.0, 1.0)),
+        statement=_statement(term.effect, parameters, robot),
+        effect=term.effect,
+        alternatives=tuple(dict.fromkeys(laws)),
+    )
+
+
+def _is_richer(name: str, other: str) -> bool:
+    """Return True for the name of a law that is another one there with more parameters: 'across by direction'."""
+    return name.startswith(f"{other.removesuffix(')')} by ")
+
+
+def told_alone(finding: Finding, robot: Robot) -> Finding:
+    """Return a finding in which parameters that these data do not tell change nothing, such as unmeasured rotations."""
+    effect = finding.effect
+    if effect is None:
+        return finding
+    bounds = {q.name: (q.lower, q.upper) for q in effect.law.quantities_at(effect.place, robot.mechanism)}
+    neutral = {
+        name: value
+        for name, value in effect.law.neutral.items()
+        if name in finding.parameters and finding.parameters[name].interval == bounds[name]
+    }
+    if not neutral or len(neutral) == len(effect.law.neutral):
+        return finding
+    told = replace(effect, values={**effect.values, **neutral})
+    parameters = {name: replace(item, value=neutral.get(name, item.value)) for name, item in finding.parameters.items()}
+    return replace(finding, effect=told, parameters=parameters, statement=told.statement(robot.mechanism))
+
+
+def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot: Robot) -> str:
+    """Return what an effect says of itself; of one value for each joint those are left out that may be nothing."""
+    if effect.place.aspect == EACH_JOINT:
+        sure = {name: item.value if item.interval[0] > 0 else 0.0 for name, item in parameters.items()}
+        effect = replace(effect, values=sure) if any(sure.values()) else effect
+    return effect.statement(robot.mechanism)
+
+
+def _beside_others(term: Term, fit: Fit, index: int) -> bool:
+    """Return True for a law at all like places where others of its kind, at some of them, stand beside it anyway."""
+    law, parts = term.candidate.law.physics, set(term.candidate.parts)
+    others = [each.candidate for place, each in enumerate(fit.terms) if place != index]
+    return any(each.law.physics == law and parts.intersection(each.parts) for each in others)
+
+
+def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
+    """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
+    firm = np.diag(np.concatenate([each.candidate.known for each in fit.terms]))
+    jacobian = np.vstack((problem.beyond(fit, problem.jacobian(fit)), firm))
+    scale = np.linalg.norm(jacobian, axis=0)
+    unseen = scale < UNSEEN
+    scale = np.where(unseen, 1.0, scale)
+    scaled = jacobian / scale
+    covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True) / scale / scale[:, None]
+    count = max(compared(problem, fit), 1)
+    covariance = covariance * max(1.0, fit.chi2 / count)
+    start = sum(term.candidate.size for term in fit.terms[:index])
+    term = fit.terms[index]
+    candidate: Candidate = term.candidate
+    out = {}
+    for place, quantity in enumerate(candidate.quantities):
+        deviation = 1.96 * float(np.sqrt(max(covariance[start + place, start + place], 0.0)))
+        if unseen[start + place]:
+            deviation = np.inf  # these data do not depend on it
+        ends = []
+        for sign in (-1.0, 1.0):
+            moved = term.coordinates.copy()
+            moved[place] += sign * min(deviation, WIDEST_LOGARITHM if candidate.logarithmic[place] else np.inf)
+            end = float(candidate.values_of(moved)[place])
+            ends.append(float(np.clip(end, quantity.lower, quantity.upper)))
+        value = float(candidate.values_of(term.coordinates)[place])
+        out[quantity.name] = FittedParameter(value, quantity.unit, (ends[0], ends[1]))
+    return out
+
+
+def finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = False) -> Finding | None:
+    """Return the finding that equilibrium in the deformed position explains more than chance.
+
+    `silent`: nothing else says why the residual before is larger than noise, and that after is not.
+    """
+    difference = before - first.residual  # what the nominal simulation gains by it, whitened
+    size = float((difference**2).sum())
+    with_linear = last.residual + difference
+    worse = float((with_linear**2).sum())
+    gained = worse - last.chi2
+    least = max(DEFLECTION_OF_ITSELF * size, DEFLECTION_GAIN, DEFLECTION_SHARE * worse)
+    if size < DEFLECTION_GAIN or (not silent and gained < least):
+        return None
+    return Finding(
+        physics="finite_deflection",
+        location="robot",
+        candidates=("robot",),
+        parameters={},
+        heldout_gain=float(gained / worse),
+        statement="the loads move the robot far enough that equilibrium must be taken in the deformed position",
+    )

@@ -1,0 +1,331 @@
+"""From what was selected to a diagnosis: what is found, what is left, and what stays unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2 as chi_squared
+
+from ..channels import Stack
+from ..laws import Effect
+from ..recordings import SENSORS
+from ..robot import Robot
+from ..spatial import Array
+from .all_over import all_over
+from .asked import Asked, Tell
+from .calibrate import (
+    calibrated_parameters,
+)
+from .compete import select
+from .criteria import (
+    BESIDE_WORK,
+    CURVE_DEVIATIONS,
+    CURVE_SHARE,
+    IMITATED,
+    IMITATED_HERE,
+    MOST_BESIDE,
+    ROUGH,
+    ROUGH_SHARE,
+    ROUGH_SHARE_WITHIN,
+    STRUCTURE_CHANCE,
+    WEIGHT_SHOWS,
+    WORSE,
+    chance_bound,
+    clean_bound,
+)
+from .detectable import not_detectable
+from .diagnosis import Diagnosis, Finding
+from .findings import (
+    acting_anyway,
+    finding_of,
+    finite_deflection,
+    growth_without,
+    located_nowhere,
+    nothing_compared,
+    off_beyond_tolerance,
+    parameters_of,
+    rms_of,
+    sensor_elsewhere,
+    told_alone,
+)
+from .fit import Fit, Problem
+from .held_out import cross_validated
+from .local_curve import LocalCurve, strongest_curve
+from .locate import Located, locate
+from .next_experiment import next_experiment
+from .recovered import recovered, residuals
+from .selection import Budget, Selection, is_clean
+from .whiteness import compared
+
+__all__ = ["verdict_of"]
+
+
+#: Parameters that a remark lists by name.
+MOST_LISTED = 5
+
+
+def verdict_of(
+    problem: Problem,
+    selection: Selection,
+    given: Asked,
+    blocks: np.ndarray,
+    robot: Robot,
+    tell: Tell,
+    doubt: Finding | None = None,
+) -> Diagnosis:
+    """Return the diagnosis of what was selected; `blocks` (N,): samples held out together, `doubt`: a finding given."""
+    raw_linear, remarks, unused = given.raw_linear, given.remarks, given.unused
+    last, first = selection.last, selection.first
+    samples = last.samples
+    before = problem.whitened(first.influence, raw_linear)
+    labels = blocks[samples]
+    count = compared(problem, last)
+    held = cross_validated(problem, last, labels) if count else float("nan")
+    findings = [
+        finding_of(problem, last, index, selection, robot, held, labels if given.kinds else None)
+        for index in range(len(last.terms))
+    ]
+    curves = strongest_curve(problem, last) if count else []
+    unknown: list[Finding] = []
+    final = last
+    if not count:
+        unknown = [nothing_compared(problem, unused)]
+    elif doubt is not None:
+        unknown = [doubt]
+    elif _unexplained(_without_laws(problem, first, last), last, count, curves, bool(findings)):
+        findings, located, final = _with_unknown(findings, problem, selection, blocks, count, robot, tell)
+        held = cross_validated(problem, final, labels)
+        unknown = [located or located_nowhere(problem, final, selection, count)]
+    white_before = rms_of(float((before**2).sum()), count)
+    white_after, white_held = rms_of(final.chi2, count), rms_of(held, count)
+    if doubt is not None:
+        white_before = white_after = white_held = float("nan")  # in multiples of a noise that nobody knows
+    silent = not findings and not unknown and white_before > clean_bound(count)
+    began = problem.whitened(first.influence, given.raw_registered)
+    deflection = finite_deflection(problem.drawn, last, began, silent)
+    if deflection is not None:
+        findings.append(deflection)
+    findings.sort(key=lambda finding: -finding.heldout_gain)
+    acting: tuple[Effect, ...] = ()
+    if problem.tolerances is not None and count and _shows(problem, final):
+        acting = problem.tolerances.effects
+    # what acts was left out of the simulation that one starts from, be it without a parameter
+    named = "explained" if findings or acting or given.kinds or given.placed.found else "nothing_missing"
+    verdict = "unexplained" if unknown else named
+    if unknown and count and not len(given.toleranced) and not robot.mechanism.loops:
+        remarks.append(_UNCALIBRATED)
+    calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
+    moved_sensor = zip(given.placed.found, given.placed.deviations, strict=True)
+    findings = [*(sensor_elsewhere(*each, first, before, robot, calibrated) for each in moved_sensor), *findings]
+    beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
+    if beyond and (unknown or not is_clean(problem, final)):
+        # what no law explains drives them: they are no findings of their own
+        listed = ", ".join(item.name for item in beyond[:MOST_LISTED]) + (", …" if len(beyond) > MOST_LISTED else "")
+        remarks.append(
+            f"{len(beyond)} parameter{'s' if len(beyond) > 1 else ''} would lie beyond tolerance ({listed}), but while "
+            "structure is left over they may only stand for that"
+        )
+        beyond = []
+    findings += [off_beyond_tolerance(item, final, held) for item in beyond]
+    findings = [told_alone(finding, robot) for finding in findings]
+    told = [kind for kind in given.kinds if not (given.placed.found and kind in SENSORS["pose_sensor"])]
+    findings += all_over(problem, final, calibrated, told, blocks)
+    findings += unknown
+    effects = tuple(finding.effect for finding in findings if finding.effect is not None)
+    # a sensor reports what all the others have left
+    effects = (*(effect for effect in effects if effect not in given.placed.found), *given.placed.every)
+    if problem.tolerances is not None:
+        findings += [acting_anyway(effect, robot) for effect in acting]
+        effects = (*problem.tolerances.at(final.x), *effects)
+    raw_after = problem.stack.residual(final.run)[samples]
+    if count:
+        findings = [
+            replace(finding, recovered=recovered(problem, final, raw_after, finding.effect, finding.curve))
+            for finding in findings
+        ]
+    tell("the next experiment", 0.95)
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        noise=problem.noise,
+        before={"fit": white_before, "heldout": white_before},
+        after={"fit": white_after, "heldout": white_held},
+        within=_within(problem, first, count),
+        calibration=tuple(calibrated),
+        by_channel=_channels(problem.stack, samples, before, final.residual, raw_linear, raw_after),
+        findings=tuple(findings),
+        not_detectable=tuple(not_detectable(problem, final, selection)) if count else (),
+        next_experiment=next_experiment(robot, problem, selection, findings),
+        remarks=tuple(dict.fromkeys(remarks)),
+        unused_columns=unused,
+        effects=effects,
+        samples=samples,
+        columns=problem.stack.groups(),
+        residual_before=raw_linear,
+        residual_after=raw_after,
+        residuals=residuals(problem, final, raw_linear, raw_after) if count else None,
+        final=final.run,
+    )
+    return diagnosis
+
+
+#: What may help where a tree is left unexplained and taken at its word.
+_UNCALIBRATED = (
+    "nothing is declared to be off: the robot file is taken at its word. Zeros of encoders, links, markers of an arm "
+    "that was never calibrated are: --tolerances arm takes usual values, docs/tolerances.md says which"
+)
+
+
+def _shows(problem: Problem, fit: Fit) -> bool:
+    """Return True where what acts whatever else does, weight, moves what was measured by more than chance."""
+    assert problem.tolerances is not None
+    parameters = [problem.tolerances.toleranced.effect(fit.x)] if len(fit.x) else []
+    without = problem.simulator.setup([*parameters, *(term.effect for term in fit.terms)])
+    change = problem.whitened(fit.influence, fit.influence.change(without))
+    return float((change**2).sum()) > WEIGHT_SHOWS
+
+
+def _within(problem: Problem, first: Fit, count: int) -> dict[str, float]:
+    """Return the residual of the drawing, and of the drawing within its tolerances, in multiples of the noise."""
+    if problem.tolerances is None or not len(first.x):
+        return {}
+    return {"nominal": rms_of(problem.drawn.chi2, count), "calibrated": rms_of(first.chi2, count)}
+
+
+def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
+    """Return the chi squared that the laws began with: toleranced parameters held, which else take a part of it."""
+    if problem.tolerances is None:
+        return first.chi2
+    return last.chi2 + float((problem.change(last, ()) ** 2).sum())
+
+
+def _unexplained(start: float, last: Fit, count: int, curves: Sequence[LocalCurve], named: bool) -> bool:
+    """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
+    if not count:
+        return False
+    rms, began = rms_of(last.chi2, count), rms_of(start, count)
+    structured = bool(curves) and chi_squared.sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
+    if rms <= clean_bound(count):
+        shows = rms > chance_bound(count, CURVE_DEVIATIONS)
+        return structured and not named and shows and curves[0].gain > CURVE_SHARE * last.chi2
+    share = ROUGH_SHARE_WITHIN if len(last.x) else ROUGH_SHARE
+    return not (named and rms <= ROUGH and (rms**2 - 1) <= share * (began**2 - 1))
+
+
+def _with_unknown(
+    findings: Sequence[Finding],
+    problem: Problem,
+    selection: Selection,
+    labels: np.ndarray,
+    count: int,
+    robot: Robot,
+    tell: Tell,
+) -> tuple[list[Finding], Finding | None, Fit]:
+    """Return the findings that stand, what no law explains (None where it has no place), the fit of those that stand.
+
+    A law that takes most of the residual and leaves a shape behind is an imitation, all the more where the shape sits
+    in the same place. Beside what is unknown a law stands that leaves noise where the unknown's place may deform as it
+    likes; else only what far outweighs the rest. Laws in a row that together still miss are nobody's faults.
+    """
+    kept, found, fit = _surest(list(findings), selection.last, problem, selection.first, count, robot, IMITATED)
+    if found is None:
+        kept, _, fit = _surest(kept, fit, problem, selection.first, count, robot, IMITATED_HERE)
+        return kept, None, fit
+    # what else there is, whatever happens at that place
+    freed = problem.freed(fit.influence, found.module)
+    begin = freed.fit_at((), selection.first.run)
+    again = select(freed, selection.library, labels, begin, tell, Budget(BESIDE_WORK))
+    beside = problem.fit_at(again.last.terms, again.last.run)
+    # else what was freed has taken what the others explain, or they explain what it alone did
+    stands = beside.chi2 < WORSE * fit.chi2 and _no_worse(problem, selection.first, beside, labels)
+    if stands and len(beside.terms) <= MOST_BESIDE and _leaves_noise(problem, again.last, found.module):
+        around = cross_validated(freed, again.last, labels[again.last.samples])
+        kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
+        fit, found = beside, locate(problem, beside) or found
+    else:
+        kept, other, fit = _surest(kept, fit, problem, selection.first, count, robot, IMITATED_HERE)
+        found = other or found
+    statement = (
+        "structure is left over that no law of the library takes away; a deformation of "
+        f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
+    )
+    share = found.curve.gain / fit.chi2
+    if found.follows is not None:
+        what, share = found.follows
+        statement += f". It follows {what} ({100 * share:.0f} %)"
+    unknown = Finding(
+        physics="unknown",
+        location=found.module,
+        candidates=found.candidates,
+        parameters={},
+        heldout_gain=float(share),
+        statement=statement,
+        curve=found.curve,
+    )
+    return kept, unknown, fit
+
+
+def _surest(
+    kept: list[Finding], fit: Fit, problem: Problem, first: Fit, count: int, robot: Robot, least: float
+) -> tuple[list[Finding], Located | None, Fit]:
+    """Return the findings that each take `least` times what is left, where that sits, and their fit."""
+    while True:
+        left = max(fit.chi2 - count, 0.0)
+        found = locate(problem, fit)
+        gains = [growth_without(problem, fit, index) for index in range(len(kept))]
+        doubtful = [
+            index
+            for index, gain in enumerate(gains)
+            if gain < (IMITATED_HERE if _same_place(kept[index], found) else least) * left
+        ]
+        if not doubtful:
+            return kept, found, fit
+        kept.pop(min(doubtful, key=lambda index: gains[index]))
+        terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
+        fit = problem.refine(terms, first) if terms else first
+        kept = [
+            replace(
+                finding,
+                effect=term.effect,
+                parameters=parameters_of(problem, fit, index),
+                statement=term.effect.statement(robot.mechanism),
+            )
+            for index, (finding, term) in enumerate(zip(kept, fit.terms, strict=True))
+        ]
+
+
+def _leaves_noise(problem: Problem, fit: Fit, module: str) -> bool:
+    """Return True where a fit leaves noise while a module deforms as it likes, which takes numbers away."""
+    free = np.linalg.norm(problem.reach(fit.influence, module), axis=1) > 0.5
+    count = max(compared(problem, fit) - int(free[fit.run.solved[fit.samples]].sum()), 1)
+    return fit.chi2 <= clean_bound(count) ** 2 * count
+
+
+def _no_worse(problem: Problem, first: Fit, fit: Fit, labels: np.ndarray) -> bool:
+    """Return True where the laws of a fit do not raise the residual: neither the whole nor that of blocks left out."""
+    held = [cross_validated(problem, each, labels[each.samples]) for each in (first, fit)]
+    return fit.chi2 <= first.chi2 and held[1] <= held[0]
+
+
+def _same_place(finding: Finding, found: Located | None) -> bool:
+    return found is not None and any(name in found.candidates for name in finding.candidates)
+
+
+def _channels(
+    stack: Stack, samples: np.ndarray, before: Array, after: Array, raw_before: Array, raw_after: Array
+) -> dict[str, dict[str, float]]:
+    out: dict[str, dict[str, float]] = {}
+    for name, si, columns in stack.groups():
+        unit = f"u{si}"
+        here = stack.exists[samples][:, columns]
+        count = int(here.sum())
+        if not count:
+            continue
+        out[name] = {
+            "before": rms_of(float((before[:, columns] ** 2)[here].sum()), count),
+            "after": rms_of(float((after[:, columns] ** 2)[here].sum()), count),
+            f"before_{unit}": 1e6 * rms_of(float((raw_before[:, columns] ** 2)[here].sum()), count),
+            f"after_{unit}": 1e6 * rms_of(float((raw_after[:, columns] ** 2)[here].sum()), count),
+        }
+    return out
