@@ -398,8 +398,8 @@ EFFORT_UNTOLD = 0.3
 #: Blocks of time below which none can be judged by the others.
 FEWEST_EFFORT_BLOCKS = 4
 #: Another place or law is as good where it loses less than so many standard errors over blocks, or than this share
-#: of the gain.
-EFFORT_ALIKE, EFFORT_CLASS = 2.0, 0.02
+#: of the gain while that is no more than such a part of what is left.
+EFFORT_ALIKE, EFFORT_CLASS, EFFORT_AS_LITTLE = 2.0, 0.02, 0.5
 #: Logarithm of the odds by which another law must be the likelier one to take a law's place, where it is another kind
 #: of thing; and by which the less likely is still told as what may be meant.
 EFFORT_LIKELIER, EFFORT_UNLIKELY = 3.0, 7.0

@@ -246,12 +246,15 @@ def _with_new(
     for term in new:
         replaced = [other for other in chosen.terms if replaces(term, other)]
         after = _with_all(Chosen(chosen.base, tuple(t for t in chosen.terms if t not in replaced)), [term])
-        if replaced and not _earns_its_place(given, chosen, after, term):
+        # a richer law competes with the best of its own values: those of what it replaces have been looked for
+        wider, size = given, given.columns.size
+        if closer is not None:
+            wider, after = closer(given, after, [len(after.terms) - 1])
+        if replaced and not _earns_its_place(wider, chosen, after, after.terms[-1]):
+            given.columns.cut(size)
             refused[_key(term)] += _ENTRIES
             continue
-        chosen = after
-        if closer is not None:
-            given, chosen = closer(given, chosen, [len(chosen.terms) - 1])
+        given, chosen = wider, after
     chosen = _all_links(given, chosen)
     while True:
         worse = _needless(given, chosen, chosen.terms[: len(chosen.terms) - len(new)])

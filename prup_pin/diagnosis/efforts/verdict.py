@@ -21,6 +21,7 @@ from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
     EFFORT_ALIKE,
+    EFFORT_AS_LITTLE,
     EFFORT_ALONE,
     EFFORT_CLASS,
     EFFORT_IMITATED,
@@ -420,7 +421,8 @@ class Verdict:
         def alike(after: Array, strained: float) -> bool:
             apart = after - self.held
             worse = float(apart.sum()) + strained - self.strained
-            return worse <= min(max(EFFORT_ALIKE * uncertainty(apart), EFFORT_CLASS * gain), 0.2 * gain)
+            little = min(EFFORT_CLASS * gain, EFFORT_AS_LITTLE * float(self.held.sum()))
+            return worse <= min(max(EFFORT_ALIKE * uncertainty(apart), little), 0.2 * gain)
 
         for other, after in zip(others, Beside(self.given, rest).with_each(others), strict=True):
             taken = rest.with_term(other)
