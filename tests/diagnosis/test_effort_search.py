@@ -7,6 +7,7 @@ from prup_pin import load
 from prup_pin.diagnosis.efforts.beside import Beside
 from prup_pin.diagnosis.efforts.combinations import Combinations
 from prup_pin.diagnosis.efforts.gather import Efforts
+from prup_pin.diagnosis.efforts.search import scores
 from prup_pin.dynamics import InMotion, motion_of
 from tests.diagnosis.test_efforts import AXIS, axis
 
@@ -39,6 +40,20 @@ def test_one_term_less_is_what_a_fit_without_it_leaves(given):
         chosen = chosen.with_term(named(given, word))
     for term, left in zip(chosen.terms, Beside(given, chosen).without_each(chosen.terms), strict=True):
         assert left == pytest.approx(Beside(given, chosen.without(term)).left, rel=1e-6)
+
+
+def test_friction_of_another_size_backwards_may_follow_one_that_is_alike_both_ways():
+    """Beside the latter it is only told by how the two ways differ, one up and one down: no sign that it cannot be."""
+    robot, recording = load(AXIS), axis(3000, damping=200.0)
+    backwards = np.minimum(np.gradient(recording.positions["carriage"], recording.time), 0.0)
+    tau = recording.efforts["carriage"] + 160.0 * backwards
+    recording = recording.with_measurements(efforts={"carriage": tau})
+    efforts = Efforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {}, None)
+    given = efforts.gathered()
+    ranked, _ = scores(given, efforts.start().with_term(named(given, "viscous_friction")))
+    (directed,) = (score for score in ranked if score.candidate.place.aspect == "effort by direction")
+    assert directed.possible
+    assert directed.gain > 0.5 * max(score.gain for score in ranked)
 
 
 def test_what_is_left_by_joint_is_all_that_is_left(given):

@@ -11,6 +11,8 @@ from prup_pin.laws.efforts.effort_sensor import EffortUnit
 from prup_pin.recordings import Recording
 from prup_pin.simulation.moving_efforts import efforts_in_motion
 
+from .test_efforts import device
+
 GAINS = np.array([0.08, 0.09, 0.11, 2.0, 2.4, 1.7])
 
 
@@ -60,6 +62,14 @@ def test_gains_a_little_off_at_every_joint_are_told_and_taken_out(moving):
 def test_other_masses_and_one_gain_alone_are_no_other_units(moving):
     assert gains_of(moving, {}) is None
     assert gains_of(moving.measuring(moving.motion.efforts * [1, 1, 1.4, 1, 1, 1]), {}) is None
+
+
+def test_friction_by_direction_asks_for_no_other_units(tmp_path):
+    """A light arm whose fifth joint resists much more backwards than forwards."""
+    recording, _ = device(tmp_path, 7404, "kinova", ["viscous_friction"], (20.0, 40.0))
+    mechanism = load(recording.robot).mechanism
+    at = InMotion.of(mechanism, motion_of(recording, mechanism))
+    assert gains_of(at, dict(recording.tolerances.declared)) is None
 
 
 def test_a_prediction_is_in_the_drives_own_units(robot, moving):

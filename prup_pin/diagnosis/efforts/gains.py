@@ -170,7 +170,10 @@ def _own(at: InMotion, joint: str) -> Array:
     position, speed = at.position(joint), at.speed(joint)
     turning = at.dragged(joint, usual_way(at, joint))
     size = max(float(np.sqrt(np.mean(speed**2))), np.finfo(float).tiny)
-    own = [ones, turning, speed, at.acceleration(joint), turning * np.exp(-((speed / (0.25 * size)) ** 2)), position]
+    carried = turning * np.abs(at.rigid[:, at.driven.index(joint)])
+    slowly = turning * np.exp(-((speed / (0.25 * size)) ** 2))
+    # friction by direction and by load, too
+    own = [ones, turning, speed, np.abs(speed), carried, at.acceleration(joint), slowly, position]
     if at.mechanism.joint(joint).turns:
         own += [np.cos(position), np.sin(position)]
     for other in _coupled(at, joint):

@@ -108,7 +108,8 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
             continue
         coefficients = basis @ (basis.T @ true[own])
         possible = True
-        if candidate.law.one_sided:
+        # beside what it replaces, a richer law is only told by how it differs
+        if candidate.law.one_sided and not any(replaces(candidate, term) for term in chosen.terms):
             deviation = np.sqrt((basis**2).sum(axis=1) * mean / basis.shape[1])
             possible = bool((coefficients > -EFFORT_SURE * deviation).all() and (coefficients > 0).any())
         if possible:
@@ -225,7 +226,7 @@ def _entering(
         joints = _joints(given, one)
         if new and len(joints) > 1:
             break
-        if can_be(given, _with_all(chosen, [*new, one]), one):
+        if can_be(given, _with_all(_without_replaced(chosen, one), [*new, one]), one):
             new.append(one)
             taken |= joints
             tried = [item for item in tried if not taken & _joints(given, item[2]) or len(_joints(given, item[2])) > 1]
@@ -244,13 +245,13 @@ def _with_new(
 ) -> tuple[Gathered, Chosen]:
     """Return what is chosen with new terms, without those whose place they take and those that they make needless."""
     for term in new:
-        replaced = [other for other in chosen.terms if replaces(term, other)]
-        after = _with_all(Chosen(chosen.base, tuple(t for t in chosen.terms if t not in replaced)), [term])
+        rest = _without_replaced(chosen, term)
+        after = _with_all(rest, [term])
         # a richer law competes with the best of its own values: those of what it replaces have been looked for
         wider, size = given, given.columns.size
         if closer is not None:
             wider, after = closer(given, after, [len(after.terms) - 1])
-        if replaced and not _earns_its_place(wider, chosen, after, after.terms[-1]):
+        if rest is not chosen and not _earns_its_place(wider, chosen, after, after.terms[-1]):
             given.columns.cut(size)
             refused[_key(term)] += _ENTRIES
             continue
@@ -387,6 +388,12 @@ def replaces(term: EffortCandidate, other: EffortCandidate) -> bool:
         return other.law.physics in ("inertial_parameters", "payload")
     same = term.law.family == other.law.family != "" and term.place.name == other.place.name
     return same and _key(term) != _key(other)
+
+
+def _without_replaced(chosen: Chosen, term: EffortCandidate) -> Chosen:
+    """Return what is chosen without terms whose place another one takes; the same where it takes none."""
+    rest = tuple(other for other in chosen.terms if not replaces(term, other))
+    return chosen if len(rest) == len(chosen.terms) else Chosen(chosen.base, rest)
 
 
 def _with_all(chosen: Chosen, terms: Sequence[EffortCandidate]) -> Chosen:

@@ -21,8 +21,8 @@ from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
     EFFORT_ALIKE,
-    EFFORT_AS_LITTLE,
     EFFORT_ALONE,
+    EFFORT_AS_LITTLE,
     EFFORT_CLASS,
     EFFORT_IMITATED,
     EFFORT_LIKELIER,
