@@ -6,10 +6,12 @@ from collections.abc import Iterator
 
 from .mechanism import Mechanism
 
-__all__ = ["assumed"]
+__all__ = ["assumed", "masses_in_doubt"]
 
 #: Names that a sentence lists.
 _LISTED = 6
+#: Links that may have the same mass and inertia by chance.
+_LEAST_ALIKE = 2
 
 
 def assumed(mechanism: Mechanism) -> Iterator[str]:
@@ -35,6 +37,19 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
         yield "no home is given: home is every joint at 0, or at its nearest limit"
     if description.meshes_missing:
         yield f"meshes that are not there, and not drawn: {_listed(description.meshes_missing)}"
+
+
+def masses_in_doubt(mechanism: Mechanism) -> Iterator[str]:
+    """Yield a sentence where what moves has no mass, or one that nobody measured: the same number all over."""
+    inertias = {mechanism.bodies[joint.id]: mechanism.model.inertias[joint.id] for joint in mechanism.joints}
+    light = [name for name, inertia in inertias.items() if not inertia.mass > 0]
+    if len(light) == len(inertias):
+        yield "the robot file gives no masses: all that bodies take is found as other inertial parameters"
+    elif light:
+        yield f"the robot file gives no mass to {_listed(light)}: what they take is found as other inertial parameters"
+    alike = {(inertia.mass, *inertia.inertia.diagonal()) for inertia in inertias.values() if inertia.mass > 0}
+    if len(alike) == 1 and len(inertias) - len(light) > _LEAST_ALIKE:
+        yield "all links have the same mass and inertia in the robot file: these are hardly the robot's own"
 
 
 def _listed(names) -> str:

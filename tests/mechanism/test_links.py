@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import prup_pin
+from prup_pin.mechanism.assumed import masses_in_doubt
 from prup_pin.mechanism.links import links_of
 
 LINK = (
@@ -51,3 +52,20 @@ def test_links_together_are_the_bodies_of_the_tree():
         first = sum((link.mass * link.lever for link in mine), np.zeros(3))
         assert first == pytest.approx(whole.mass * whole.lever, abs=1e-12)
     assert {"hub", "star_1", "star_2", "star_3"} <= {link.name for link in mechanism.links}
+
+
+@pytest.mark.parametrize(
+    ("masses", "said"),
+    [
+        ((4, 2, 1), []),
+        ((0, 0, 0), ["the robot file gives no masses: all"]),
+        ((4, 0, 1), ["the robot file gives no mass to b: what"]),
+        ((1, 1, 1), ["all links have the same mass and inertia"]),
+    ],
+)
+def test_masses_that_a_robot_file_has_not_got_or_that_nobody_measured_are_told(tmp_path, masses, said):
+    parts = [LINK.format(name, mass) for name, mass in zip("abc", masses, strict=True)]
+    parts += [JOINT.format(f"j{child}", "revolute", parent, child) for parent, child in ("0a", "ab", "bc")]
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="0"/>{"".join(parts)}</robot>')
+    told = list(masses_in_doubt(prup_pin.load(tmp_path / "r.urdf").mechanism))
+    assert [text.startswith(start) for text, start in zip(told, said, strict=True)] == [True] * len(said)

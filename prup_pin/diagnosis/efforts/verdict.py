@@ -15,6 +15,7 @@ from ...laws.efforts.all_links import AllLinks
 from ...laws.efforts.effort_sensor import EffortUnit
 from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
 from ...laws.efforts.inertial_parameters import InertialParameters, is_impossible
+from ...mechanism.assumed import masses_in_doubt
 from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
@@ -655,6 +656,7 @@ class Verdict:
                     "value there, "
                     "and they were left out for it"
                 )
+        remarks += masses_in_doubt(self.mechanism)
         rank, count = efforts.inertial_rank()
         if count:
             remarks.append(
