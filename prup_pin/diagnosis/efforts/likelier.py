@@ -29,10 +29,18 @@ _TRIED = 8
 
 
 def likelier(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen with laws that are likelier in the place of others, where they are no worse held out."""
-    for term in chosen.terms:
+    """Return what is chosen with laws that are likelier in the place of others, where they are no worse held out.
+
+    What had come to make up for the others goes with them.
+    """
+    before = chosen.terms
+    for term in before:
         if any(term is other for other in chosen.terms):
             chosen = _likelier(given, chosen, term)
+    if any(new is not old for new, old in zip(chosen.terms, before, strict=True)):
+        for term in reversed(chosen.terms):
+            if not isinstance(term.law, AllLinks | FreeCurve) and not _is_asked_for(given, chosen.without(term), term):
+                chosen = chosen.without(term)
     return Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
 
 
@@ -88,6 +96,13 @@ def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[E
         weighed |= {key: (middle + value - likeliest, weighed[key][1]) for key, value in among.items()}
     own, saved = weighed[id(term)]
     return [(other, weighed[id(other)][0] - own, weighed[id(other)][1] - saved) for other in rivals]
+
+
+def _is_asked_for(given: Gathered, rest: Chosen, term: EffortCandidate) -> bool:
+    """Return whether a term is likelier there than not, beside the others."""
+    _, left, pull = pulls(given, rest)
+    apart = max(_scatter(given, rest, left, term), 1.0)
+    return _weight(given, left, pull, term, apart)[0] > EFFORT_LIKELIER
 
 
 def is_body(term: EffortCandidate) -> bool:
