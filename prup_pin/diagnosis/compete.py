@@ -64,6 +64,8 @@ def select(
     Where structure is left, the search is made again without one of the laws that it took: a law that came first may
     have come for two others.
     """
+    acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
+    library = [candidate for candidate in library if candidate.law.physics not in acting]
     search = Search(problem, budget or Budget())
     best = _forward(search, library, blocks, first, tell)
     tried: set[str] = set()

@@ -112,6 +112,11 @@ class Problem:
         """The fit of the robot as its file has it, nothing off."""
         return replace(self, tolerances=None).first
 
+    @property
+    def acting(self) -> tuple[Effect, ...]:
+        """What the calibration found to act whatever else does: weight."""
+        return () if self.tolerances is None else self.tolerances.effects
+
     def within(self, begin: Calibrated) -> Problem:
         """Return the same problem with parameters that may be off; the calibration's effects act whatever else does."""
         return replace(self, tolerances=Tolerable.of(replace(self, tolerances=None), begin))

@@ -7,9 +7,11 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import contest, selection
+from prup_pin.diagnosis.calibrate import Toleranced, within_tolerances
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.compete import select
 from prup_pin.diagnosis.selection import penalty
+from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import LoadProgramme, RandomPoses, TestPlan
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 
@@ -87,3 +89,15 @@ def test_what_is_known_of_the_weight_is_part_of_chi_squared(bench):
     beside = problem.beside(fit, (0,))
     left = beside.without(fit.residual.ravel() + beside.back)
     assert left @ left == pytest.approx(fit.chi2, rel=1e-3)
+
+
+def test_weight_that_acts_already_is_not_added_once_more(bench):
+    """What weighs as much again as the robot is a payload, where masses are known to a hundredth."""
+    simulator, library = bench
+    mechanism = simulator.robot.mechanism
+    deviations = deviations_of(mechanism)
+    toleranced = Toleranced.of(deviations, amounts_of(deviations, mechanism, {"mass": 0.01}))
+    problem = within_tolerances(measured(simulator, scale=2.0), toleranced, list(library.values()), 4.0)
+    assert [effect.law.physics for effect in problem.acting] == ["self_weight"]
+    found = select(problem, list(library.values()), simulator.inputs.blocks, problem.first)
+    assert WEIGHT not in values(found.last)
