@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from ...spatial import Array
 from ..criteria import (
     EFFORT_CURVE_GAIN,
     EFFORT_CURVE_OWN,
+    EFFORT_GAINS_SAVE,
     EFFORT_IMITATED,
     EFFORT_LOUD,
     EFFORT_MATERIAL,
@@ -26,7 +28,7 @@ from .beside import Beside
 from .chosen import Chosen
 from .columns import EffortCandidate, Gathered
 from .diagnosis import EffortDiagnosis
-from .gains import gains_of, in_newtons
+from .gains import Gains, gains_of, in_newtons
 from .gather import Efforts
 from .likelier import likelier
 from .plausible import check_efforts
@@ -35,6 +37,10 @@ from .search import held_out, pruned, scores, searched, threshold, worth
 from .verdict import Verdict, cost_of_blocks, is_of_time, rms_of
 
 __all__ = ["diagnose_efforts"]
+
+
+#: What is said while laws are looked for.
+_LAWS = "laws compete for the efforts"
 
 
 def diagnose_efforts(
@@ -59,16 +65,25 @@ def diagnose_efforts(
         known = np.column_stack([held[name][motion.rows] for name in at.driven])
         at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
     tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
-    gains = gains_of(at, tolerances)
-    scale = np.ones(len(at.driven)) if gains is None else gains.gains
-    doubts = check_efforts(at, scale)
-    at = in_newtons(at, scale)
     declared = recording.noise.effort
-    efforts = Efforts(at, tolerances, declared / scale if declared else None)
-    tell("laws compete for the efforts", 0.1)
-    efforts, given, chosen = _found(
-        efforts, gains is not None, lambda share: tell("laws compete for the efforts", 0.1 + 0.6 * share)
-    )
+
+    def searched_by(gains: Gains | None, share: tuple[float, float]) -> tuple[list[str], Efforts, Gathered, Chosen]:
+        scale = np.ones(len(at.driven)) if gains is None else gains.gains
+        doubts = check_efforts(at, scale)
+        efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
+        first, last = share
+        return doubts, *_found(efforts, gains is not None, lambda s: tell(_LAWS, first + (last - first) * s))
+
+    tell(_LAWS, 0.1)
+    gains = gains_of(at, tolerances)
+    doubts, efforts, given, chosen = searched_by(gains, (0.1, 0.7))
+    if gains is not None and any(term.law.physics == "effort_gain" for term in chosen.terms):
+        # laws that take gains back: one gain and a delay look a little like many gains
+        with suppress(InputError):
+            plain = searched_by(None, (0.7, 0.75))
+            share, sure = worth(plain[1].held_out_plainly(*plain[2:]), efforts.held_out_plainly(given, chosen))
+            if not (sure > EFFORT_SURE and share > EFFORT_GAINS_SAVE):
+                gains, (doubts, efforts, given, chosen) = None, plain
     tell("what no law explains", 0.75)
     given, chosen = relieved(given, chosen, efforts.with_curves)
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
