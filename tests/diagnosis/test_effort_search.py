@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from prup_pin import load
+from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.efforts.beside import Beside
 from prup_pin.diagnosis.efforts.combinations import Combinations
 from prup_pin.diagnosis.efforts.gather import Efforts
 from prup_pin.diagnosis.efforts.search import scores
 from prup_pin.dynamics import InMotion, motion_of
-from tests.diagnosis.test_efforts import AXIS, axis
+from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +99,11 @@ def test_every_tolerance_of_a_motion_is_a_parameter():
     rigid = at.rigid - Efforts(at, {"mass": 1e-6}, None).bases[0].efforts * 1e6  # the axis without its one mass
     assert np.abs(rigid).max() < 1e-9 * np.abs(at.rigid).max()
     assert mass.efforts == pytest.approx(0.05 * at.rigid)
+
+
+def test_a_zero_point_is_not_all_links(tmp_path):
+    """A light arm: beside a coupled wrist an offset at its third joint drives the masses of several links."""
+    recording, _ = device(tmp_path, 7708, "kinova", ["transmission_coupling", "effort_offset"])
+    found = diagnose(load(recording.robot), recording)
+    named = {(finding.physics, finding.location) for finding in found.findings}
+    assert named == {("transmission_coupling", "j2s6s200_joint_6"), ("effort_offset", "j2s6s200_joint_3")}

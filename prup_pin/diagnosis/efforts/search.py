@@ -275,9 +275,32 @@ def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
     if every is None or every in chosen.terms or len(_others(given, chosen)) < 2:
         return chosen
     tried = Chosen(chosen.base, (*(term for term in chosen.terms if not replaces(every, term)), every))
-    apart = Beside(given, tried).left - Beside(given, chosen).left
+    left = Beside(given, tried).left
+    apart = left - Beside(given, chosen).left
     error = uncertainty(apart)
-    return tried if float(apart.sum()) < EFFORT_SURE * error else chosen
+    if not float(apart.sum()) < EFFORT_SURE * error or _one_would_do(given, chosen, left):
+        return chosen
+    return tried
+
+
+def _one_would_do(given: Gathered, chosen: Chosen, left: Array) -> bool:
+    """Return whether one law that is no link's takes links back within tolerance, and leaves no more than `left`."""
+    plain = [
+        score
+        for score in scores(given, chosen)[0]
+        if score.possible
+        and score.candidate.law.family != "link"
+        and not isinstance(score.candidate.law, AllLinks)
+        and not any(excluded(term, score.candidate) for term in chosen.terms)
+    ]
+    plain = sorted(plain, key=lambda score: -score.gain)[:_TRIED]
+    candidates = [score.candidate for score in plain]
+    for candidate, after in zip(candidates, Beside(given, chosen).with_each(candidates), strict=True):
+        apart = after - left
+        no_more = float(apart.sum()) < EFFORT_SURE * uncertainty(apart)
+        if no_more and len(_others(given, chosen.with_term(candidate))) < 2:
+            return True
+    return False
 
 
 def _others(given: Gathered, chosen: Chosen) -> set[str]:
