@@ -55,7 +55,7 @@ def test_clocks_and_threads_decide_nothing(diagnosed, bench, hurried):
 
 def test_no_clock_is_read():
     folder = Path(compete.__file__).parent
-    for path in folder.glob("*.py"):
+    for path in folder.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
             assert not {"time", "datetime", "timeit"} & {*names, getattr(node, "module", None)}, path.name
