@@ -27,7 +27,7 @@ from _project import ROOT
 
 import prup_pin
 from prup_pin.diagnosis import calibrate as calibration
-from prup_pin.diagnosis import compete, diagnose
+from prup_pin.diagnosis import compete, contest, diagnose
 from prup_pin.diagnosis.calibration import calibrated
 from prup_pin.diagnosis.fit import Problem
 from prup_pin.recordings import read_recording
@@ -39,7 +39,7 @@ CALIBRATE_TARGET, DIAGNOSE_TARGET = 20.0, 60.0  # s
 #: What is timed: a text, and where the function is found. One stands inside another where the text is indented.
 PARTS: tuple[tuple[str, Any, str], ...] = (
     ("laws one by one, to first order", compete, "screen"),
-    ("rivals of every law that is in", compete, "challengers"),
+    ("rivals of every law that is in", contest, "challengers"),
     ("fits through the whole simulation", Problem, "refine"),
     ("  the change by every tolerance anew", Problem, "relinearised"),
     ("calibration: the change by every tolerance", calibration, "changes_per_tolerance"),
