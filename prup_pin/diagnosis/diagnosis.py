@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -75,6 +75,11 @@ class Detectable:
     below: bool = False
 
 
+def named_in(findings: Iterable[Finding]) -> str:
+    """Return 'backlash at leg2/ball_nut, self_weight at robot', or 'nothing'."""
+    return ", ".join(f"{finding.physics} at {finding.location}" for finding in findings) or "nothing"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
     """What `diagnose` returns.
@@ -139,7 +144,7 @@ class Diagnosis:
         return imported("pandas", "tables").DataFrame(rows, columns=columns)
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{finding.physics} at {finding.location}" for finding in self.findings) or "nothing"
+        found = named_in(self.findings)
         before, after = self.before["heldout"], self.after["heldout"]
         return f"<Diagnosis {self.verdict}: {found}; residual {before:.3g} -> {after:.3g} times the noise>"
 

@@ -25,19 +25,18 @@ from ..criteria import (
     EFFORT_SURE,
 )
 from .beside import Beside
-from .chosen import Chosen
+from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .diagnosis import EffortDiagnosis
 from .gains import Gains, gains_of, in_newtons
 from .gather import Efforts
 from .likelier import likelier
 from .plausible import check_efforts
-from .relief import relieved, relieving
+from .relief import relieved, relieving, strain
 from .search import held_out, pruned, scores, searched, threshold, worth
-from .verdict import Verdict, cost_of_blocks, is_of_time, rms_of
+from .verdict import Verdict, is_of_time, rms_of
 
 __all__ = ["diagnose_efforts"]
-
 
 #: What is said while laws are looked for.
 _LAWS = "laws compete for the efforts"
@@ -146,11 +145,12 @@ def _with_curves(
         if curve is None or any(curve.name == other.name for other in free):
             break
         free.append(curve)
-        shape = cost_of_blocks(given, chosen) - cost_of_blocks(given, chosen.with_term(curve))
+        here = _cost(given, chosen)
+        shape = here - _cost(given, chosen.with_term(curve))
         for term in chosen.terms:
             if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or is_of_time(curve):
                 continue  # what changes with time is still what it is
-            own = cost_of_blocks(given, chosen.without(term)) - cost_of_blocks(given, chosen)
+            own = _cost(given, chosen.without(term)) - here
             if term.law.by_shape or shape > EFFORT_IMITATED * own:
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
@@ -159,3 +159,8 @@ def _with_curves(
             given, chosen.with_term(curve), [term for term in doubtful if not isinstance(term.law, FreeCurve)]
         )
     return given, chosen, free, imitating
+
+
+def _cost(given: Gathered, chosen: Chosen) -> float:
+    """Return the squares that held-out blocks keep, and those of strained tolerances."""
+    return float(held_out(given, chosen).sum()) + float((strain(chosen, fit(given, chosen)[0]) ** 2).sum())

@@ -10,7 +10,7 @@ import numpy as np
 from ...laws import Effect
 from ...laws.efforts import EffortLaw
 from ...spatial import Array
-from ..diagnosis import Detectable, Finding
+from ..diagnosis import Detectable, Finding, named_in
 
 __all__ = ["AGAINST", "EffortCurve", "EffortDiagnosis", "effort_curve_of"]
 
@@ -80,8 +80,8 @@ class EffortDiagnosis:
     standing: bool = False
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{finding.physics} at {finding.location}" for finding in self.findings) or "nothing"
-        return f"<EffortDiagnosis {self.verdict} of {len(self.joints)} joints, {len(self.time)} samples: {found}>"
+        found = f"{len(self.joints)} joints, {len(self.time)} samples: {named_in(self.findings)}"
+        return f"<EffortDiagnosis {self.verdict} of {found}>"
 
 
 def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> EffortCurve | None:

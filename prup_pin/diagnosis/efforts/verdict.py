@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import chi2
@@ -59,11 +60,6 @@ _AS_GOOD = 0.99
 _BINS = 24
 
 
-def cost_of_blocks(given: Gathered, chosen: Chosen) -> float:
-    """Return the squares that held-out blocks keep, and those of strained tolerances."""
-    return float(held_out(given, chosen).sum()) + _squared(strain(chosen, fit(given, chosen)[0]))
-
-
 class Verdict:
     """A fit, asked for everything that is told of it."""
 
@@ -85,13 +81,11 @@ class Verdict:
         self.given, self.chosen, self.free = given, chosen, list(free)
         self.mechanism, self.at = robot.mechanism, efforts.at
         self.motion: Motion = efforts.at.motion
-        self.x, self.matrix = fit(given, chosen)
-        self.base_only = Chosen(chosen.base)
         # what the corrected model holds: another recording has its own time
         self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not is_of_time(term)))
         kept = [term for term in self.named.terms if not isinstance(term.law, FreeCurve)]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
-        self.x_named, _ = fit(given, self.named)
+        self.x_named, self.matrix_named = fit(given, self.named)
         self.held = held_out(given, self.named)
         self.impossible = self._no_bodies()
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]
@@ -235,18 +229,18 @@ class Verdict:
 
     # -- findings --------------------------------------------------------------------------------------------------
 
-    def _covariance(self, chosen: Chosen, x: Array) -> tuple[Array, int]:
-        """Return the coefficients' covariance by the scatter of whole blocks, and its degrees of freedom."""
-        where = chosen.where
-        _, matrix = fit(self.given, chosen)
+    @cached_property
+    def _scatter(self) -> tuple[Array, Array, int]:
+        """The coefficients' covariance by white noise of the whitened size alone, by the scatter of whole blocks beside
+        that, and the latter's degrees of freedom."""
+        where = self.named.where
         gram = self.given.columns.gram[:, where][:, :, where]
-        pulls = self.given.columns.moment[:, where] - gram @ x
+        pulls = self.given.columns.moment[:, where] - gram @ self.x_named
         middle = pulls.T @ pulls
-        inverse = Normal.of(matrix, least=1e-12).solve(np.eye(len(matrix)))
+        white = Normal.of(self.matrix_named, least=1e-12).solve(np.eye(len(self.matrix_named)))
         count = self.given.columns.count
         degrees = max(count - 1, 1)
-        # beside the scatter of blocks the least that white noise of the whitened size gives
-        return inverse @ middle @ inverse * count / degrees + inverse, degrees
+        return white, white @ middle @ white * count / degrees + white, degrees
 
     def _finding(self, term: EffortCandidate) -> Finding:
         if isinstance(term.law, AllLinks):
@@ -312,7 +306,7 @@ class Verdict:
     def _of_all_links(self, term: EffortCandidate, law: AllLinks) -> Finding:
         """Return what the motion tells of all links' masses: the combinations that are not those of the robot file."""
         told = self.efforts.combinations(law)
-        covariance, degrees = self._covariance(self.named, self.x_named)
+        _, covariance, degrees = self._scatter
         own = self.named.own(term)
         change = told.matrix @ self.x_named[own]
         deviation = np.sqrt(np.maximum(np.diag(told.matrix @ covariance[own, own] @ told.matrix.T), 0.0))
@@ -375,7 +369,7 @@ class Verdict:
         return Effect(term.law, term.place, kept)
 
     def _parameters(self, term: EffortCandidate, values: Mapping[str, float]) -> dict[str, FittedParameter]:
-        covariance, degrees = self._covariance(self.named, self.x_named)
+        white, covariance, degrees = self._scatter
         own = self.named.own(term)
         x = self.x_named[own]
         deviation = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
@@ -390,11 +384,11 @@ class Verdict:
             other = term.law.fitted(term.place, moved, term.values)
             for name in quantities:
                 spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
-        # as much more than white noise would scatter them
-        _, matrix = fit(self.given, self.named)
-        white = np.diag(Normal.of(matrix, least=1e-12).solve(np.eye(len(matrix))))[own]
-        rise = reach**2 * float(np.median(deviation**2 / white))
-        settled = self.efforts.told_between(self.given, self.named, term, rise) if term.law.settled else {}
+        settled: Mapping[str, tuple[float, float]] = {}
+        if term.law.settled:
+            # as much more than white noise would scatter them
+            rise = reach**2 * float(np.median(deviation**2 / np.diag(white)[own]))
+            settled = self.efforts.told_between(self.given, self.named, term, rise)
         for name, quantity in quantities.items():
             low, high = settled.get(name, (values[name] - spread[name], values[name] + spread[name]))
             out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))
@@ -448,7 +442,7 @@ class Verdict:
 
     def _beyond(self) -> Iterator[Finding]:
         """Yield parameters that lie beyond their tolerances."""
-        covariance, degrees = self._covariance(self.named, self.x_named)
+        _, covariance, degrees = self._scatter
         limit = beyond_tolerance(len(self.efforts.bases))
         for index in self.named.base:
             base, amount = self.efforts.bases[index], float(self.x_named[index])
@@ -489,7 +483,7 @@ class Verdict:
         bodies = [term for term in self.laws if isinstance(term.law, InertialParameters)]
         if not bodies:
             return []
-        covariance, _ = self._covariance(self.named, self.x_named)
+        _, covariance, _ = self._scatter
         reach = EFFORT_SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
         own = [self.named.own(term) for term in bodies]
         return [
