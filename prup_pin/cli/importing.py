@@ -17,9 +17,13 @@ __all__ = ["import_"]
 
 
 def import_(
-    log: Annotated[
-        Path,
-        typer.Argument(metavar="LOG", help=".csv, .tsv, .parquet, .mat, .mcap, .bag, .db3, or a ROS 2 bag's folder."),
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help=".csv, .tsv, .parquet, .mat, .h5, .npz, .mcap, .bag, .db3, or a ROS 2 bag's folder; several of one "
+            "motion, such as the robot's and a camera's.",
+        ),
     ],
     map_file: Annotated[
         Path | None,
@@ -35,13 +39,13 @@ def import_(
     reading: Reading,
 ) -> None:
     """Somebody's log as a recording: units, signs, motors to joints, one clock; docs/import.md."""
-    from ..imports import convert, guess, read_log, read_map, robot_named
+    from ..imports import convert, guess, read_logs, read_map, robot_named
     from ..imports.map import write_text
     from ..views.text.import_text import print_conversion, print_log
 
-    plan = map_file if map_file is not None else Path(f"{log.stem}.map.yaml")
-    _check(log, plan, out)
-    content = read_log(log)
+    plan = map_file if map_file is not None else Path(f"{logs[0].stem}.map.yaml")
+    _check(logs, plan, out)
+    content = read_logs(logs)
     there = plan.exists()
     name = robot if robot is not None or not there else robot_named(plan)
     if name is not None and robot is None:
@@ -75,7 +79,7 @@ def import_(
     list_written((*(() if there else (plan,)), out, out.with_suffix(".json")))
 
 
-def _check(log: Path, plan: Path, out: Path | None) -> None:
+def _check(logs: list[Path], plan: Path, out: Path | None) -> None:
     """Raise InputError, before anything is read, where a file could not be written or would be written over."""
     check_folder(plan, "--map")
     if plan.suffix.lower() not in (".yaml", ".yml"):
@@ -83,7 +87,7 @@ def _check(log: Path, plan: Path, out: Path | None) -> None:
     check_folder(out, "--out")
     if out is not None and out.suffix.lower() != ".csv":
         raise InputError(f"--out: '{out}' has the ending '{out.suffix}'; expected .csv")
-    if out is not None and out.exists() and log.exists() and out.samefile(log):
+    if out is not None and out.exists() and any(log.exists() and out.samefile(log) for log in logs):
         raise InputError(f"--out: '{out}' is the log itself; give another name")
 
 

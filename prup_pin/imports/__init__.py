@@ -2,7 +2,7 @@
 
 from .convert import Conversion, convert
 from .guess import Guess, guess
-from .log import Log, Stream, read_log
+from .log import Log, Stream, read_log, read_logs
 from .map import LogMap, read_map, robot_named
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "convert",
     "guess",
     "read_log",
+    "read_logs",
     "read_map",
     "robot_named",
 ]

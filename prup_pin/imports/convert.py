@@ -20,6 +20,10 @@ from .named import NamedRobot
 
 #: Where a stream is silent for longer than so many of its periods, nothing is made up.
 GAP = 5.0
+#: Rows that came late are put in their place: at most such a share of all, and so many rows too late.
+SWAPPED, APART = 0.01, 20
+#: A clock that starts again begins another run: at most so many, and this many rows or periods of it at least.
+MOST_RUNS, FEWEST_ROWS = 1000, 20
 #: A stream that is so much faster than the clock it is put on is averaged over the clock's period.
 FASTER = 1.5
 
@@ -35,10 +39,11 @@ class Conversion:
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """Rows of a stream that have a time: `rows` are their indices, `time` (N,) [s] increases."""
+    """Rows of a stream that have a time: `rows` are their indices, `time` (N,) [s] increases, in each of the `runs`."""
 
     rows: np.ndarray
     time: Array
+    runs: np.ndarray | None = None
 
 
 def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conversion:
@@ -49,10 +54,11 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
     remarks = list(log.remarks)
     used = {log.stream_of(source).name for source in _sources(plan)}
     streams = {stream.name: stream for stream in log.streams}
-    told = {name: _on_clock(log, streams[name], plan.clocks[name], remarks) for name in streams
-            if name in used or name == plan.resampling.clock}  # fmt: skip
+    asked = [name for name in streams if name in used or name == plan.resampling.clock]
+    again = len(asked) == 1 and plan.resampling == type(plan.resampling)()  # such a log may hold several runs
+    told = {name: _on_clock(log, streams[name], plan.clocks[name], remarks, again) for name in asked}
     begin = min(item.time[0] for item in told.values())
-    told = {name: _Told(item.rows, item.time - begin) for name, item in told.items()}
+    told = {name: _Told(item.rows, item.time - begin, item.runs) for name, item in told.items()}
     time = _common(log, plan, told, remarks)
 
     def placed(name: str, values: Array) -> Array:
@@ -66,12 +72,15 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
         columns[name] = placed(stream.name, values)
     for name, rotation in plan.rotations.items():
         stream = log.stream_of(rotation.sources[0])
-        vectors = _vectors(stream, rotation, told[stream.name], time)
+        vectors = _vectors(log, stream, rotation, told[stream.name], time)
         columns |= {f"{name}.{axis}": vectors[:, k] for k, axis in enumerate(AXES)}
     for group in plan.motors:
         _to_joints(columns, group)
     used_columns = plan.sources
     unused = tuple(name for name in log.names if name not in used_columns)
+    runs = next(iter(told.values())).runs
+    if runs is not None and "run" not in columns:
+        columns["run"] = runs + 1.0
     recording = _recording(time - time[0], columns, log, plan, mechanism)
     return Conversion(recording, unused, tuple(remarks))
 
@@ -99,9 +108,11 @@ def resampled(at: Array, values: Array, time: Array) -> Array:
     period, wanted = float(np.median(np.diff(at))), float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if wanted > FASTER * period:
         area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(at))])
-        low, high = np.clip(time - wanted / 2, at[0], at[-1]), np.clip(time + wanted / 2, at[0], at[-1])
+        half = np.clip(np.minimum(time - at[0], at[-1] - time), 1e-6 * wanted, wanted / 2)  # as far to both sides
+        low, high = np.clip(time - half, at[0], at[-1]), np.clip(time + half, at[0], at[-1])
         width = np.maximum(high - low, 1e-12)
         out = (_area(high, at, values, area) - _area(low, at, values, area)) / width
+        out = np.where(half < 1e-3 * wanted, np.interp(time, at, values), out)
     else:
         out = np.interp(time, at, values)
     after = np.clip(np.searchsorted(at, time, side="left"), 1, len(at) - 1)
@@ -122,9 +133,14 @@ def _sources(plan: LogMap) -> list[str]:
     return [*(c.source for c in plan.columns.values()), *(s for r in plan.rotations.values() for s in r.sources)]
 
 
-def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str]) -> _Told:
-    """Return a stream's rows that have a time of their own, or raise where time runs backwards."""
-    raw = stream.clock if clock.source is None else stream.columns[clock.source]
+def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str], again: bool) -> _Told:
+    """Return a stream's rows that have a time of their own, or raise where time runs backwards.
+
+    again: the clock may start again: what follows is another run.
+    """
+    raw: Array | None = stream.clock if clock.source is None else stream.columns[clock.source]
+    if clock.rate is not None:
+        raw = np.arange(len(stream)) / clock.rate
     assert raw is not None
     source = f"column '{clock.source}'" if clock.source is not None else f"the stamps of {stream.name}"
     known = np.flatnonzero(np.isfinite(raw))
@@ -134,7 +150,20 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str]) -> _To
         remarks.append(f"{len(raw) - len(known)} rows without a time in {source} were left out.")
     stamps = raw[known]
     back = np.flatnonzero(np.diff(stamps) < 0)
-    if len(back):
+    order = np.argsort(stamps, kind="stable")
+    if 0 < len(back) <= SWAPPED * len(stamps) and np.abs(order - np.arange(len(order))).max() <= APART:
+        remarks.append(f"{len(back)} rows came late in {source}: they were put where their time says.")
+        known, stamps, back = known[order], stamps[order], back[:0]
+    period = float(np.median(np.abs(np.diff(stamps))))
+    runs = None
+    if again and 0 < len(back) <= MOST_RUNS and len(stamps) > FEWEST_ROWS * len(back) and (
+        np.diff(stamps)[back] < -FEWEST_ROWS * period
+    ).all():  # fmt: skip
+        runs = np.cumsum(np.concatenate([[0], np.diff(stamps) < 0]))
+        starts = stamps[np.concatenate([[0], back + 1])]
+        stamps = stamps - (starts - starts[0])[runs]
+        remarks.append(f"{source} starts again {len(back)} times: {len(back) + 1} runs, labelled 1 to {len(back) + 1}.")
+    elif len(back):
         row = int(known[back[0] + 1])
         message = (
             f"{source} runs backwards {len(back)} times, first in row {row + 1}: {stamps[back[0] + 1]:.9g} after "
@@ -142,6 +171,8 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str]) -> _To
         )
         raise RecordingFileError(log.path, [Problem(message)])
     fresh = np.concatenate([[True], np.diff(stamps) > 0])
+    if runs is not None:
+        fresh[1:] |= np.diff(runs) > 0
     if not fresh.all():
         share = 100 * float(np.mean(~fresh))
         remarks.append(
@@ -149,7 +180,7 @@ def _on_clock(log: Log, stream: Stream, clock: Clock, remarks: list[str]) -> _To
         )
     rows = known[fresh]
     time = (stamps[fresh] - stamps[0]) * clock.unit.factor + stamps[0] * clock.unit.factor - clock.delay
-    return _Told(rows, time)
+    return _Told(rows, time, runs[fresh] if runs is not None else None)
 
 
 def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str]) -> Array:
@@ -190,19 +221,32 @@ def _told_at(time: Array, told: Mapping[str, _Told]) -> Array:
     return time[there]
 
 
-def _vectors(stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:
+def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:
     """Return rotation vectors (M, 3) [rad] at the recording's times."""
     from scipy.spatial.transform import Rotation as Turn
     from scipy.spatial.transform import Slerp
 
     raw = np.column_stack([stream.columns[name][told.rows] for name in rotation.sources])
     known = np.isfinite(raw).all(axis=1)
-    if rotation.manner == "rpy":
-        turns = Turn.from_euler("xyz", raw[known] * rotation.unit.factor)
+    kind, _, how = rotation.manner.partition("_")
+    if kind in ("quaternion", "matrix", "transform"):
+        known &= np.linalg.norm(raw, axis=1) > 1e-6  # zeros: not seen
+    given = raw[known] * rotation.unit.factor
+    if kind in ("rpy", "euler"):
+        turns = Turn.from_euler(how or "xyz", given)
+    elif kind == "rotation":
+        turns = Turn.from_rotvec(given)
+    elif kind == "quaternion":
+        turns = Turn.from_quat(given[:, [1, 2, 3, 0] if how == "wxyz" else [0, 1, 2, 3]])
     else:
-        order = [1, 2, 3, 0] if rotation.manner == "quaternion_wxyz" else [0, 1, 2, 3]
-        known &= np.linalg.norm(raw, axis=1) > 1e-6
-        turns = Turn.from_quat(raw[known][:, order])
+        size = 3 if kind == "matrix" else 4
+        matrices = given.reshape(-1, size, size)[:, :3, :3]
+        if len(matrices) and float(np.median(np.abs(np.linalg.det(matrices) - 1))) > 0.1:
+            message = (
+                f"columns {', '.join(rotation.sources[:3])} …: are no rotation matrices, their determinants are not 1"
+            )
+            raise RecordingFileError(log.path, [Problem(message)])
+        turns = Turn.from_matrix(matrices if how == "rows" else matrices.transpose(0, 2, 1))
     out = np.full((len(time), 3), np.nan)
     at = told.time[known]
     if time is told.time:
@@ -259,7 +303,7 @@ def _recording(
     called = {"p": "position", "r": "rotation", "g": "gravity"}
     fields |= {called[key]: values for key, values in triples.items()}
     notes = plan.notes or f"imported from {Path(log.path).name}"
-    return Recording(time=time, robot=plan.robot, notes=notes, **fields)
+    return Recording(time=time, robot=plan.robot, notes=notes, tolerances=plan.tolerances, **fields)
 
 
 def _place(order: list[str], joint: str) -> int:

@@ -16,34 +16,41 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from ..mechanism.mechanism import Mechanism
 from ..spatial import Array
+from .bodies import Body, bodies_of, frame_of
+from .clocks import delay_of, path_of
 from .log import Log, Stream
 from .named import NamedRobot
 from .units import UNITS, UNSCALED, dimension_of, spelled
+from .words import CURRENT, IN_OUT, KIND, MEASURED, TIME, WISHED, unit_in_name, words_of
 
-#: Words in the names of columns -> prefix of the recording's column.
-_WORDS = {
-    "q": ("q", "pos", "position", "positions", "angle", "angles", "theta", "encoder", "enc"),
-    "qd": ("qd", "dq", "qdot", "vel", "velocity", "velocities", "speed", "speeds", "omega"),
-    "qdd": ("qdd", "ddq", "acc", "accel", "acceleration", "accelerations"),
-    "tau": ("tau", "torque", "torques", "effort", "efforts", "trq", "moment", "moments", "current", "currents", "curr"),
-}
-_KIND = {word: kind for kind, words in _WORDS.items() for word in words}
-_CURRENT = ("current", "currents", "curr")
-#: A controller's wishes are no measurements.
-_WISHED = ("target", "desired", "des", "cmd", "command", "commanded", "ref", "reference", "setpoint", "goal", "set",
-           "error", "err", "planned", "limit", "max", "min")  # fmt: skip
-_MEASURED = ("actual", "act", "measured", "meas", "feedback", "fbk", "fb", "real", "state", "states")
 #: Not the joint itself, or not what was measured there, where something better is in the log.
 _ASIDE = ("d", "ext", "external", "estimated", "est", "filtered", "friction", "model", "gravity", "raw")
 #: Of the tool, not of joints.
 _TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
-_PLAIN = ("joint", "joints", "j", "axis", "a", "value", "val")
-_TIME = ("time", "t", "timestamp", "stamp", "timestamps", "sec", "seconds", "tout", "ms", "millis", "clock", "zeit")
+_PLAIN = (
+    "joint",
+    "joints",
+    "j",
+    "axis",
+    "axes",
+    "a",
+    "value",
+    "val",
+    "robot",
+    "achse",
+    "achsen",
+    "gelenk",
+    "train",
+    "test",
+)
 #: Joints turn at most so far [rad], slide so far [m], and no further than so much of what their robot allows.
 _FAR, _LONG, _ALLOWED = 4.2 * np.pi, 20.0, 1.15
 #: A joint that moves less [rad, m] may as well be logged in another unit.
 _NEAR = 0.1
+#: Share of rows that may fall in a column of time.
+LATE = 0.01
 #: Periods of loggers [s].
 _PERIODS = (2e-5, 0.5)
 _AGREE = 0.04
@@ -71,6 +78,19 @@ class _Line:
 
 
 @dataclass
+class _Seen:
+    """Lines of places, bodies whose orientation is told, by target; and bodies that no frame is called like.
+
+    delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
+    """
+
+    lines: dict[str, _Line] = field(default_factory=dict)
+    turns: dict[str, Body] = field(default_factory=dict)
+    others: list[Body] = field(default_factory=list)
+    delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
+
+
+@dataclass
 class _Guessing:
     """What has been guessed so far."""
 
@@ -81,33 +101,18 @@ class _Guessing:
 def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:
     """Return a first map of a log. mechanism and robot: the robot and its name, where they are known."""
     clocks = {stream.name: _clock(stream) for stream in log.streams}
-    times = {name for name, _, _ in clocks.values() if name is not None}
+    times = {name for name, _, _ in clocks.values() if name}
     found = _Guessing()
     for stream in log.streams:
         _joints(stream, times, mechanism, found)
     taken = {line.source for line in found.lines}
     loads = _loads(log, taken)
     found.lines += loads
-    poses, rotations = _poses(log, taken | {line.source for line in loads} | times, mechanism)
-    found.lines += poses
+    seen = _poses(log, taken | {line.source for line in loads} | times, mechanism)
+    found.lines += seen.lines.values()
     _settle(log, clocks, found, mechanism)
-    return _written(log, clocks, found, rotations, mechanism, robot)
-
-
-def words_of(name: str) -> list[str]:
-    """Return the words of a column's name in lower case, numbers apart: 'TorqueJ3 [Nm]' -> torque, j, 3."""
-    plain = re.sub(r"[\[(][^\[\]()]*[A-Za-z°%][^\[\]()]*[\])]\s*$", "", name)
-    plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", plain)
-    return re.findall(r"[a-z]+|\d+", plain.lower())
-
-
-def unit_in_name(name: str) -> str | None:
-    """Return the unit that a column's name ends with, in brackets or after an underscore: 'q1_deg', 'x [mm]'."""
-    bracket = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
-    if bracket is not None and not bracket.group(1).strip().isdigit():
-        return spelled(bracket.group(1))
-    tail = re.search(r"[_\s.]((?:deg|rad|mm|rpm|nm|ms|us|ns|dps)(?:[_/]s)?)$", name, re.I)
-    return spelled(tail.group(1).replace("_", "/")) if tail is not None else None
+    seen.delays = _delays(log, clocks, found, seen, mechanism)
+    return _written(log, clocks, found, seen, mechanism, robot)
 
 
 # ---------------------------------------------------------------------------------------------- time
@@ -117,16 +122,19 @@ def _clock(stream: Stream) -> tuple[str | None, str, str]:
         return None, "s", ""
     rising = [name for name, values in stream.columns.items() if _rises(values)]
     named = [name for name in rising if _is_time(stream, name)]
+    if not named:  # a few rows came late, or the clock was started again
+        named = [name for name, values in stream.columns.items() if _rises(values, LATE) and _is_time(stream, name)]
     named.sort(key=lambda name: (len(words_of(name)), -np.ptp(stream.columns[name])))
+    rising = [name for name in rising if _may_be_time(stream, name)]
     if not (named or rising):
-        return "", "s", "no column of the log rises from row to row as a time does"
+        return "", "s", "no column is a time: write the rows a second; 1 will do for poses at rest"
     name = (named or rising)[0]
     doubt = "" if named else "no column has a name of time; this one rises from row to row"
     said = stream.units.get(name) or unit_in_name(name)
     unit = spelled(said) if said else None
     if unit is None or dimension_of(unit) != "time":
         words = words_of(name)
-        unit = next((u for u in ("ns", "us", "ms") if u in words), None)
+        unit = next((u for u in ("ns", "us", "ms") if u in words), "ms" if "ipoc" in words else None)
     if unit is None:
         values = stream.columns[name]
         step = float(np.median(np.diff(values[np.isfinite(values)])))
@@ -145,48 +153,80 @@ def _is_time(stream: Stream, name: str) -> bool:
     words = set(words_of(name))
     unit = stream.units.get(name) or unit_in_name(name)
     timed = unit is not None and dimension_of(spelled(unit) or "") == "time"
-    return bool(words & set(_TIME) or timed) and not words & set(_WISHED)
+    return bool(words & set(TIME) or timed) and not words & set(WISHED)
 
 
-def _rises(values: Array) -> bool:
+def _may_be_time(stream: Stream, name: str) -> bool:
+    """Return whether a column that rises may be the time by its name: no joint, no place, no count of rows."""
+    words, values = words_of(name), stream.columns[name]
+    said = stream.units.get(name) or unit_in_name(name)
+    other = said is not None and dimension_of(spelled(said) or "s") != "time"
+    spoken = set(words) & set(KIND) or (any(word.isdigit() for word in words) and name != "column 1")
+    return not (other or spoken or words[-1:] in (["x"], ["y"], ["z"]) or (np.diff(values) == 1).all())
+
+
+def _rises(values: Array, late: float = 0.0) -> bool:
+    """Return whether a column rises from row to row, but for a share of them that may fall."""
     steps = np.diff(values[np.isfinite(values)])
-    return len(steps) > 1 and bool((steps >= 0).all()) and float(np.mean(steps > 0)) > 0.5
+    return len(steps) > 1 and float(np.mean(steps < 0)) <= late and float(np.mean(steps > 0)) > 0.5
 
 
 # ---------------------------------------------------------------------------------------------- joints
 def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found: _Guessing) -> None:
     """Add the columns of joints that a stream holds: by the joints' names, else by numbers in their order."""
     groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
+    labels = _labels(stream, mechanism)
+    alone = mechanism is not None and len(mechanism.actuated) == 1
     for name in stream.columns:
         words = words_of(name)
-        kinds = [_KIND[word] for word in words if word in _KIND]
+        kinds = [KIND[word] for word in words if word in KIND]
         joint = _joint_in(name, mechanism)
         numbers = [word for word in words if word.isdigit()]
-        if name in times or not (joint or numbers):
+        if kinds and numbers and not joint and labels:
+            joint = labels.get(int(numbers[-1]), "")
+            if not joint:
+                continue  # of a joint that the robot has not got, or that has no motor
+        if not kinds and numbers and not joint and len(words) <= 4:
+            kinds = [IN_OUT[word] for word in words if word in IN_OUT]
+        if name in times or not (joint or numbers or (alone and kinds)):
             continue
         spoken = {word for word in words if not word.isdigit()} - set(words_of(joint))
-        if (not joint and spoken & set(_TOOL)) or not (kinds or spoken <= {*_PLAIN, *_MEASURED}):
+        if (not joint and spoken & set(_TOOL)) or not (kinds or spoken <= {*_PLAIN, *MEASURED}):
             continue
         kind = "tau" if "tau" in kinds else kinds[-1] if kinds else "q"
         number = int(numbers[-1]) if numbers else 0
-        key = re.sub(rf"{numbers[-1]}(?!.*{numbers[-1]})", "#", name) if not joint else name.replace(joint, "#")
+        key = name.replace(joint, "#") if joint and joint in name else name
+        if numbers and key == name:
+            key = re.sub(rf"{numbers[-1]}(?!.*{numbers[-1]})", "#", name)
         groups.setdefault((kind, key), []).append((number, name, joint))
     by_kind: dict[str, list[tuple[float, str]]] = {}
     for kind, key in groups:
         spoken = set(words_of(key))
-        score = len(groups[kind, key]) + 20 * bool(spoken & set(_MEASURED)) - 50 * bool(spoken & set(_WISHED))
-        score -= 30 * bool(spoken & set(_CURRENT)) + 5 * ("motor" in spoken) + 2 * len(spoken & set(_ASIDE))
+        score = len(groups[kind, key]) + 20 * bool(spoken & set(MEASURED)) - 50 * bool(spoken & set(WISHED))
+        score -= 30 * bool(spoken & set(CURRENT)) + 5 * ("motor" in spoken) + 2 * len(spoken & set(_ASIDE))
         by_kind.setdefault(kind, []).append((score, key))
     already = {line.target for line in found.lines}
     for kind, scored in by_kind.items():
         _, key = max(scored, key=lambda item: item[0])
-        if set(words_of(key)) & set(_WISHED):
+        if set(words_of(key)) & set(WISHED):
             continue
         lines = _named(kind, sorted(groups[kind, key]), mechanism, stream)
         if "motor" in words_of(key) and mechanism is not None:
             for line in lines:
                 line.doubt = line.doubt or "named after a motor: is it the joint's? Else tell `motors` and their matrix"
         found.lines += [line for line in lines if line.target not in already]
+
+
+def _labels(stream: Stream, mechanism: NamedRobot | None) -> dict[int, str]:
+    """Return the joints that columns of words call by number: name_0 is elbow_joint in every row."""
+    found: dict[int, str] = {}
+    for name, label in stream.labels.items():
+        words = words_of(name)
+        number = [word for word in words if word.isdigit()]
+        joint = label if mechanism is None else _joint_in(label, mechanism)
+        if number and {"name", "names"} & set(words) and joint:
+            found[int(number[-1])] = joint
+    return found if len(set(found.values())) == len(found) else {}
 
 
 def _joint_in(name: str, mechanism: NamedRobot | None) -> str:
@@ -220,7 +260,7 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
                 continue
         said = stream.units.get(source) or unit_in_name(source)
         unit = spelled(said) if said else None
-        if kind == "tau" and unit is None and set(words_of(source)) & set(_CURRENT):
+        if kind == "tau" and unit is None and set(words_of(source)) & set(CURRENT):
             unit = "A"
         lines.append(_Line(f"{kind}.{target}", source, unit, reason=reason, doubt=doubt))
     return lines
@@ -242,7 +282,7 @@ def _loads(log: Log, taken: set[str]) -> list[_Line]:
     for stream in log.streams:
         for name in stream.columns:
             words = words_of(name)
-            if name in taken or not words or set(words) & set(_WISHED):
+            if name in taken or not words or set(words) & set(WISHED):
                 continue
             last = words[-1]
             if re.fullmatch(r"[fmt][xyz]", last):
@@ -252,6 +292,8 @@ def _loads(log: Log, taken: set[str]) -> list[_Line]:
             else:
                 continue
             said = stream.units.get(name) or unit_in_name(name)
+            if said and dimension_of(spelled(said) or "N") not in (None, "force", "moment"):
+                continue  # TX in mm is a translation
             # the recording's own name says what it is
             doubt = "" if name == f"w.{component}" else "is it what acts on the tool point, in base axes?"
             unit = (spelled(said) if said else None) or ("N" if component[0] == "f" else "N m")
@@ -259,37 +301,35 @@ def _loads(log: Log, taken: set[str]) -> list[_Line]:
     return list(lines.values())
 
 
-def _poses(log: Log, taken: set[str], mechanism: NamedRobot | None):
-    """Return the lines of positions, and orientations by quaternions: target -> four columns."""
-    lines: dict[str, _Line] = {}
-    turns: dict[str, tuple[list[str], str]] = {}
+def _poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> _Seen:
+    """Return the lines of positions and orientations of bodies: of those called like a frame, else of the tool."""
+    seen = _Seen()
     frames = mechanism.frame_names if mechanism is not None else ()
-    for stream in log.streams:
-        quaternions: dict[str, dict[str, str]] = {}
-        for name in stream.columns:
-            words = words_of(name)
-            if name in taken or len(words) < 2 or words[-1] not in ("x", "y", "z", "w") or set(words) & set(_WISHED):
-                continue
-            frame = max((f for f in frames if f.lower() in name.lower()), key=len, default="")
-            place = f".{frame}" if frame else ""
-            if words[-2] in ("orientation", "quaternion", "quat", "rotation"):
-                quaternions.setdefault(place, {})[words[-1]] = name
-            elif words[-2] in ("position", "translation", "pos", "tcp", "marker") or frame:
-                if words[-1] == "w":
-                    continue
-                said = stream.units.get(name) or unit_in_name(name)
-                unit = spelled(said) if said else None
-                doubt = "" if frame else "is it the tool point, in base axes? Else p.<frame>"
-                reach = float(np.nanmax(np.abs(stream.columns[name]), initial=0.0))
-                if unit is None:
-                    unit = "mm" if reach > 20 else "m"
-                    doubt = doubt or (f"up to {reach:.4g}, so taken as mm" if unit == "mm" else "")
-                target = f"p{place}.{words[-1]}"
-                lines.setdefault(target, _Line(target, name, unit, doubt=doubt))
-        for place, parts in quaternions.items():
-            if len(parts) == 4:
-                turns.setdefault(f"r{place}", ([parts[axis] for axis in "xyzw"], "quaternion_xyzw"))
-    return list(lines.values()), turns
+    found = [body for stream in log.streams for body in bodies_of(stream, taken, frames)]
+    homes = {body.called: frame_of(body.called, frames) for body in found}
+    nobody = [body for body in found if not homes[body.called]]
+    for body in sorted(found, key=lambda body: len(body.called)):  # tool0 comes before its markers
+        frame = homes[body.called]
+        place = f".{frame}" if frame else ""
+        if (not frame and len(nobody) > 1) or f"p{place}.x" in seen.lines or f"r{place}" in seen.turns:
+            seen.others.append(body)
+            continue
+        for axis, name in body.place.items():
+            seen.lines[f"p{place}.{axis}"] = _line_of(f"p{place}.{axis}", name, body.stream, bool(frame))
+        if body.turn:
+            seen.turns[f"r{place}"] = body
+    return seen
+
+
+def _line_of(target: str, name: str, stream: Stream, framed: bool) -> _Line:
+    said = stream.units.get(name) or unit_in_name(name)
+    unit = spelled(said) if said else None
+    doubt = "" if framed else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
+    if unit is None:
+        reach = float(np.nanmax(np.abs(stream.columns[name]), initial=0.0))
+        unit = "mm" if reach > 20 else "m"
+        doubt = doubt or (f"up to {reach:.4g}, so taken as mm" if unit == "mm" else "")
+    return _Line(target, name, unit, doubt=doubt)
 
 
 # ---------------------------------------------------------------------------------------------- units
@@ -309,7 +349,10 @@ def _settle(log: Log, clocks: dict, found: _Guessing, mechanism: NamedRobot | No
         if kind == "q" and line.unit is not None and _jumps(log, line):
             line.unwrap, line.reason = True, f"{line.reason}; jumps by whole turns".lstrip("; ")
         if line.unit in UNSCALED:
-            line.doubt = f"in {line.unit}: write how much SI one {line.unit} is, as `scale`"
+            line.doubt = (
+                f"in {line.unit}: write how much SI one {line.unit} is, as `scale`"
+                + "; `scale: 1` where nobody knows: diagnose looks for each drive's gain" * (kind == "tau")
+            )
 
 
 def _slides(joint: str, mechanism: NamedRobot | None, unit: str | None) -> bool:
@@ -431,8 +474,68 @@ def _jumps(log: Log, line: _Line) -> bool:
     return bool((np.abs(steps - 2 * np.pi) < 0.3).any()) and float(np.median(steps)) < 0.5
 
 
+# ---------------------------------------------------------------------------------------------- several clocks
+def _delays(
+    log: Log, clocks: dict, found: _Guessing, seen: _Seen, mechanism: NamedRobot | None
+) -> dict[str, tuple[float, str, str]]:
+    """Return how far the clock of each stream of bodies is ahead of the joints' clock, where these are two devices."""
+    joints = {line.target[2:]: line for line in found.lines if line.target.startswith("q.")}
+    if not joints:
+        return {}
+    home = log.stream_of(next(iter(joints.values())).source)
+    mine, _ = _time_of(home, clocks)
+    out = {}
+    for stream in log.streams:
+        lines = {
+            line.target: line for line in found.lines if line.target.startswith("p") and line.source in stream.columns
+        }
+        if stream is home or not lines:
+            continue
+        place = next(iter(lines)).rpartition(".")[0]
+        theirs, told = _time_of(stream, clocks)
+        if not told or not _time_of(home, clocks)[1]:
+            same = len(stream) == len(home)
+            doubt = "" if same else f"{len(stream)} rows beside {len(home)} of the joints: which belongs to which?"
+            out[stream.name] = 0.0, "row by row beside the joints" * same, doubt
+            continue
+        delay = None
+        if isinstance(mechanism, Mechanism) and all(log.stream_of(line.source) is home for line in joints.values()):
+            frame = place.removeprefix("p").removeprefix(".") or mechanism.tip.name
+            positions = {name: _in_si(log, line) for name, line in joints.items()}
+            path = path_of(mechanism, mine, positions, frame)
+            points = np.column_stack([_in_si(log, lines[f"{place}.{axis}"]) for axis in "xyz"])
+            delay = delay_of(path, theirs, points) if path is not None else None
+        if delay is not None:
+            out[stream.name] = delay, "the motion tells how far it is ahead", ""
+        elif min(mine[-1], theirs[-1]) - max(mine[0], theirs[0]) > 0.5 * min(np.ptp(mine), np.ptp(theirs)):
+            out[stream.name] = (
+                0.0,
+                "",
+                "the motion does not tell whether it goes with the joints' clock; else its delay [s]",
+            )
+        else:
+            begin = float(theirs[0] - mine[0])
+            out[stream.name] = begin, "", "another clock: taken as begun together with the joints'"
+    return out
+
+
+def _in_si(log: Log, line: _Line) -> Array:
+    unit = line.unit or "SI"
+    return _values(log, line) * UNITS[dimension_of(unit) or "angle"].get(unit, 1.0)
+
+
+def _time_of(stream: Stream, clocks: dict) -> tuple[Array, bool]:
+    """Return the times (N,) [s] of a stream as they are told, and whether they are told at all."""
+    name, unit, _ = clocks[stream.name]
+    if name == "":
+        return np.arange(len(stream), dtype=float), False
+    raw = stream.clock if name is None else stream.columns[name]
+    assert raw is not None
+    return raw * UNITS["time"][unit], True
+
+
 # ---------------------------------------------------------------------------------------------- the file
-def _written(log: Log, clocks, found: _Guessing, rotations, mechanism, robot: str | None) -> Guess:
+def _written(log: Log, clocks, found: _Guessing, seen: _Seen, mechanism, robot: str | None) -> Guess:
     """Return the map as YAML with a word on every line that was guessed."""
     doubts: list[str] = []
 
@@ -451,14 +554,18 @@ def _written(log: Log, clocks, found: _Guessing, rotations, mechanism, robot: st
     elif mechanism is None:
         lines.append("# robot: NAME or FILE.urdf, which also tells the joints' names")
     used = {log.stream_of(line.source).name for line in found.lines}
-    used |= {log.stream_of(parts[0]).name for parts, _ in rotations.values()}
+    used |= {body.stream.name for body in seen.turns.values()}
     lines += ["", "time:"]
     for stream in log.streams:
         name, unit, doubt = clocks[stream.name]
-        entry = "{}" if name is None else f"{{from: {_text(name or '?')}, unit: {unit}}}"
+        inside = [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else ["rate: 1"]
+        delay, known, unsure = seen.delays.get(stream.name, (0.0, "", ""))
+        entry = f"{{{', '.join([*inside, *[f'delay: {delay:.9g}'] * (delay != 0)])}}}"
+        doubt = unsure or doubt
         what = f"time of {stream.name}" if len(log.streams) > 1 else "time"
         if stream.name in used or len(log.streams) == 1:
-            lines.append(told(f"  {_text(stream.name)}: {entry}", doubt, what))
+            reason = f"  # {known}" if known and not doubt else ""
+            lines.append(told(f"  {_text(stream.name)}: {entry}", doubt, what) + reason)
     lines += ["", "columns:"]
     order = {prefix: k for k, prefix in enumerate(("q", "qd", "qdd", "tau", "w", "p"))}
     chosen = sorted(found.lines, key=lambda line: order.get(line.target.partition(".")[0], 9))
@@ -471,19 +578,43 @@ def _written(log: Log, clocks, found: _Guessing, rotations, mechanism, robot: st
     if not any(line.target.startswith("q.") for line in chosen):
         lines.append("  # q.<joint>: {from: NAME, unit: rad}")
         doubts.append("no column was found that is the position of a joint; write lines q.<joint>")
-    if rotations:
+    lines += _of_others(seen, mechanism, doubts)
+    if seen.turns:
         lines += ["", "rotations:"]
-        for target, (parts, manner) in rotations.items():
-            lines.append(f"  {target}: {{from: [{', '.join(map(_text, parts))}], as: {manner}}}")
+        for target, body in seen.turns.items():
+            unit = f", unit: {_text(body.unit)}" if body.unit else ""
+            text = f"  {target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
+            lines.append(told(text, body.doubt, target))
     if len(used) > 1:
-        home = next((log.stream_of(line.source).name for line in chosen if line.target.startswith("q.")), min(used))
+        kinds = ("tau.", "q.") if any(line.target.startswith("tau.") for line in chosen) else ("p", "q.")
+        first = next((line for kind in kinds for line in chosen if line.target.startswith(kind)), None)
+        home = log.stream_of(first.source).name if first is not None else min(used)
         lines += ["", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second"]
-    sources = {line.source for line in chosen} | {name for parts, _ in rotations.values() for name in parts}
+    if any(log.stream_of(line.source).name in seen.delays for line in chosen if line.target.startswith("p.")):
+        lines += ["", "# The camera may stand anywhere, and what it saw may sit 5 cm beside its frame:"]
+        lines.append("tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}")
+    sources = {line.source for line in chosen} | {name for body in seen.turns.values() for name in body.turn}
     sources |= {name for name, _, _ in clocks.values() if name}
     unused = [name for name in log.names if name not in sources]
     if unused or log.left_out:
         lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
     return Guess("\n".join(lines) + "\n", tuple(doubts))
+
+
+def _of_others(seen: _Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
+    """Return a line of comment for each body that no frame is called like, to be completed."""
+    if not seen.others:
+        return []
+    lines = ["  # Seen as well; in the place of FRAME the frame of the robot that carries it:"]
+    for body in seen.others:
+        for axis, name in body.place.items():
+            line = _line_of("", name, body.stream, True)
+            lines.append(f"  # p.FRAME.{axis}: {{from: {_text(name)}, unit: {line.unit}}}")
+    if not seen.lines and not seen.turns:
+        called = ", ".join(body.called or "a body without a name" for body in seen.others[:6])
+        there = f": {', '.join(list(mechanism.frame_names)[-8:])} …" if mechanism is not None else ""
+        doubts.append(f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}")
+    return lines
 
 
 def _text(text: str) -> str:

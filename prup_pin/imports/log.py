@@ -21,13 +21,14 @@ class Stream:
     """Columns that were sampled together: name -> (N,).
 
     clock: (N,) stamps [s] that the format itself gives, or None where one of the columns is the time.
-    units: what the file says of a column's unit.
+    units: what the file says of a column's unit. labels: columns that hold one word in every row, and that word.
     """
 
     name: str
     columns: Mapping[str, Array]
     clock: Array | None = None
     units: Mapping[str, str] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         if self.clock is not None:
@@ -83,7 +84,7 @@ def spread(name: str, values: Array, first: int = 0) -> dict[str, Array]:
 
 
 def read_log(path: str | Path) -> Log:
-    """Return a log by its ending: .csv .tsv .txt, .parquet, .mat, .mcap, .bag, .db3, or the folder of a ROS 2 bag.
+    """Return a log by its ending, one of `FORMATS`, or of the folder of a ROS 2 bag.
 
     Raises RecordingFileError for what cannot be read, MissingExtraError where its reader is not installed.
     """
@@ -107,14 +108,50 @@ def read_log(path: str | Path) -> Log:
     raise refuse(path, what + (". Export the sheet as CSV (UTF-8)" if kind in (".xlsx", ".xls", ".ods") else ""))
 
 
+def read_logs(paths: Sequence[str | Path]) -> Log:
+    """Return several logs of one motion as one: the robot's and the camera's. Streams are called like their files.
+
+    A column that stands in several of them is called `name (file)`. Raises RecordingFileError for several logs of the
+    same columns: those are several recordings.
+    """
+    logs = [read_log(path) for path in paths]
+    if len(logs) == 1:
+        return logs[0]
+    all_names = [name for log in logs for name in log.names]
+    shared = {name for name in all_names if all_names.count(name) > 1}
+    for log in logs[1:]:
+        if set(log.names) == set(logs[0].names):
+            message = (
+                f"holds the same columns as '{logs[0].path}': these are two recordings; import each by the same map"
+            )
+            raise refuse(Path(log.path), message)
+    stems = [Path(log.path).stem for log in logs]
+    streams = []
+    for stem, log in zip(stems, logs, strict=True):
+        called = stem if stems.count(stem) == 1 else Path(log.path).name
+        for stream in log.streams:
+            names = {name: f"{name} ({called})" if name in shared else name for name in stream.columns}
+            streams.append(
+                Stream(
+                    called if len(log.streams) == 1 else f"{called}: {stream.name}",
+                    MappingProxyType({names[name]: values for name, values in stream.columns.items()}),
+                    stream.clock,
+                    {names.get(name, name): unit for name, unit in stream.units.items()},
+                    stream.labels,
+                )
+            )
+    left_out = tuple(name for log in logs for name in log.left_out)
+    return Log(logs[0].path, tuple(streams), left_out, tuple(text for log in logs for text in log.remarks))
+
+
 def _besides(left_out: Sequence[str]) -> str:
     return f"; there are: {', '.join(left_out[:12])}" if left_out else ""
 
 
 #: Endings -> the file of this room that reads them; loaded when one is met.
 FORMATS: Mapping[tuple[str, ...], str] = {
-    (".csv", ".tsv", ".txt", ".dat"): "text_table",
+    (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".tab", ".trc", ".data"): "text_table",
     (".parquet", ".pq"): "parquet",
-    (".mat",): "matlab",
+    (".mat", ".h5", ".hdf5", ".npz", ".npy"): "matlab",
     (".mcap", ".bag", ".db3"): "bags",
 }

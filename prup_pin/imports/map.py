@@ -11,9 +11,11 @@ import numpy as np
 import yaml
 
 from ..errors import InputError, nearest_names
+from ..recordings import Tolerances
 from ..recordings.columns import UNITS as COLUMNS
 from ..recordings.columns import joint_of, marker_of
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, shown
+from ..recordings.reader import tolerances_value
 from ..recordings.writer import write_whole
 from .log import Log
 from .named import NamedRobot
@@ -26,9 +28,14 @@ _JOINT = {
     "qdd": ("angular acceleration", "acceleration"),
     "tau": ("moment", "force"),
 }
-#: How the orientation of a body may be logged, and how many columns that takes.
-ROTATIONS = {"quaternion_xyzw": 4, "quaternion_wxyz": 4, "rpy": 3}
-_KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "notes")
+#: How the orientation of a body may be logged, and how many columns that takes. Matrices turn the body's axes into the
+#: base's, row by row or column by column; of three angles the letters tell the axes in the order in which they are
+#: listed, small ones those of the base, capital ones those of the body: rpy = xyz, A B C of KUKA = ZYX.
+ROTATIONS = {"quaternion_xyzw": 4, "quaternion_wxyz": 4, "rpy": 3, "rotation_vector": 3, "matrix_rows": 9,
+             "matrix_columns": 9, "transform_rows": 16, "transform_columns": 16,
+             **{f"euler_{order}": 3 for order in ("ZYX", "XYZ", "ZYZ", "XZY", "YXZ", "YZX", "ZXY", "ZXZ",
+                                                  "zyx", "xyz", "zyz", "xzy", "yxz", "yzx", "zxy", "zxz")}}  # fmt: skip
+_KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "tolerances", "notes")
 
 
 @dataclass(frozen=True)
@@ -48,11 +55,15 @@ class Column:
 
 @dataclass(frozen=True)
 class Clock:
-    """The time of a stream: a column of it, or None for the stamps that the format gives; delay [s] is taken off."""
+    """The time of a stream: a column of it, or None for the stamps that the format gives; delay [s] is taken off.
+
+    rate [1/s]: where nothing tells the time, rows come so many a second.
+    """
 
     source: str | None
     unit: Unit
     delay: float = 0.0
+    rate: float | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +103,7 @@ class LogMap:
     resampling: Resampling = field(default_factory=Resampling)
     robot: str | None = None
     notes: str = ""
+    tolerances: Tolerances = field(default_factory=Tolerances)
 
     @property
     def sources(self) -> frozenset[str]:
@@ -237,14 +249,19 @@ class _Reader:
             if value is not None and not isinstance(value, str):
                 self.wrong(f"is {json_kind(value)}; expected a text", key)
         resampling = self.resampling(given.get("resample"), columns, rotations)
-        return LogMap(columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "")
+        tolerances = Tolerances()
+        if given.get("tolerances") is not None:
+            tolerances = tolerances_value(given["tolerances"], self.problems, self.problems.path.name, "tolerances.")
+        return LogMap(
+            columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances
+        )  # fmt: skip
 
     def clocks(self, given: Any) -> dict[str, Clock]:
         """Return the clock of each stream; a log of one stream may leave its name out."""
         names = [stream.name for stream in self.log.streams]
         if given is None and all(stream.clock is not None for stream in self.log.streams):
             given = {name: {} for name in names}
-        keys = ("from", "unit", "delay")
+        keys = ("from", "unit", "delay", "rate")
         plain = isinstance(given, dict) and set(given) <= set(keys) and bool(given)
         if plain and len(names) > 1:
             self.wrong(f"needs the name of each stream: {', '.join(names)}", "time")
@@ -259,7 +276,11 @@ class _Reader:
                     out[name] = Clock(None, Unit("s", 1.0))
                 continue
             item = self.known(listed[name], keys, *place)
-            if item.get("from") is None and stream.clock is not None:
+            rate = self.number(item, "rate", 1.0, *place) if "rate" in item else None
+            if rate is not None and (rate <= 0 or "from" in item):
+                self.wrong("expected a number of rows a second, above 0, and no `from` beside it", *place, "rate")
+                continue
+            if rate is not None or (item.get("from") is None and stream.clock is not None):
                 source, unit = None, Unit("s", 1.0)
             else:
                 source = self.source(item.get("from"), *place)
@@ -269,7 +290,7 @@ class _Reader:
                     source = None
                 if source is None:
                     continue
-            out[name] = Clock(source, unit, self.number(item, "delay", 0.0, *place))
+            out[name] = Clock(source, unit, self.number(item, "delay", 0.0, *place), rate)
         if not out and not len(self.problems):
             self.wrong("is missing; expected `{from: NAME, unit: s}`, the column that is the time", "time")
         return out
@@ -347,14 +368,16 @@ class _Reader:
             return None
         manner = given.get("as")
         if manner not in ROTATIONS:
-            self.wrong(f"is '{shown(manner)}'; expected one of {', '.join(ROTATIONS)}", *place, "as")
+            plain = [name for name in ROTATIONS if not name.startswith("euler")]
+            self.wrong(f"is '{shown(manner)}'; expected one of {', '.join(plain)}, euler_ZYX …", *place, "as")
             return None
         names = given.get("from")
         if not isinstance(names, list) or len(names) != ROTATIONS[manner]:
             self.wrong(f"expected a list of {ROTATIONS[manner]} columns of the log", *place, "from")
             return None
         sources = [self.source(source, *place, "from") for source in names]
-        unit = self.unit(given.get("unit", "rad"), ("angle",), *place) if manner == "rpy" else Unit("1", 1.0)
+        angles = ROTATIONS[manner] == 3
+        unit = self.unit(given.get("unit", "rad"), ("angle",), *place) if angles else Unit("1", 1.0)
         return Rotation(tuple(s for s in sources if s), manner, unit) if all(sources) else None
 
     def motors(self, item: Any, k: int) -> Motors | None:

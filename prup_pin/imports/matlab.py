@@ -1,7 +1,8 @@
-"""Logs as MATLAB files: variables and fields of structures, by scipy, those of version 7.3 by h5py."""
+"""Logs as named arrays: MATLAB's variables and fields of structures by scipy, version 7.3 and HDF5 by h5py, numpy's."""
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from .log import MAX_VECTOR, Log, Stream, frozen, refuse, spread
 
 
 def read(path: Path) -> Log:
-    """Return the numeric variables of a .mat file; `data.q` (N, 6) becomes data.q[1] to data.q[6].
+    """Return the numeric variables of a .mat, .h5 or .npz file; `data.q` (N, 6) becomes data.q[1] to data.q[6].
 
     Arrays with as many samples and in the same structure are one stream. Raises MissingExtraError where a file of
     version 7.3 needs h5py, RecordingFileError for a file that cannot be read.
@@ -62,16 +63,48 @@ def _variables(path: Path) -> Iterator[tuple[str, Any]]:
     """Yield the variables of a file, fields of structures by dotted names."""
     from scipy.io import loadmat
 
+    if path.suffix.lower() in (".npz", ".npy"):
+        yield from _of_numpy(path)
+        return
+    if path.suffix.lower() != ".mat":
+        yield from _from_hdf(path)
+        return
+
     try:
         content = loadmat(path, simplify_cells=True)
     except NotImplementedError:  # version 7.3
         yield from _from_hdf(path)
         return
-    except (ValueError, OSError, TypeError, KeyError, EOFError) as error:
+    except (ValueError, TypeError) as error:
+        if _is_hdf(path):  # of version 7.3, written by others than MATLAB
+            yield from _from_hdf(path)
+            return
+        raise refuse(path, f"cannot be read as a MATLAB file: {error}") from error
+    except (OSError, KeyError, EOFError) as error:
         raise refuse(path, f"cannot be read as a MATLAB file: {error}") from error
     for name, value in content.items():
         if not name.startswith("__"):
             yield from _fields(name, value)
+
+
+def _of_numpy(path: Path) -> Iterator[tuple[str, Any]]:
+    """Yield the arrays of a file of numpy; objects are not unpacked, for they could be programs."""
+    try:
+        content = np.load(path, allow_pickle=False)
+        arrays = content if path.suffix.lower() == ".npz" else {path.stem: content}
+        for name in arrays:
+            try:
+                yield name, arrays[name]
+            except ValueError:
+                yield name, np.array("object")
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise refuse(path, f"cannot be read as a file of numpy: {error}") from error
+
+
+def _is_hdf(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(1024)
+    return any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (0, 512))
 
 
 def _fields(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -93,10 +126,11 @@ def _from_hdf(path: Path) -> Iterator[tuple[str, Any]]:
         elif item.attrs.get("MATLAB_class", b"double") in (b"char", b"cell") or item.dtype.kind not in "fiub":
             yield name, np.array("text")
         elif "MATLAB_empty" not in item.attrs:
-            yield name, item[()].T  # stored column by column
+            yield name, item[()].T if matlab else item[()]  # MATLAB stores column by column
 
     try:
         with hdf.File(path) as file:
+            matlab = path.suffix.lower() == ".mat"
             yield from inside("", file)
     except OSError as error:
-        raise refuse(path, f"cannot be read as a MATLAB file of version 7.3: {error}") from error
+        raise refuse(path, f"cannot be read as a MATLAB file of version 7.3 or HDF5: {error}") from error

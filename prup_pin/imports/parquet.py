@@ -24,13 +24,14 @@ def read(path: Path) -> Log:
             table = _kept(arrow, file, thinning)
     except (arrow.ArrowException, OSError) as error:
         raise refuse(path, f"cannot be read as Parquet: {error}") from error
-    columns, left_out = {}, []
+    columns, left_out, units = {}, [], {}
     for name, column in zip(table.column_names, table.columns, strict=True):
         kind = column.type
         if arrow.types.is_timestamp(kind) or arrow.types.is_duration(kind):
             nanoseconds = column.cast(kind if kind.unit == "ns" else _in_nanoseconds(arrow, kind)).cast("int64")
             whole = nanoseconds.to_numpy()
             columns[name] = (whole - whole[0]) * 1e-9 if len(whole) else whole
+            units[name] = "s"
         elif arrow.types.is_floating(kind) or arrow.types.is_integer(kind) or arrow.types.is_boolean(kind):
             columns[name] = column.cast("float64").to_numpy()
         elif arrow.types.is_list(kind) or arrow.types.is_fixed_size_list(kind):
@@ -42,7 +43,7 @@ def read(path: Path) -> Log:
                 left_out.append(f"{name} (lists of several lengths)")
         else:
             left_out.append(f"{name} ({kind})")
-    return Log(str(path), (Stream("table", frozen(columns)),), tuple(left_out), tuple(thinning.remarks))
+    return Log(str(path), (Stream("table", frozen(columns), units=units),), tuple(left_out), tuple(thinning.remarks))
 
 
 def _kept(arrow, file, thinning: Thinning):

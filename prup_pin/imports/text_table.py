@@ -1,12 +1,14 @@
-"""Logs as text: CSV and its relatives with any separator, decimal commas, comments before and units below the names."""
+"""Logs as text: CSV and its relatives with any separator, decimal commas, comments before and units below the names.
+
+Where the first line is no line of names, `headings` finds out what the lines above the numbers say.
+"""
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, field
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +17,17 @@ import numpy as np
 from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
 from ..recordings.thinning import Thinning
 from ..spatial import Array
+from .headings import Heading, cells_of, heading_of
 from .log import Log, Stream, frozen, refuse
+from .stamps import past_midnight, seconds_of
 from .units import spelled
 
 #: In the order in which they are tried; a comma may be a decimal comma, so it comes last.
 SEPARATORS = (";", "\t", "|", ",")
 _COMMENT = re.compile(r"\s*(?:#|%|//)")
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+inf")
+_MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+inf", "#n/a", "#nv", "#value!",
+            "#wert!", "#div/0!", "#num!", "#zahl!", "#ref!", "#bezug!", "<na>", "nat", ".", "?", "missing", "-nan",
+            "-nan(ind)", "1.#qnan", "-1.#ind")  # fmt: skip
 _FORMULA = {"true": 1.0, "false": 0.0}
 #: A column of which more than this share is no number is a column of text.
 _TEXT = 0.5
@@ -33,44 +39,103 @@ _PIECE = 50_000
 
 @dataclass(frozen=True)
 class _Manner:
-    """How a table is written: where its rows begin (counted from 0), how its names are called."""
+    """How a table is written: its heading, its encoding, and which columns are no numbers.
 
-    separator: str
-    decimal: str
-    names: Sequence[str]
-    units: Mapping[str, str]
-    body: int
+    stamps: columns of dates and times of day. labels: columns of one word alone, and that word.
+    """
+
+    heading: Heading
     encoding: str
+    stamps: Sequence[int] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def names(self) -> Sequence[str]:
+        return self.heading.names
+
+    @property
+    def separator(self) -> str:
+        return self.heading.separator
+
+    @property
+    def decimal(self) -> str:
+        return self.heading.decimal
 
 
 def read(path: Path) -> Log:
     """Return a table of text as a log of one stream.
 
     Lines that begin with #, % or // before the names are skipped; the last of them holds the names where no line of
-    names follows. A row below the names without any number holds units. Columns of text are left out and named.
+    names follows. A row below the names without any number holds units. Names of several lines are put together. Dates
+    and times of day become seconds. Columns of text are left out and named.
 
     Rows are read piece by piece; of more than `MOST_ROWS` of them some are kept.
     """
     manner, texts = _understood(path)
-    used = [k for k, name in enumerate(manner.names) if name not in texts]
-    thinning = Thinning(_lines_in(path) - manner.body)
+    used = [k for k, name in enumerate(manner.names) if name not in texts and k not in manner.stamps]
+    thinning = Thinning(_lines_in(path) - manner.heading.body)
     parts, strange = [], _Strange(path, manner, used)
+    stamped: dict[int, list[Array]] = {k: [] for k in manner.stamps}
+    numbers: list[np.ndarray] = []
     count = 0
     for first, lines in _pieces(path, manner):
         values = _fast(lines, manner, used) if used else None
         if values is None:
             values = strange.read(lines, first)
-        here = thinning.keeps(np.arange(count, count + len(values)))
+        number = count + np.arange(len(values))
+        here = thinning.keeps(number)
         count += len(values)
         parts.append(values if here is None else values[here])
+        numbers.append(number if here is None else number[here])
+        for k, cells in stamped.items():
+            found = seconds_of([_cell(line, k, manner.separator) for line in lines if line.strip()])
+            cells.append(found if here is None else found[here])
         if strange.problems.many:
             break
     texts = strange.texts(count) + texts
     table = np.concatenate(parts)
     columns = {manner.names[k]: table[:, j] for j, k in enumerate(used) if manner.names[k] not in texts}
-    stream = Stream("table", frozen(columns), units=manner.units)
+    units = dict(manner.heading.units)
+    for k, cells in stamped.items():
+        since = past_midnight(np.concatenate(cells))
+        columns[manner.names[k]] = since - since[np.isfinite(since)][:1].sum()
+        units[manner.names[k]] = "s"
+    if manner.heading.lost:
+        columns = _unseen(columns)
+    clock = _by_frames(columns, np.concatenate(numbers), manner.heading.rate)
+    stream = Stream("table", frozen(columns), clock, units, {**manner.heading.labels, **manner.labels})
     left_out = tuple(f"{name} (text)" for name in manner.names if name in texts)
     return Log(str(path), (stream,), left_out, tuple(thinning.remarks))
+
+
+def _cell(line: str, column: int, separator: str) -> str:
+    cells = cells_of(line.rstrip("\r\n"), separator) if '"' in line else line.rstrip("\r\n").split(separator)
+    return cells[column].strip() if column < len(cells) else ""
+
+
+def _by_frames(columns: Mapping[str, Array], numbers: np.ndarray, rate: float | None) -> Array | None:
+    """Return the times (N,) [s] of frames that come at a rate; None where a column tells the time, or nothing does."""
+    if rate is None or any(name.lower().startswith("time") for name in columns):
+        return None
+    frames = next((values for name, values in columns.items() if name.lower() in ("frame", "frame#")), None)
+    if frames is None or not (np.diff(frames) > 0).all():
+        frames = numbers.astype(float)
+    clock = (frames - frames[0]) / rate
+    clock.flags.writeable = False
+    return clock
+
+
+def _unseen(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return columns without the zeros that stand for a marker or a body which was not seen."""
+    out = dict(columns)
+    for name in columns:
+        body = name.removesuffix(".X")
+        place = [f"{body}.{axis}" for axis in "XYZ"]
+        if body != name and all(other in columns for other in place):
+            gone = (np.column_stack([columns[other] for other in place]) == 0).all(axis=1)
+            for other in [other for other in columns if other.startswith(f"{body}.")]:
+                out[other] = np.where(gone, np.nan, columns[other])
+    return out
 
 
 def _lines_in(path: Path) -> int:
@@ -82,8 +147,10 @@ def _lines_in(path: Path) -> int:
 def _pieces(path: Path, manner: _Manner) -> Iterator[tuple[int, list[str]]]:
     """Yield (number of the first, counted from 1) and lines of a table's rows, some at a time."""
     with path.open(encoding=manner.encoding, errors="replace") as file:
-        number = manner.body + 1
-        rows = islice(file, manner.body, None)
+        number = manner.heading.body + 1
+        rows: Iterator[str] = islice(file, manner.heading.body, None)
+        if manner.heading.ends:
+            rows = takewhile(lambda line: line.strip(" ,;\t\r\n"), rows)
         while lines := list(islice(rows, _PIECE)):
             yield number, lines
             number += len(lines)
@@ -102,34 +169,60 @@ def _understood(path: Path) -> tuple[_Manner, list[str]]:
     begin = next((k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)), None)
     if begin is None:
         raise refuse(path, "holds comments alone; expected names of columns and rows of numbers")
+    heading = _plain(lines, begin)
+    if heading is None or not _fits(lines, heading):
+        deep = heading_of(lines, SEPARATORS, _number)
+        heading = deep or heading
+    if heading is None or heading.body >= len(lines) or not any(line.strip() for line in lines[heading.body :]):
+        raise refuse(path, "holds names of columns but no rows", heading.body if heading else begin + 1)
+    return _columns(lines, heading, encoding)
+
+
+def _columns(lines: list[str], heading: Heading, encoding: str) -> tuple[_Manner, list[str]]:
+    """Return a table's manner with what its first rows tell of columns that are no numbers, and those of text."""
+    names, decimal = heading.names, heading.decimal
+    first = [cells_of(line, heading.separator) for line in lines[heading.body :][:_ROWS] if line.strip()]
+    whole = [row for row in first if len(row) == len(names)]
+    strange = [k for k in range(len(names)) if sum(_number(row[k], decimal) is None for row in whole) > _TEXT * _ROWS]
+    none = [k for k in range(len(names)) if whole and all(_number(row[k], decimal) is None for row in whole)]
+    stamps = [k for k in none if np.isfinite(seconds_of([row[k] for row in whole])).all()]
+    labels = {names[k]: whole[0][k] for k in none if len({row[k] for row in whole}) == 1 and k not in stamps}
+    texts = [names[k] for k in strange if k not in stamps]
+    return _Manner(heading, encoding, tuple(stamps), labels), texts if len(whole) == _ROWS else []
+
+
+def _plain(lines: list[str], begin: int) -> Heading | None:
+    """Return the heading of one line of names; of numbers alone, with names above in a comment, or numbered ones."""
     separator, decimal = _marks(lines[begin : begin + 20])
-    header = _cells(lines[begin], separator)
+    header = cells_of(lines[begin], separator)
     numbers = [_number(cell, decimal) for cell in header]
     if any(number is not None and np.isfinite(number) for number in numbers):
         above = next((line for line in reversed(lines[:begin]) if line.strip()), "")
-        spoken = _cells(_COMMENT.sub("", above, count=1).strip(), separator)
+        spoken = cells_of(_COMMENT.sub("", above, count=1).strip(), separator)
         if len(spoken) == len(header):
             header = spoken
             begin -= 1
         elif None not in numbers:
-            message = f"no line of column names above the numbers; expected {len(header)} names"
-            raise refuse(path, message, begin + 1)
+            return Heading(separator, decimal, [f"column {k + 1}" for k in range(len(header))], begin)
     names = _unique(header)
     units: dict[str, str] = {}
     body = begin + 1
-    row = _cells(lines[body], separator) if body < len(lines) else []
+    row = cells_of(lines[body], separator) if body < len(lines) else []
     plain = [_number(cell, decimal) for cell in row]
     if any(spelled(cell) for cell in row) and all(number is None or np.isnan(number) for number in plain):
         units = {name: cell.strip() for name, cell in zip(names, row, strict=False) if spelled(cell)}
         body += 1
-    first = [_cells(line, separator) for line in lines[body : body + _ROWS] if line.strip()]
-    if not first:
-        raise refuse(path, "holds names of columns but no rows", body)
-    whole = [row for row in first if len(row) == len(names)]
-    texts = [
-        name for k, name in enumerate(names) if sum(_number(row[k], decimal) is None for row in whole) > _TEXT * 50
-    ]
-    return _Manner(separator, decimal, names, units, body, encoding), texts if len(whole) == 50 else []
+    return Heading(separator, decimal, names, body, units)
+
+
+def _fits(lines: list[str], heading: Heading) -> bool:
+    """Return whether the rows below one line of names are such rows: as wide, and with a number in the first one."""
+    rows = [cells_of(line, heading.separator) for line in lines[heading.body :][:20] if line.strip()]
+    if not rows:
+        return True
+    wide = sum(len(row) == len(heading.names) for row in rows)
+    numbers = [_number(cell, heading.decimal) for cell in rows[0]]
+    return 2 * wide > len(rows) and any(number is not None and np.isfinite(number) for number in numbers)
 
 
 def _decoded(content: bytes) -> tuple[str, str]:
@@ -153,12 +246,6 @@ def _marks(lines: list[str]) -> tuple[str, str]:
             decimal = "," if separator != "," and re.search(r"\d,\d", "".join(full[1:])) else "."
             return separator, decimal
     return (" ", ".") if all(len(line.split()) > 1 for line in full) else (",", ".")
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    if separator == " ":
-        return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
 
 
 def _unique(header: list[str]) -> list[str]:
@@ -232,7 +319,7 @@ class _Strange:
         for number, line in enumerate(lines, start=first):
             if not line.strip():
                 continue
-            cells = _cells(line.rstrip("\n"), manner.separator)
+            cells = cells_of(line.rstrip("\n"), manner.separator)
             if len(cells) > len(names) and not any(cells[len(names) :]):
                 cells = cells[: len(names)]
             if len(cells) != len(names):

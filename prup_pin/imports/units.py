@@ -55,7 +55,10 @@ _SPELLED = {
     "newton": "N", "percent": "%", "pct": "%", "ampere": "A", "amps": "A", "amp": "A", "volt": "V", "volts": "V",
     "celsius": "degC", "°c": "degC", "kelvin": "K", "count": "counts", "inc": "counts", "ticks": "counts",
     "rad/s2": "rad/s^2", "rad/s²": "rad/s^2", "deg/s2": "deg/s^2", "deg/s²": "deg/s^2", "m/s2": "m/s^2",
-    "m/s²": "m/s^2", "mm/s2": "mm/s^2", "mm/s²": "mm/s^2", "in": "inch", "-": "1", "μm": "um", "μs": "us", "c": "degC",
+    "m/s²": "m/s^2", "mm/s2": "mm/s^2", "mm/s²": "mm/s^2", "in": "inch", "-": "1",
+    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm",
+    "millimetre": "mm", "millimetres": "mm", "centimeter": "cm", "centimeters": "cm", "inches": "inch",
+    "°/s²": "deg/s^2", "u/s": "rps", "newtonmeter": "N m", "newton-meters": "N m", "μm": "um", "μs": "us", "c": "degC",
 }  # fmt: skip
 
 

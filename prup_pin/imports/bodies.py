@@ -1,0 +1,117 @@
+"""Bodies and markers that cameras and trackers saw: which columns of a log are their places and orientations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from .log import Stream
+from .units import dimension_of, spelled
+from .words import WISHED, words_of
+
+#: What stands last in the name of a column: an axis, and perhaps its unit or a number for a name that stands twice.
+_AXIS = re.compile(
+    r"^(?P<body>.*?)[\s._/:\-]*(?P<kind>(?<![A-Za-z])[tTpPqQrR])?(?P<axis>(?<![A-Za-z])[xyzwXYZW]|(?<=[tTpPqQrR])[xyzwXYZW])"
+    r"(?:\s*[\[(]\s*[^\])]*[\])]|_(?:mm|m|cm|deg|rad))?(?P<twice> \(\d+\))?$"
+)
+_PLACE = ("position", "translation", "pos", "marker", "smr", "tracker", "trans", "location")
+_TURNED = ("orientation", "quaternion", "quat", "rotation", "rot")
+_NEITHER = ("velocity", "vel", "speed", "twist", "force", "torque", "moment", "acc", "accel", "acceleration", "gyro",
+            "imu", "angular", "linear", "error", "cop", "wrench", "center", "centre")  # fmt: skip
+#: Words that say what is measured, not of what.
+_SAYING = (*_PLACE, *_TURNED, "pose", "point", "stamped", "transform", "tcp")
+
+
+@dataclass
+class Body:
+    """A body or a marker: columns of its place by axis, and of its orientation with the manner in which they tell it.
+
+    doubt: what is not sure of its orientation.
+    """
+
+    called: str
+    stream: Stream
+    place: dict[str, str] = field(default_factory=dict)
+    turn: tuple[str, ...] = ()
+    manner: str = ""
+    unit: str | None = None
+    doubt: str = ""
+
+
+def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
+    """Return the bodies of a stream in the order of their columns; those that are `taken` are something else."""
+    places: dict[str, dict[str, str]] = {}
+    turns: dict[str, dict[str, str]] = {}
+    matrices: dict[str, dict[int, str]] = {}
+    for name in stream.columns:
+        if name in taken or set(words_of(name)) & {*_NEITHER, *WISHED}:
+            continue
+        numbered = re.fullmatch(r"(.*?)[.\s_/]*(?:rot|R|rotation|matrix)[\[_ ]*(\d)\]?", name, re.I)
+        if numbered is not None:
+            matrices.setdefault(numbered[1], {})[int(numbered[2])] = name
+            continue
+        found = _AXIS.match(name)
+        if found is None:
+            continue
+        kind, axis = (found["kind"] or "").lower(), found["axis"].lower()
+        said = spelled(stream.units.get(name) or _bracket(name) or "") or ""
+        spoken = set(words_of(found["body"]))
+        body = f"{_plain(found['body'])}{found['twice'] or ''}"
+        if kind == "q" or (spoken & set(_TURNED) and not spoken & set(_PLACE)):
+            turns.setdefault(body, {})[axis] = name
+        elif kind == "r":
+            if dimension_of(said) == "angle":
+                turns.setdefault(body, {})[f"r{axis}"] = name
+        elif axis != "w" and (
+            kind == "t" or dimension_of(said) == "length" or spoken & {*_PLACE, "tcp"} or frame_of(body, frames)
+        ):
+            places.setdefault(body, {})[axis] = name
+    bodies = {}
+    for called, place in places.items():
+        if set(place) == set("xyz"):
+            bodies[called] = Body(called, stream, {axis: place[axis] for axis in "xyz"})
+    for called, parts in turns.items():
+        home = bodies.setdefault(called, Body(called, stream))
+        if all(axis in parts for axis in "xyzw"):
+            home.turn, home.manner = tuple(parts[axis] for axis in "xyzw"), "quaternion_xyzw"
+        elif all(f"r{axis}" in parts for axis in "xyz"):
+            home.turn, home.manner = tuple(parts[f"r{axis}"] for axis in "xyz"), "rotation_vector"
+            home.doubt = "rotation vectors, or Euler angles such as euler_XYZ?"
+        elif all(axis in parts for axis in "xyz"):
+            order = stream.labels.get("rotation type", "XYZ").upper()
+            home.turn, home.manner = tuple(parts[axis.lower()] for axis in order), f"euler_{order}"
+            home.doubt = "Euler angles in this order, and about the body's own axes?"
+        home.unit = spelled(stream.units.get(home.turn[0]) or "") if home.turn else None
+        if home.manner.startswith("euler"):
+            home.unit = home.unit or "deg"
+    for called, cells in matrices.items():
+        owner = bodies.get(_plain(called))
+        if owner is not None and sorted(cells) == list(range(9)):
+            owner.turn, owner.manner = tuple(cells[k] for k in range(9)), "matrix_columns"
+            owner.doubt = "" if stream.labels.get("data_included") == "6D" else "column by column, or matrix_rows?"
+            owner.unit = None
+    return [body for body in bodies.values() if body.place or body.turn]
+
+
+def frame_of(body: str, frames: Sequence[str]) -> str:
+    """Return the frame that a body is called like: the same name, at the end of its own, or somewhere in it."""
+    low = body.lower()
+    same = [frame for frame in frames if frame.lower() == low]
+    ending = [frame for frame in frames if re.search(rf"[:/._\s]{re.escape(frame.lower())}$", low)]
+    inside = [frame for frame in frames if frame.lower() in low and len(frame) > 2]
+    return max(same or ending or inside, key=len, default="")
+
+
+def _plain(body: str) -> str:
+    """Return the name of a body without words that say what was measured of it."""
+    parts = [part for part in re.split(r"(?<=[^:])[./\s_]+|^[./\s_]+", body) if part]
+    while len(parts) > 1 and parts[-1].lower() in _SAYING:
+        parts.pop()
+    kept = body[: body.rfind(parts[-1]) + len(parts[-1])] if parts else body
+    return "" if kept.lower() in _SAYING else kept
+
+
+def _bracket(name: str) -> str | None:
+    found = re.search(r"[\[(]([^\[\]()]+)[\])](?: \(\d+\))?\s*$|_(mm|cm|deg|rad)$", name)
+    return (found[1] or found[2]) if found is not None else None
