@@ -165,7 +165,7 @@ def resisted(
     `memory`: what is remembered before the first sample. A joint starts each block relaxed, at `relaxed` (blocks, r).
     Blocks know nothing of each other: they are followed side by side.
     """
-    out = np.zeros_like(torque)
+    out = np.zeros(torque.shape)
     if not len(time):
         return out, memory
     limit = np.array([item.limit for item in resistances])
@@ -175,34 +175,51 @@ def resisted(
     free = displacement - (influence @ torque[..., None])[..., 0]  # where the joints would be without resistance
     starts = _starts(blocks)
     lengths = np.diff(np.append(starts, len(time)))
-    shape = (len(starts), len(resistances))
-    slid, last, now, before = relaxed.copy(), free[starts], np.zeros(shape), np.full(len(starts), np.nan)
+    before = np.full(len(starts), np.nan)
+    slid, last, now = relaxed.copy(), free[starts], np.zeros((len(starts), len(resistances)))
     if memory is not None and memory.block == blocks[0]:
         slid[0], last[0], now[0], before[0] = memory.slid, memory.last, memory.torque, memory.time
-    for sample in range(int(lengths.max())):
-        here = np.flatnonzero(lengths > sample)
-        rows = starts[here] + sample
-        elapsed = time[rows] - before[here]
-        rate = np.where(np.isnan(elapsed), 0.0, 1.0 / np.maximum(elapsed, 1e-9))
-        value, x = _balanced(
-            free[rows], influence[rows], now[here], slid[here], last[here], stiffness, limit, damping * rate[:, None]
-        )
-        held = np.clip(slid[here], x - reach, x + reach)
-        slid[here] = np.where(stiffness > 0, held, slid[here])
-        last[here], now[here], before[here] = x, value, time[rows]
-        out[rows] = value
-    return out, Slid(int(blocks[-1]), slid[-1], last[-1], float(before[-1]), now[-1])
+    elapsed = np.diff(time, prepend=np.nan)
+    elapsed[starts] = time[starts] - before
+    rate = np.where(np.isnan(elapsed), 0.0, 1.0 / np.maximum(elapsed, 1e-9))
+    given = [free, influence, damping * rate[:, None]]
+    alone = len(resistances) == 1
+    if alone:
+        given[1] = influence[:, 0]
+        given += [1 - given[1] * (given[2] + stiffness), 1 - given[1] * given[2]]
+    alike = bool((lengths == lengths[0]).all())
+    if alike:  # views by step, one row a block
+        *given, found = (v.reshape(len(starts), -1, *v.shape[1:]).swapaxes(0, 1) for v in (*given, out))
+    springs = stiffness > 0
+    here: slice | np.ndarray = slice(None)
+    for step in range(int(lengths.max())):
+        if alike:
+            at = [values[step] for values in given]
+        else:
+            here = np.flatnonzero(lengths > step)
+            rows = starts[here] + step
+            at = [values[rows] for values in given]
+        if alone:
+            value, x = _balanced_alone(slid[here], last[here], stiffness[0], limit[0], *at)
+        else:
+            value, x = _balanced(now[here], slid[here], last[here], stiffness, limit, *at)
+        held = np.minimum(np.maximum(slid[here], x - reach), x + reach)
+        slid[here] = held if springs.all() else np.where(springs, held, slid[here])
+        last[here], now[here] = x, value
+        if alike:
+            found[step] = value
+        else:
+            out[rows] = value
+    return out, Slid(int(blocks[-1]), slid[-1], last[-1], float(time[-1]), now[-1])
 
 
-def _balanced(free, influence, torque, slid, last, stiffness, limit, viscous) -> tuple[Array, Array]:
+def _balanced(torque, slid, last, stiffness, limit, free, influence, viscous) -> tuple[Array, Array]:
     """Return torques (b, r) and displacements (b, r) of joints that agree with each other.
 
     torque = viscous (x - last) + clip(stiffness (x - slid), +-limit), x = free + influence torque.
     Which joints slide is guessed; the rest is linear, and says who does: a few rounds, or else sweeps.
     """
     count = len(stiffness)
-    if count == 1:
-        return _balanced_alone(free, influence[:, 0], slid, last, stiffness[0], limit[0], viscous)
     slides, left = np.zeros(free.shape), np.arange(len(free))
     found, moved = np.empty_like(free), np.empty_like(free)
     for round_ in range(_GUESSES):
@@ -254,14 +271,16 @@ def _swept(free, influence, torque, slid, last, stiffness, limit, viscous) -> tu
     return torque, free + (influence @ torque[..., None])[..., 0]
 
 
-def _balanced_alone(free, own, slid, last, stiffness, limit, viscous) -> tuple[Array, Array]:
-    """Return the same of a single joint, whose torque nothing else moves; all (b, 1)."""
+def _balanced_alone(slid, last, stiffness, limit, free, own, viscous, sticking, sliding) -> tuple[Array, Array]:
+    """Return the same of a single joint, whose torque nothing else moves; all (b, 1).
+
+    `sticking` and `sliding`: one less what its own torque does to itself through spring and damper, damper alone.
+    """
     damped = viscous * (free - last)
-    torque = (damped + stiffness * (free - slid)) / (1 - own * (viscous + stiffness))
+    torque = (damped + stiffness * (free - slid)) / sticking
     if stiffness > 0:
         stretched = stiffness * (free + own * torque - slid)
-        sliding = np.abs(stretched) > limit
-        if sliding.any():
-            limited = (damped + np.copysign(limit, stretched)) / (1 - own * viscous)
-            torque = np.where(sliding, limited, torque)
+        slides = np.abs(stretched) > limit
+        if slides.any():
+            torque = np.where(slides, (damped + np.copysign(limit, stretched)) / sliding, torque)
     return torque, free + own * torque

@@ -16,24 +16,16 @@ __all__ = ["FORCE_LENGTH", "Camera", "best_camera", "camera_of", "hull"]
 FORCE_LENGTH = 0.21
 #: A view that comes so near to the best is as good; of these the first is taken, so that small changes keep the side.
 _AS_GOOD = 0.97
+#: Elevations that are tried [deg], and how much each is liked.
+_LIKINGS = ((18, 1.0), (28, 0.97), (40, 0.85), (55, 0.65))
 
 
 class Camera:
     """Parallel projection with gravity pointing down on the page."""
 
     def __init__(self, gravity: Array, azimuth: float, elevation: float):
-        size = np.linalg.norm(gravity)
-        up = -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
-        ahead = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
-        ahead = ahead - (ahead @ up) * up
-        ahead /= np.linalg.norm(ahead)
-        side = np.cross(up, ahead)
-        a, e = np.radians((azimuth, elevation))
-        self.viewer = np.cos(e) * (np.cos(a) * ahead + np.sin(a) * side) + np.sin(e) * up
-        right = np.cross(up, self.viewer)
-        right /= np.linalg.norm(right)
-        self.plane = np.array([right, np.cross(self.viewer, right)])  # (2, 3)
-        self.up = up
+        self.up, viewers, planes = _seen(gravity, np.array([azimuth]), elevation)
+        self.viewer, self.plane = viewers[0], planes[0]
 
     def flat(self, points: Array) -> Array:
         """Return (..., 2) coordinates on the page."""
@@ -42,6 +34,20 @@ class Camera:
     def depth(self, points: Array) -> float:
         """Return the mean nearness of points to the viewer."""
         return float(np.mean(np.asarray(points) @ self.viewer))
+
+
+def _seen(gravity: Array, azimuths: Array, elevation: float) -> tuple[Array, Array, Array]:
+    """Return what is up, and by azimuth [deg] the direction to the viewer (n, 3) and the axes of the page (n, 2, 3)."""
+    size = np.linalg.norm(gravity)
+    up = -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
+    ahead = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
+    ahead = ahead - (ahead @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    a, e = np.radians(azimuths)[:, None], np.radians(elevation)
+    viewers = np.cos(e) * (np.cos(a) * ahead + np.sin(a) * np.cross(up, ahead)) + np.sin(e) * up
+    right = np.cross(up, viewers)
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    return up, viewers, np.stack((right, np.cross(viewers, right)), axis=1)
 
 
 def camera_of(robot: Robot, pose: ClosedPose) -> Camera:
@@ -66,29 +72,26 @@ def best_camera(gravity: Array, parts: Skeleton) -> Camera:
     at = parts.tool[:3, 3]
     lines += [(at, at + FORCE_LENGTH * parts.size * axis) for axis in np.eye(3)]
     ends = np.array(lines)
-    samples = np.array([start + share * (end - start) for start, end in lines])
-    count = len(lines)
-    pairs = np.argwhere(np.triu(np.ones((count, count), bool), 1))
-    centred = parts.points - parts.points.mean(axis=0)
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    apart = np.linalg.norm(samples[pairs[:, 0], :, None] - samples[pairs[:, 1], None], axis=-1) + 1e-9 * parts.size
-    views: list[tuple[float, Camera]] = []
-    for elevation, liking in ((18, 1.0), (28, 0.97), (40, 0.85), (55, 0.65)):
-        for azimuth in range(-170, 190, 5):
-            camera = Camera(gravity, azimuth, elevation)
-            flat = camera.flat(samples)
-            area = np.sqrt(max(np.linalg.det(np.cov(camera.flat(centred).T) + 1e-12 * np.eye(2)), 0.0))
-            score = liking * area
-            drawn = np.linalg.norm(camera.flat(ends[:, 1] - ends[:, 0]), axis=1) / np.maximum(lengths, 1e-12)
-            score *= 0.2 + float(np.mean(np.minimum(drawn, 0.5)) + np.min(np.minimum(drawn, 0.5)))
-            if len(pairs):
-                across, upwards = (c[pairs[:, 0], :, None] - c[pairs[:, 1], None] for c in np.moveaxis(flat, -1, 0))
-                gaps = np.sqrt(across * across + upwards * upwards)
-                clear = np.minimum(gaps / apart, 0.4).mean(axis=(1, 2))
-                score *= 0.1 + float(clear.mean() + clear.min())
-            views.append((score, camera))
-    best = max(score for score, _ in views)
-    return next(camera for score, camera in views if score >= _AS_GOOD * best)
+    along = ends[:, 1] - ends[:, 0]
+    samples = ends[:, None, 0] + share * along[:, None]  # (lines, shares, 3)
+    first, second = np.triu_indices(len(lines), 1)
+    between = samples[first][:, :, None] - samples[second][:, None]
+    apart = np.linalg.norm(between, axis=-1) + 1e-9 * parts.size
+    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
+    azimuths = np.arange(-170.0, 190.0, 5.0)
+    scores = []
+    for elevation, liking in _LIKINGS:
+        planes = _seen(gravity, azimuths, elevation)[2]  # (views, 2, 3)
+        spread = planes @ np.cov(parts.points.T) @ planes.swapaxes(1, 2) + 1e-12 * np.eye(2)
+        area = np.sqrt(np.maximum(np.linalg.det(spread), 0.0))
+        drawn = np.minimum(np.linalg.norm(along @ planes.swapaxes(1, 2), axis=-1) / lengths, 0.5)
+        gaps = sum((between @ planes[:, k].T) ** 2 for k in range(2)) ** 0.5  # (pairs, shares, shares, views)
+        clear = np.minimum(gaps / apart[..., None], 0.4).mean(axis=(1, 2))
+        score = liking * area * (0.2 + drawn.mean(axis=1) + drawn.min(axis=1))
+        scores.append(score * (0.1 + clear.mean(axis=0) + clear.min(axis=0)))
+    score = np.array(scores)
+    row, column = np.unravel_index(np.argmax(score >= _AS_GOOD * score.max()), score.shape)
+    return Camera(gravity, float(azimuths[column]), _LIKINGS[row][0])
 
 
 def hull(points: Array) -> Array:
