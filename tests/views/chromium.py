@@ -19,6 +19,8 @@ SPEC.loader.exec_module(render)
 
 #: No test asks how fast anything is: this long a machine that does other work may take for any step [s].
 PATIENCE = 600
+#: Pixels drawn for each that the page is laid out in: fewer are drawn sooner.
+SCALE = 0.5
 #: A promise that is kept when what is due has been drawn.
 DRAWN = (
     "new Promise(done => { let left = 2; const step = () => left-- ? requestAnimationFrame(step) : done(true); "
@@ -36,6 +38,7 @@ class Browser:
             [
                 *render.command(render.find_chromium(), folder, size),
                 "--remote-debugging-port=0",
+                f"--force-device-scale-factor={SCALE}",
                 # names of other hosts lead nowhere, so that a page that needs the network shows itself
                 "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
                 "about:blank",
@@ -116,10 +119,14 @@ class Browser:
         self.settle()
 
     def picture(self):
-        """Return what is seen, (height, width, 3)."""
+        """Return what is seen once it has been drawn, as `screenshot`."""
+        self.settle()
+        return self.screenshot()
+
+    def screenshot(self):
+        """Return what is seen, (height, width, 3), with SCALE pixels for each of the page's."""
         from PIL import Image
 
-        self.settle()
         data = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 
@@ -135,3 +142,8 @@ class Browser:
             self._process.terminate()
         self._process.wait(PATIENCE)
         self._loop.close()
+
+
+def area(seen):
+    """Return how many of the page's pixels a mask of a picture covers."""
+    return np.count_nonzero(seen) / SCALE**2

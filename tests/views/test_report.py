@@ -357,14 +357,6 @@ class Tab(chromium.Browser):
         self.within(session, "Runtime.evaluate", expression=chromium.DRAWN, awaitPromise=True)
         return session
 
-    def screenshot(self):
-        from io import BytesIO
-
-        from PIL import Image
-
-        data = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
-        return np.asarray(Image.open(BytesIO(data)).convert("RGB")).astype(int)
-
 
 needs_chromium = pytest.mark.skipif(
     chromium.render.find_chromium() is None,
@@ -417,7 +409,7 @@ def shows(tab, file, width):
     """Open the report in a window so wide: robot, scene and words are there, and nobody is asked."""
     tab.requests.clear()
     tab.call("Page.navigate", url="about:blank")
-    size = {"width": width, "height": 1100, "deviceScaleFactor": 1, "mobile": width < 600}
+    size = {"width": width, "height": 1100, "deviceScaleFactor": chromium.SCALE, "mobile": width < 600}
     tab.call("Emulation.setDeviceMetricsOverride", **size)
     tab.open_report(file)
     assert tab.evaluate("document.documentElement.scrollWidth") == width, "the page is wider than the screen"
@@ -430,10 +422,10 @@ def shows(tab, file, width):
     box = tab.evaluate(
         "(r => [r.left, r.top, r.right, r.bottom])(document.getElementById('scene').getBoundingClientRect())"
     )
-    left, top, right, bottom = (round(value) for value in box)
+    left, top, right, bottom = (round(value * chromium.SCALE) for value in box)
     seen = tab.screenshot()[max(top, 0) : bottom, left:right]
     middle = seen[seen.shape[0] // 5 : seen.shape[0] // 2, seen.shape[1] // 3 :]
-    assert (np.ptp(middle, axis=-1) > 60).sum() > 500, "no colours where the robot stands"
+    assert chromium.area(np.ptp(middle, axis=-1) > 60) > 500, "no colours where the robot stands"
     assert tab.value(session, "window.origin") == "null", "the scene is not sealed off"
     assert tab.errors == []
     assert tab.requests
