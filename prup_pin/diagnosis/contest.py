@@ -200,21 +200,23 @@ def _simulated(rival: Rival, index: int, trial: Fit) -> Rival:
 
 
 def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
-    """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals."""
-    rivals: list[list[Rival]] = []
-    for _ in range(CHALLENGES):
-        rivals, better = [], None
-        for index in range(len(fit.terms)):
-            if search.over:
-                return fit, []
-            judged, better = judged_rivals(search, fit, index, library, leads=True)
-            if better is not None:
-                fit = better
-                break
-            rivals.append(judged)
+    """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals.
+
+    After a term was replaced the next one is asked, and not the first one again: what came second may have come for
+    what was wrong with the first.
+    """
+    rivals: dict[int, list[Rival]] = {}
+    index = replaced = 0
+    while len(rivals) < len(fit.terms):
+        if search.over or replaced == CHALLENGES:
+            return fit, []
+        judged, better = judged_rivals(search, fit, index, library, leads=True)
         if better is None:
-            return fit, rivals
-    return fit, []
+            rivals[index] = judged
+        else:
+            fit, rivals, replaced = better, {}, replaced + 1
+        index = (index + 1) % len(fit.terms)
+    return fit, [rivals[place] for place in range(len(fit.terms))]
 
 
 def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit:

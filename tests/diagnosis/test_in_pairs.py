@@ -1,6 +1,7 @@
 """A place that looks alike is taken back with the wrong weight beside it, or the small law that made up for it."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -49,3 +50,20 @@ def test_a_place_that_looks_alike_is_tried_with_another_weight_and_with_a_law_le
     found = contest.in_pairs(search, fit, rivals)
     assert {term.candidate.name for term in found.terms} == {DRIVE, WEIGHT}
     assert found.chi2 / found.residual.size == pytest.approx(1.0, abs=0.15)
+
+
+def test_after_a_term_was_replaced_the_next_one_is_asked_before_it_is_asked_again(monkeypatch):
+    """A soft joint beside a bias of the sensor, which stands for weight, is the wrong one: weight comes, it goes."""
+    better = {
+        (("bias", "drive"), 0): ("weight", "drive"),
+        (("weight", "drive"), 0): ("payload", "drive"),  # which makes up for the wrong joint as well
+        (("weight", "drive"), 1): ("weight", "joint"),
+    }
+
+    def judged_rivals(search, fit, index, library, leads):
+        terms = better.get((fit.terms, index))
+        return [fit.terms[index]], terms and SimpleNamespace(terms=terms)
+
+    monkeypatch.setattr(contest, "judged_rivals", judged_rivals)
+    found, _ = contest.challenge_each(SimpleNamespace(over=False), SimpleNamespace(terms=("bias", "drive")), ())
+    assert found.terms == ("weight", "joint")
