@@ -27,7 +27,7 @@ _SAYING = (*_PLACE, *_TURNED, "pose", "point", "stamped", "transform", "tcp")
 class Body:
     """A body or a marker: columns of its place by axis, and of its orientation with the manner in which they tell it.
 
-    doubt: what is not sure of its orientation.
+    doubt: what is not sure of its orientation. askew: the angle between its axes and its frame's [rad], where known.
     """
 
     called: str
@@ -37,6 +37,7 @@ class Body:
     manner: str = ""
     unit: str | None = None
     doubt: str = ""
+    askew: float | None = None
 
 
 def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:

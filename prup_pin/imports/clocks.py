@@ -1,7 +1,8 @@
-"""What one clock is behind another: found from motion, where a camera saw what the joints did."""
+"""What one clock is ahead of another: found from motion, where a camera saw what the joints did."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +15,18 @@ from ..spatial import Array
 _POSES = 4000
 #: Steps of the common clock on which speeds are compared, and the share of the shorter stream that has to overlap.
 _STEPS, _OVERLAP = 4000, 0.5
-#: Speeds that are less alike belong to another motion; what is left of the way after a rigid fit, as a share.
+#: Speeds that are less alike belong to another motion; what is left of the way after the fit, as a share.
 _ALIKE, _LEFT = 0.8, 0.05
-#: Bisections of the golden section, and rounds in which a marker's place on its link is found.
-_BISECTIONS, _ROUNDS = 30, 4
+#: How much more must be left two steps beside the delay: a short smooth path goes with any other.
+_SHARP = 2.0
+#: A joint stands that moves by less than this share of its way within so many seconds before and after.
+STILL, REST = 1e-3, 0.15
+#: Steps of the golden section.
+_BISECTIONS = 30
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class Motion:
     """A frame as the joints have it: positions (N, 3) [m] and rotations (N, 3, 3) at times (N,) [s]."""
 
     time: Array
@@ -29,7 +34,7 @@ class Path:
     rotation: Array
 
 
-def path_of(mechanism: Mechanism, time: Array, joints: dict[str, Array], frame: str) -> Path | None:
+def path_of(mechanism: Mechanism, time: Array, joints: dict[str, Array], frame: str) -> Motion | None:
     """Return the path of a frame by its joints' positions [m, rad]; None where loops or other joints leave it open."""
     if mechanism.loops or not set(mechanism.actuated) <= set(joints):
         return None
@@ -44,14 +49,14 @@ def path_of(mechanism: Mechanism, time: Array, joints: dict[str, Array], frame: 
         pin.forwardKinematics(mechanism.model, data, q)
         placed = pin.updateFramePlacement(mechanism.model, data, identity)
         position[k], rotation[k] = placed.translation, placed.rotation
-    return Path(time[rows], position, rotation)
+    return Motion(time[rows], position, rotation)
 
 
-def delay_of(path: Path, time: Array, seen: Array) -> float | None:
+def delay_of(path: Motion, time: Array, seen: Array) -> float | None:
     """Return by how much stamps (M,) of what was seen, (M, 3) [m], are ahead of the path's; None where no motion tells.
 
     First the speeds are shifted along each other, for they know nothing of where the camera stood; then the places
-    are brought together by a rigid motion, with the marker anywhere on its link.
+    are brought together, with the marker anywhere on its link.
     """
     known = np.isfinite(seen).all(axis=1) & np.isfinite(time)
     time, seen = time[known], seen[known]
@@ -70,7 +75,27 @@ def delay_of(path: Path, time: Array, seen: Array) -> float | None:
         a, b = high - golden * (high - low), low + golden * (high - low)
         low, high = (low, b) if _left(path, time - a, seen) < _left(path, time - b, seen) else (a, high)
     found = 0.5 * (low + high)
-    return float(found) if _left(path, time - found, seen) < _LEFT else None
+    least = _left(path, time - found, seen)
+    beside = min(_left(path, time - found - way, seen) for way in (-2 * step, 2 * step))
+    return float(found) if least < _LEFT and beside > _SHARP * least else None
+
+
+def at_rest(time: Array, joints: Sequence[Array]) -> np.ndarray:
+    """Return at which times (N,) all joints, each (N,) [m, rad], stand: moved by less than `STILL` of their way.
+
+    Each joint is looked at from `REST` before to `REST` after.
+    """
+    still = np.ones(len(time), bool)
+    for values in joints:
+        before, after = (np.interp(time + way, time, values) for way in (-REST, REST))
+        way = np.abs(np.stack([after - values, values - before, after - before])).max(axis=0)
+        still &= way < STILL * max(float(np.ptp(values)), 1e-12)
+    return still
+
+
+def rests(still: np.ndarray) -> int:
+    """Return how many rests there are."""
+    return int(np.sum(np.diff(still.astype(int), prepend=0) > 0))
 
 
 def _speeds(time: Array, position: Array, step: float) -> Array:
@@ -93,25 +118,45 @@ def _shift(first: Array, second: Array) -> int | None:
     return at
 
 
-def _left(path: Path, time: Array, seen: Array) -> float:
-    """Return what is left of places that were seen after a rigid motion of the path, as a share of their spread."""
+def askew(path: Motion, time: Array, seen: Array, turned: Array) -> float:
+    """Return the angle [rad] between a frame's axes and those of the body that was seen there.
+
+    time (M,): on the path's clock; seen (M, 3) [m] and turned (M, 3, 3): the body in the camera's axes.
+    """
+    known = np.isfinite(seen).all(axis=1) & np.isfinite(turned).all(axis=(1, 2))
+    time, seen, turned = time[known], seen[known], turned[known]
+    affine, inside = _brought(path, time, seen)[1:]
+    u, _, vt = np.linalg.svd(affine)
+    home = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    mean = np.einsum("nji,jk,nkl->il", _rotations(path, time[inside]), home, turned[inside]) / max(inside.sum(), 1)
+    u, _, vt = np.linalg.svd(mean)
+    return float(np.arccos(np.clip(0.5 * (np.trace(u @ vt) - 1), -1.0, 1.0)))
+
+
+def _left(path: Motion, time: Array, seen: Array) -> float:
+    """Return what an affine map of places that were seen leaves of a path, as a share of its spread."""
+    return _brought(path, time, seen)[0]
+
+
+def _rotations(path: Motion, at: Array) -> Array:
+    return path.rotation[np.clip(np.searchsorted(path.time, at), 0, len(path.time) - 1)]
+
+
+def _brought(path: Motion, time: Array, seen: Array) -> tuple[float, Array, np.ndarray]:
+    """Return what is left of a path, the map (3, 3) that brings what was seen to it, and which samples it covers.
+
+    The marker sits anywhere on its link: position + rotation @ offset = map @ seen + shift, linear in all of them.
+    """
     inside = (time >= path.time[0]) & (time <= path.time[-1])
-    if inside.sum() < max(10, _OVERLAP * min(len(time), len(path.time))):
-        return np.inf
-    at, there = time[inside], seen[inside]
+    if inside.sum() < max(20, _OVERLAP * min(len(time), len(path.time))):
+        return np.inf, np.eye(3), inside
+    at, there = time[inside], seen[inside] - seen[inside].mean(axis=0)
     position = np.column_stack([np.interp(at, path.time, path.position[:, k]) for k in range(3)])
-    nearest = np.clip(np.searchsorted(path.time, at), 0, len(path.time) - 1)
-    rotation = path.rotation[nearest]
-    offset = np.zeros(3)
-    mean = there.mean(axis=0)
-    for _ in range(_ROUNDS):
-        points = position + np.einsum("nij,j->ni", rotation, offset)
-        middle = points.mean(axis=0)
-        u, _, vt = np.linalg.svd((points - middle).T @ (there - mean))
-        turn = (u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt).T
-        back = (there - mean) @ turn + middle  # in the robot's axes
-        relative = np.einsum("nij,ni->nj", rotation, back - position)
-        spread = np.linalg.norm(rotation.mean(axis=0))
-        offset = relative.mean(axis=0) if spread < 0.95 else offset
-    rest = back - position - np.einsum("nij,j->ni", rotation, offset)
-    return float(np.sqrt((rest**2).sum() / max(((there - mean) ** 2).sum(), 1e-300)))
+    rotation = _rotations(path, at)
+    rows = np.zeros((len(at), 3, 15))
+    for k in range(3):
+        rows[:, k, 3 * k : 3 * k + 3], rows[:, k, 9 + k], rows[:, k, 12:] = there, 1.0, -rotation[:, k]
+    matrix, wanted = rows.reshape(-1, 15), (position - position.mean(axis=0)).ravel()
+    found = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+    left = float(np.linalg.norm(wanted - matrix @ found) / max(np.linalg.norm(wanted), 1e-300))
+    return left, found[:9].reshape(3, 3), inside

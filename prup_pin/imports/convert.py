@@ -14,6 +14,7 @@ from ..numbers import number
 from ..recordings import Recording
 from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, marker_of
 from ..spatial import WRENCH_NAMES, Array
+from .clocks import at_rest, rests
 from .log import Log, Stream
 from .map import Clock, Column, LogMap, Motors, Rotation
 from .named import NamedRobot
@@ -81,6 +82,14 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
     runs = next(iter(told.values())).runs
     if runs is not None and "run" not in columns:
         columns["run"] = runs + 1.0
+    if plan.at_rest:
+        still = at_rest(time, [values for name, values in columns.items() if name.startswith("q.")])
+        if not still.any():
+            raise RecordingFileError(log.path, [Problem("at_rest: the joints never stand; leave the key out")])
+        remarks.append(
+            f"{int((~still).sum())} rows in which a joint moved were left out; {rests(still)} rests are left."
+        )
+        time, columns = time[still], {name: values[still] for name, values in columns.items()}
     recording = _recording(time - time[0], columns, log, plan, mechanism)
     return Conversion(recording, unused, tuple(remarks))
 
@@ -223,11 +232,26 @@ def _told_at(time: Array, told: Mapping[str, _Told]) -> Array:
 
 def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Array) -> Array:
     """Return rotation vectors (M, 3) [rad] at the recording's times."""
-    from scipy.spatial.transform import Rotation as Turn
     from scipy.spatial.transform import Slerp
 
-    raw = np.column_stack([stream.columns[name][told.rows] for name in rotation.sources])
-    known = np.isfinite(raw).all(axis=1)
+    known, turns = turns_of(log, stream, rotation, told.rows)
+    out = np.full((len(time), 3), np.nan)
+    at = told.time[known]
+    if time is told.time:
+        out[known] = turns.as_rotvec()
+    elif len(at) > 1:
+        inside = np.isfinite(resampled(told.time, np.where(known, 0.0, np.nan), time)) & (time >= at[0])
+        inside &= time <= at[-1]
+        out[inside] = Slerp(at, turns)(time[inside]).as_rotvec()
+    return out
+
+
+def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(None)) -> tuple[np.ndarray, Any]:
+    """Return which of some rows of a stream tell an orientation, and these orientations, as scipy's `Rotation`."""
+    from scipy.spatial.transform import Rotation as Turn
+
+    raw = np.column_stack([stream.columns[name][rows] for name in rotation.sources])
+    known: np.ndarray = np.isfinite(raw).all(axis=1)
     kind, _, how = rotation.manner.partition("_")
     if kind in ("quaternion", "matrix", "transform"):
         known &= np.linalg.norm(raw, axis=1) > 1e-6  # zeros: not seen
@@ -247,15 +271,7 @@ def _vectors(log: Log, stream: Stream, rotation: Rotation, told: _Told, time: Ar
             )
             raise RecordingFileError(log.path, [Problem(message)])
         turns = Turn.from_matrix(matrices if how == "rows" else matrices.transpose(0, 2, 1))
-    out = np.full((len(time), 3), np.nan)
-    at = told.time[known]
-    if time is told.time:
-        out[known] = turns.as_rotvec()
-    elif len(at) > 1:
-        inside = np.isfinite(resampled(told.time, np.where(known, 0.0, np.nan), time)) & (time >= at[0])
-        inside &= time <= at[-1]
-        out[inside] = Slerp(at, turns)(time[inside]).as_rotvec()
-    return out
+    return known, turns
 
 
 def _to_joints(columns: dict[str, Array], group: Motors) -> None:

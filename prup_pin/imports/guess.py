@@ -19,10 +19,12 @@ import yaml
 from ..mechanism.mechanism import Mechanism
 from ..spatial import Array
 from .bodies import Body, bodies_of, frame_of
-from .clocks import delay_of, path_of
+from .clocks import Motion, askew, at_rest, delay_of, path_of, rests
+from .convert import turns_of
 from .log import Log, Stream
+from .map import Rotation
 from .named import NamedRobot
-from .units import UNITS, UNSCALED, dimension_of, spelled
+from .units import UNITS, UNSCALED, Unit, dimension_of, spelled
 from .words import CURRENT, IN_OUT, KIND, MEASURED, TIME, WISHED, unit_in_name, words_of
 
 #: Not the joint itself, or not what was measured there, where something better is in the log.
@@ -51,6 +53,10 @@ _FAR, _LONG, _ALLOWED = 4.2 * np.pi, 20.0, 1.15
 _NEAR = 0.1
 #: Share of rows that may fall in a column of time.
 LATE = 0.01
+#: A body whose axes are turned further against its frame's was drawn without regard to the frame [rad].
+_ASKEW = 0.2
+#: With so many rests, poses of a robot that moved are left out.
+_RESTS = 10
 #: Periods of loggers [s].
 _PERIODS = (2e-5, 0.5)
 _AGREE = 0.04
@@ -81,6 +87,7 @@ class _Line:
 class _Seen:
     """Lines of places, bodies whose orientation is told, by target; and bodies that no frame is called like.
 
+    rests: how often the joints stood, where only these rows should be kept.
     delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
     """
 
@@ -88,6 +95,7 @@ class _Seen:
     turns: dict[str, Body] = field(default_factory=dict)
     others: list[Body] = field(default_factory=list)
     delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
+    rests: int = 0
 
 
 @dataclass
@@ -484,7 +492,12 @@ def _delays(
         return {}
     home = log.stream_of(next(iter(joints.values())).source)
     mine, _ = _time_of(home, clocks)
-    out = {}
+    if _time_of(home, clocks)[1] and not any(line.target.startswith("tau.") for line in found.lines):
+        moved = [_in_si(log, line) for line in joints.values() if log.stream_of(line.source) is home]
+        known = np.isfinite(mine)
+        seen.rests = rests(at_rest(mine[known], [values[known] for values in moved]))
+        seen.rests = seen.rests if seen.rests >= _RESTS else 0
+    out: dict[str, tuple[float, str, str]] = {}
     for stream in log.streams:
         lines = {
             line.target: line for line in found.lines if line.target.startswith("p") and line.source in stream.columns
@@ -505,6 +518,9 @@ def _delays(
             path = path_of(mechanism, mine, positions, frame)
             points = np.column_stack([_in_si(log, lines[f"{place}.{axis}"]) for axis in "xyz"])
             delay = delay_of(path, theirs, points) if path is not None else None
+            body = seen.turns.get(f"r{place.removeprefix('p')}")
+            if path is not None and delay is not None and body is not None:
+                _compared(log, body, path, theirs - delay, points)
         if delay is not None:
             out[stream.name] = delay, "the motion tells how far it is ahead", ""
         elif min(mine[-1], theirs[-1]) - max(mine[0], theirs[0]) > 0.5 * min(np.ptp(mine), np.ptp(theirs)):
@@ -517,6 +533,16 @@ def _delays(
             begin = float(theirs[0] - mine[0])
             out[stream.name] = begin, "", "another clock: taken as begun together with the joints'"
     return out
+
+
+def _compared(log: Log, body: Body, path: Motion, time: Array, points: Array) -> None:
+    """Note how far a body's axes are turned against its frame's: programs of cameras draw them as they like."""
+    turned = np.full((len(time), 3, 3), np.nan)
+    factor = UNITS["angle"].get(body.unit or "", 1.0)
+    rotation = Rotation(body.turn, body.manner, Unit(body.unit or "1", factor))
+    known, turns = turns_of(log, body.stream, rotation)
+    turned[known] = turns.as_matrix()
+    body.askew = askew(path, time, points, turned)
 
 
 def _in_si(log: Log, line: _Line) -> Array:
@@ -583,13 +609,19 @@ def _written(log: Log, clocks, found: _Guessing, seen: _Seen, mechanism, robot: 
         lines += ["", "rotations:"]
         for target, body in seen.turns.items():
             unit = f", unit: {_text(body.unit)}" if body.unit else ""
-            text = f"  {target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
-            lines.append(told(text, body.doubt, target))
+            text = f"{target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
+            if body.askew is not None and body.askew > _ASKEW:
+                angle = f"{np.degrees(body.askew):.0f} deg"
+                lines.append(f"  # {text}  # left out: the body's axes are turned by {angle} against the frame's")
+            else:
+                lines.append(told(f"  {text}", body.doubt, target))
     if len(used) > 1:
         kinds = ("tau.", "q.") if any(line.target.startswith("tau.") for line in chosen) else ("p", "q.")
         first = next((line for kind in kinds for line in chosen if line.target.startswith(kind)), None)
         home = log.stream_of(first.source).name if first is not None else min(used)
         lines += ["", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second"]
+    if seen.rests:
+        lines += ["", f"at_rest: true  # {seen.rests} rests: while joints move, what clocks differ by is a distance"]
     if any(log.stream_of(line.source).name in seen.delays for line in chosen if line.target.startswith("p.")):
         lines += ["", "# The camera may stand anywhere, and what it saw may sit 5 cm beside its frame:"]
         lines.append("tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}")

@@ -35,7 +35,7 @@ ROTATIONS = {"quaternion_xyzw": 4, "quaternion_wxyz": 4, "rpy": 3, "rotation_vec
              "matrix_columns": 9, "transform_rows": 16, "transform_columns": 16,
              **{f"euler_{order}": 3 for order in ("ZYX", "XYZ", "ZYZ", "XZY", "YXZ", "YZX", "ZXY", "ZXZ",
                                                   "zyx", "xyz", "zyz", "xzy", "yxz", "yzx", "zxy", "zxz")}}  # fmt: skip
-_KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "tolerances", "notes")
+_KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest", "tolerances", "notes")
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,10 @@ class Resampling:
 
 @dataclass(frozen=True, eq=False)
 class LogMap:
-    """A map, checked against its log: columns of the recording by name, clocks by stream."""
+    """A map, checked against its log: columns of the recording by name, clocks by stream.
+
+    at_rest: rows in which a joint moves are left out.
+    """
 
     columns: Mapping[str, Column]
     clocks: Mapping[str, Clock]
@@ -104,6 +107,7 @@ class LogMap:
     robot: str | None = None
     notes: str = ""
     tolerances: Tolerances = field(default_factory=Tolerances)
+    at_rest: bool = False
 
     @property
     def sources(self) -> frozenset[str]:
@@ -249,11 +253,14 @@ class _Reader:
             if value is not None and not isinstance(value, str):
                 self.wrong(f"is {json_kind(value)}; expected a text", key)
         resampling = self.resampling(given.get("resample"), columns, rotations)
+        rest = given.get("at_rest", False)
+        if not isinstance(rest, bool):
+            self.wrong(f"is {json_kind(rest)}; expected true or false", "at_rest")
         tolerances = Tolerances()
         if given.get("tolerances") is not None:
             tolerances = tolerances_value(given["tolerances"], self.problems, self.problems.path.name, "tolerances.")
         return LogMap(
-            columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances
+            columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances, rest
         )  # fmt: skip
 
     def clocks(self, given: Any) -> dict[str, Clock]:

@@ -138,7 +138,6 @@ def test_cells_as_spreadsheets_leave_them_are_empty(tmp_path):
 
 # ---- cameras and trackers ---------------------------------------------------------------------------------------
 HALL = Rotation.from_euler("xyz", [-1.6, 0.1, 0.4])
-BODY = Rotation.from_euler("xyz", np.column_stack([0.3 * np.sin(T), T / 9, -2 + T]))
 
 
 def seen(t=T, marker="tool0"):
@@ -147,7 +146,15 @@ def seen(t=T, marker="tool0"):
     return HALL.apply(place.reshape(len(t), 3)) + np.array([0.3, 1.2, -0.4])
 
 
-def motive(path, unit="Meters", scale=1.0):
+def body():
+    """Return the orientations of the tool's frame in the camera's axes, from three targets beside it."""
+    arms = (Sagging(ARMS["ur5"].chain(), "tool0", (), {f"tool0.t{axis}": 0.1}) for axis in "xyz")
+    axes = [arm.seen(Q, ("tool0",), T).reshape(-1, 3) for arm in arms]
+    home = HALL.inv().apply(seen() - np.array([0.3, 1.2, -0.4]))
+    return HALL * Rotation.from_matrix(np.stack([end - home for end in axes], axis=2) / 0.1)
+
+
+def motive(path, unit="Meters", scale=1.0, drawn=(0, 0, 0)):
     kinds = ["Rigid Body"] * 8 + ["Rigid Body Marker"] * 3
     lines = [
         f"Format Version,1.23,Take Name,Take 1,Take Notes,,Capture Frame Rate,250.0,Export Frame Rate,250.0,"
@@ -160,7 +167,14 @@ def motive(path, unit="Meters", scale=1.0):
         "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,X,Y,Z",
     ]
     flips = np.where(np.arange(len(T)) % 7 == 0, -1.0, 1.0)[:, None]  # of quaternions: the same orientation
-    rows = np.column_stack([flips * BODY.as_quat(), scale * seen(), 2e-4 * np.ones(len(T)), scale * seen() + 0.01])
+    rows = np.column_stack(
+        [
+            flips * (body() * Rotation.from_rotvec(drawn)).as_quat(),
+            scale * seen(),
+            2e-4 * np.ones(len(T)),
+            scale * seen() + 0.01,
+        ]
+    )
     for k, row in enumerate(rows):
         cells = [""] * 11 if 50 <= k < 60 else [f"{x:.8f}" for x in row]
         lines.append(f"{k},{T[k]:.6f}," + ",".join(cells))
@@ -199,7 +213,7 @@ def qualisys(path, kind="6D"):
             *(f"Rot[{k}]" for k in range(9)),
         ]
         lines.append("\t".join(cells))
-        angles, matrices = BODY.as_euler("XYZ", degrees=True), BODY.as_matrix().transpose(0, 2, 1).reshape(-1, 9)
+        angles, matrices = body().as_euler("XYZ", degrees=True), body().as_matrix().transpose(0, 2, 1).reshape(-1, 9)
         rows = np.column_stack([1 + np.arange(len(T)), T, 1e3 * seen(), angles, 0.4 * np.ones(len(T)), matrices])
         rows[50:60, 2:] = 0
     else:
@@ -240,9 +254,33 @@ def test_what_a_camera_saw_comes_to_the_joints_of_another_log_by_their_motion(tm
     assert recording.tolerances.frame_position == 10
     if camera.startswith(("Motive", "Qualisys 6D")):
         turned = Rotation.from_rotvec(recording.marker_rotations["tool0"][~lost])
-        assert (turned * BODY[~lost].inv()).magnitude().max() < 1e-5
+        assert (turned * body()[~lost].inv()).magnitude().max() < 1e-5
     else:
         assert np.abs(recording.markers["forearm_link"] - seen(marker="forearm_link")).max() < 1e-6
+
+
+def test_axes_that_were_drawn_in_the_cameras_program_are_not_the_frames(tmp_path, ur5):
+    camera = motive(tmp_path / "camera.csv", "Meters", 1.0, (0.3, 0, 0.4))
+    robot = logs.csv(tmp_path / "robot.csv", {"timestamp": 812.0 + T} | logs.numbered("actual_q_{}", Q, 0))
+    made = guess(read_logs([robot, camera]), ur5)
+    assert "# r.tool0: {from: [tool0.Rotation.X" in made.text
+    assert "left out: the body's axes are turned by 29 deg against the frame's" in made.text
+
+
+def test_where_a_robot_rests_often_what_it_does_in_between_is_left_out(tmp_path, ur5):
+    t = np.arange(0.0, 12.0, 0.02)
+    part = np.clip((t % 1.0) / 0.4, 0, 1)
+    way = np.floor(t) + part**3 * (10 - 15 * part + 6 * part**2)  # rests of 0.6 s
+    q = np.sin(np.outer(way, 0.7 + 0.21 * np.arange(6)))
+    place = Sagging(ARMS["ur5"].chain(), "tool0").seen(q, ("tool0",), t).reshape(-1, 3)
+    robot = logs.csv(tmp_path / "robot.csv", {"time": t} | logs.numbered("q{}", q))
+    columns = {"Time": t[40:] - 0.5} | {f"tool0.{axis} [m]": HALL.apply(place)[40:, k] for k, axis in enumerate("XYZ")}
+    done = imported(tmp_path, ur5, robot, logs.csv(tmp_path / "camera.csv", columns))
+    assert "12 rests: while joints move" in (tmp_path / "map.yaml").read_text()
+    assert "12 rests are left" in done.remarks[-1]
+    moving = (done.recording.time + 0.8) % 1.0 < 0.4
+    assert not moving.any()
+    assert len(done.recording) > 100
 
 
 def test_points_of_a_tracker_beside_a_list_of_joints_go_row_by_row(tmp_path, ur5):
