@@ -393,6 +393,11 @@ EFFORT_MATERIAL = 0.005
 EFFORT_IMITATED = 0.03
 #: Multiple of the declared noise beyond which what is left is not noise.
 EFFORT_LOUD = 1.5
+#: Multiple of the noise from which samples are looked at as an event that is none of the robot's own, that from which
+#: one is told, and how many times it is what is left elsewhere. Most of the samples, and most events: what comes more
+#: often is the robot's own.
+EFFORT_EVENT_LOUD, EFFORT_EVENT, EFFORT_EVENT_APART = 6.0, 12.0, 3.0
+MOST_IN_EFFORT_EVENTS, MOST_EFFORT_EVENTS = 0.1, 3
 #: Share of the efforts that may be left where no noise was declared, and nothing be missing.
 EFFORT_UNTOLD = 0.3
 #: Blocks of time below which none can be judged by the others.

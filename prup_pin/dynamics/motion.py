@@ -28,6 +28,8 @@ _KEPT, _LONG = 10.0, 40_000
 _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
 _STILL, _STILL_SHARE = 4.0, 2e-3
+#: Fewest samples between two stretches that are left out, for any of them to count.
+_SHORTEST = 16
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
 _MOST_ROWS, _MOST_SAMPLES = 400_000, 48_000
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
@@ -109,10 +111,16 @@ def _stands(recording: Recording, names: Sequence[str]) -> bool:
     return bool((np.abs(np.nan_to_num(moved)) > 0).any(axis=1).mean() < _MOVING)
 
 
-def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] | None = None) -> Motion:
+def motion_of(
+    recording: Recording,
+    mechanism: Mechanism,
+    driven: Sequence[str] | None = None,
+    without: Sequence[tuple[int, int]] = (),
+) -> Motion:
     """Return the motion that a recording tells of a mechanism's joints.
 
-    driven: the joints whose efforts are asked for, be they recorded or not; None: those that were recorded.
+    driven: the joints whose efforts are asked for, be they recorded or not; None: those that were recorded. without:
+    stretches of rows, the first and the last of each, that are left out: the joints are followed through them.
 
     Raises InputError where no joint has a position, or nothing lasts long enough to tell a speed.
     """
@@ -157,11 +165,15 @@ def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] 
     logged_acceleration = dict(zip(accelerations, clock.sampled(table[:, at:]).T, strict=True))
     _strange_speeds(names, position, logged_speed, clock)
 
+    rows = clock.rows[np.clip(np.searchsorted(clock.row_time, clock.time), 0, len(clock.rows) - 1)]
+    if clock.exact:
+        rows = clock.rows
+    counts, parts = _parted(rows, clock.piece, without)
     bands = []
     for column, name in enumerate(names):
         seen, key = (logged_speed[name], "qd") if name in logged_speed else (position[:, column], "q")
         thin = rates.every.get(f"{key}.{name}", 1)
-        bands.append(bandwidth(seen[::thin], clock.piece[::thin], rate / thin))
+        bands.append(bandwidth(seen[::thin], parts[::thin], rate / thin))
     moving = [band for band in bands if band > 0]
     compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]
     slowest = rate / max(rates.every.get(name, 1) for name in compared)
@@ -191,14 +203,11 @@ def motion_of(recording: Recording, mechanism: Mechanism, driven: Sequence[str] 
         "its noise" + ("" if speeds else "; speeds and accelerations are those of the positions")
     )
     every = max(1, int(rate / (_KEPT * cutoff)), min(len(clock) // _LONG, int(rate / (4 * cutoff))))
-    keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(clock.piece)])
+    keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(parts)])
     if every > 1:
-        efforts = LowPass(0.4 * rate / every, rate)(efforts, clock.piece)
+        efforts = LowPass(0.4 * rate / every, rate)(efforts, parts)
         rate /= every
-    keep, piece = _fewer(keep, clock.piece, remarks)
-    rows = clock.rows[np.clip(np.searchsorted(clock.row_time, clock.time), 0, len(clock.rows) - 1)]
-    if clock.exact:
-        rows = clock.rows
+    keep, piece = _fewer(keep[counts[keep]], parts, remarks)
     wrench = recording.wrench if recording.has_wrench else None
     return Motion(
         names=names,
@@ -261,6 +270,20 @@ def _smoother(stamped: EvenClock, counted: EvenClock, position: Array) -> EvenCl
         noise.append([floor_of(*seen, rate) if len(seen[0]) else 0.0 for seen in spectra])
     apart = [np.log(b / a) for a, b in zip(*noise, strict=True) if a > 0 and b > 0]
     return counted if apart and float(np.median(apart)) < 0 else stamped
+
+
+def _parted(rows: np.ndarray, piece: np.ndarray, without: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return which samples stand in none of some stretches of rows, and labels (N,) of pieces that end there too.
+
+    rows (N,): of the samples, which are of pieces `piece` (N,). Too little between two stretches goes with them.
+    """
+    if not without:
+        return np.ones(len(rows), bool), piece
+    counts = np.ones(len(rows), bool)
+    for first, last in without:
+        counts &= (rows < first) | (rows > last)
+    parts = np.concatenate(([0], np.cumsum((np.diff(counts) > 0) | (np.diff(piece) != 0))))
+    return counts & (np.bincount(parts) >= _SHORTEST)[parts], parts
 
 
 def _logged(group, names: tuple[str, ...]) -> list[str]:

@@ -297,15 +297,15 @@ class Columns:
         there = np.concatenate([which for which, _ in joints])
         return _Table(slice(int(there.min()), int(there.max()) + 1), joints) if len(there) else None
 
-    def dense(self, where: Sequence[int]) -> list[Array]:
+    def dense(self, where: Sequence[int], rows: slice = slice(None)) -> list[Array]:
         """Return some columns of each joint (n, p)."""
         place = np.full(self.size, -1)
         place[list(where)] = np.arange(len(where))
-        out = [np.zeros((len(self.target), len(where))) for _ in range(self.target.shape[1])]
+        out = [np.zeros((len(self.target[rows]), len(where))) for _ in range(self.target.shape[1])]
         for table in self._tables:
             for joint, (which, values) in enumerate(table.joints):
                 used = place[which] >= 0
-                out[joint][:, place[which[used]]] = values[:, used]
+                out[joint][:, place[which[used]]] = values[rows][:, used]
         return out
 
     def residual(self, where: Sequence[int], x: Array, rows: slice = slice(None)) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ import numpy as np
 from ...dynamics import InMotion, motion_of
 from ...errors import InputError
 from ...laws.efforts.free_curve import FreeCurve
+from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -34,6 +35,7 @@ from .likelier import likelier
 from .plausible import check_efforts
 from .relief import relieved, relieving, strain
 from .search import held_out, pruned, scores, searched, threshold, worth
+from .stretches import Stretch, stretches_of
 from .verdict import Verdict, is_of_time, rms_of
 
 __all__ = ["diagnose_efforts"]
@@ -56,20 +58,15 @@ def diagnose_efforts(
     """
     mechanism = robot.mechanism
     tell("the motion", 0.02)
-    motion = motion_of(recording, mechanism)
-    if not motion.driven:
-        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
-    at = InMotion.of(mechanism, motion)
-    if held is not None:
-        known = np.column_stack([held[name][motion.rows] for name in at.driven])
-        at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
-    tolerances = {key: float(value) for key, value in recording.tolerances.declared.items()}
-    declared = recording.noise.effort
+    plainly, stretches = _described(mechanism, recording, held)
+    at, tolerances, declared = plainly.at, _tolerances(recording), recording.noise.effort
 
     def searched_by(gains: Gains | None, share: tuple[float, float]) -> tuple[list[str], Efforts, Gathered, Chosen]:
         scale = np.ones(len(at.driven)) if gains is None else gains.gains
         doubts = check_efforts(at, scale)
-        efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
+        efforts = plainly
+        if gains is not None:
+            efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
         first, last = share
         return doubts, *_found(efforts, gains is not None, lambda s: tell(_LAWS, first + (last - first) * s))
 
@@ -87,8 +84,36 @@ def diagnose_efforts(
     given, chosen = relieved(given, chosen, efforts.with_curves)
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
-    found = Verdict(robot, recording, efforts, given, chosen, free, imitating, gains).whole()
+    found = Verdict(robot, recording, efforts, given, chosen, free, imitating, gains, stretches).whole()
     return replace(found, remarks=(*doubts, *found.remarks))
+
+
+def _described(
+    mechanism: Mechanism, recording: Recording, held: Mapping[str, Array] | None
+) -> tuple[Efforts, tuple[Stretch, ...]]:
+    """Return the efforts of a recording but for a few stretches that no law describes, and these."""
+    efforts = _efforts(mechanism, recording, (), held)
+    found = stretches_of(efforts.at, efforts.every, efforts.outlying)
+    return (_efforts(mechanism, recording, found, held) if found else efforts), tuple(found)
+
+
+def _efforts(
+    mechanism: Mechanism, recording: Recording, found: Sequence[Stretch], held: Mapping[str, Array] | None
+) -> Efforts:
+    """Return the efforts of a recording without stretches of it."""
+    motion = motion_of(recording, mechanism, without=[stretch.rows for stretch in found])
+    if not motion.driven:
+        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
+    at = InMotion.of(mechanism, motion)
+    if held is not None:
+        known = np.column_stack([held[name][motion.rows] for name in at.driven])
+        at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
+    noise = recording.noise.effort
+    return Efforts(at, _tolerances(recording), np.full(len(at.driven), noise) if noise else None)
+
+
+def _tolerances(recording: Recording) -> dict[str, float]:
+    return {key: float(value) for key, value in recording.tolerances.declared.items()}
 
 
 def _found(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:

@@ -35,6 +35,7 @@ from .columns import (
 from .combinations import Combinations
 from .normal import Normal
 from .search import pulls
+from .stretches import Outlying, outlying
 
 __all__ = ["Base", "Efforts"]
 
@@ -92,6 +93,7 @@ class Efforts:
                     continue
                 for values in law.scanned(place, at):
                     self._fixed.append((law, place, values, self.seen(law.efforts_per(place, values, at))))
+        self.outlying: list[Outlying] = []
         self.whitening, self._plain = self._whitened()
 
     def seen(self, efforts: Array) -> ByJoint:
@@ -131,6 +133,8 @@ class Efforts:
         scale = np.diag(given.columns.total)
         eased = self._given(given.columns, given.candidates, given.prior + 1e-6 * scale)
         x, _ = fit(eased, everything)
+        if not self.at.motion.standing:
+            self.outlying = outlying(eased, x, plain.good, self.piece)
         residual = given.columns.residual(everything.where, x) / flat[:, 0]
         orders = (0 if self.at.motion.standing else AR_ORDER, 0)
         white, plain = (

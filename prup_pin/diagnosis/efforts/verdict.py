@@ -48,6 +48,7 @@ from .likelier import is_body, odds
 from .normal import Normal
 from .relief import strain
 from .search import held_out, scores, threshold, uncertainty
+from .stretches import Stretch
 
 __all__ = ["Verdict"]
 
@@ -73,8 +74,9 @@ class Verdict:
         free: Sequence[EffortCandidate],
         imitating: Sequence[EffortCandidate],
         gains: Gains | None = None,
+        stretches: Sequence[Stretch] = (),
     ):
-        self.gains = gains
+        self.gains, self.stretches = gains, stretches
         # reported per true effort: all figures are in the recording's own unit
         self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
         self.robot, self.recording, self.efforts = robot, recording, efforts
@@ -145,6 +147,8 @@ class Verdict:
             "explains all"
             for name in dict.fromkeys(term.place.name for term in doubtful)
         ]
+        advice = self._advice(findings, unknown)
+        unknown += [stretch.finding() for stretch in self.stretches]
         verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
         return EffortDiagnosis(
             joints=self.at.driven,
@@ -168,7 +172,7 @@ class Verdict:
             curves=tuple(self._curves()),
             verdict=verdict,
             not_detectable=tuple(self._not_detectable()),
-            advice=self._advice(findings, unknown),
+            advice=advice,
             remarks=tuple(remarks),
             rows=motion.rows[every],
             standing=motion.standing,

@@ -1,0 +1,226 @@
+"""Short stretches of time that are none of the robot's own: brakes that fell in, something that it ran into.
+
+All laws of the library and curves of no law, fitted together, follow what comes again as joints move; what happens once
+they leave where it stands. Such a stretch is left out, the fit is made again without it, and so on until nothing loud
+is left. It is told where it lies far beyond all that is left elsewhere, and beyond what a fit to the rest may be wrong
+there: of a motion that is not made a second time the rest tells little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from ...dynamics import InMotion
+from ...dynamics.smoothing import pieces
+from ...numbers import number
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_EVENT,
+    EFFORT_EVENT_APART,
+    EFFORT_EVENT_LOUD,
+    MOST_EFFORT_EVENTS,
+    MOST_IN_EFFORT_EVENTS,
+)
+from ..diagnosis import Finding
+from .columns import Gathered
+from .normal import unit_lengths
+
+__all__ = ["Outlying", "Stretch", "outlying", "stretches_of"]
+
+#: Kept samples that are looked at together, and those at an end of a piece where filters have not settled.
+_WINDOW, _END = 4, 8
+#: Share of the loudest window that others must have to be left out with it.
+_AS_LOUD = 0.5
+#: Multiples of the noise that still belong to a stretch, and samples between two of them.
+_AROUND, _BETWEEN = 3.0, 6
+#: Of unit columns, squared: keeps combinations that nothing tells where they are.
+_ROUNDING = 1e-9
+#: Periods of the cut-off on either side that go with a stretch.
+_SPREAD = 1.0
+#: Share of the loudest joint's that another joint must have to be told.
+_OF_MOST = 0.2
+
+
+@dataclass(frozen=True)
+class Outlying:
+    """Kept samples `first` to `last` that no law describes: joints (by place), and so many times their noise."""
+
+    first: int
+    last: int
+    joints: tuple[int, ...]
+    times: float
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """From `begin` to `end` [s] no law describes the efforts of `joints`: so many `times` what is left elsewhere.
+
+    rows: of the recording, the first and the last that go with it.
+    """
+
+    begin: float
+    end: float
+    joints: tuple[str, ...]
+    times: float
+    rows: tuple[int, int]
+
+    def finding(self) -> Finding:
+        """Return what is told of it."""
+        where = self.joints[0] if len(self.joints) == 1 else "robot"
+        text = (
+            f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s: not described by any law. "
+            f"{', '.join(self.joints)} {'is' if len(self.joints) == 1 else 'are'} {number(self.times, 2)} times as far "
+            "off there as all laws leave elsewhere: was the robot stopped by its brakes, or did it run into something? "
+            "That stretch was left out of all else"
+        )
+        return Finding("unknown", where, tuple(dict.fromkeys((where, *self.joints))), {}, 0.0, text)
+
+
+def stretches_of(at: InMotion, every: np.ndarray, found: Sequence[Outlying]) -> list[Stretch]:
+    """Return stretches of a recording; `every` (n,): which samples of the motion were kept."""
+    motion, out = at.motion, []
+    spread = _SPREAD / motion.low_pass.cutoff
+    for one in found:
+        begin, end = (float(motion.time[every[place]]) for place in (one.first, one.last))
+        near = motion.piece == motion.piece[every[one.first]]
+        near &= (motion.time >= begin - spread) & (motion.time <= end + spread)
+        rows = motion.rows[near]
+        joints = tuple(at.driven[joint] for joint in one.joints)
+        out.append(Stretch(begin, end, joints, one.times, (int(rows[0]), int(rows[-1]))))
+    return out
+
+
+def outlying(given: Gathered, x: Array, good: np.ndarray, piece: np.ndarray) -> list[Outlying]:
+    """Return the stretches that nothing describes, in time; none where what is left is loud all over.
+
+    given: columns of all laws and curves, on plain weights, and x their fit; good (n, k): samples that count, of pieces
+    `piece` (n,).
+    """
+    rest = _Rest(given, x, good)
+    windows = list(_windows(piece))
+    while True:
+        loud = np.array([rest.loudness(window) for window in windows])
+        loud[[bool(rest.out[window].any()) for window in windows]] = 0.0
+        if not loud.max(initial=0.0) > EFFORT_EVENT_LOUD:
+            break
+        rest = rest.without(
+            [windows[place] for place in np.flatnonzero(loud >= max(_AS_LOUD * loud.max(), EFFORT_EVENT_LOUD))]
+        )
+        if rest.out.mean() > MOST_IN_EFFORT_EVENTS:
+            return []
+    around = np.abs(rest.left / rest.noise).max(axis=1) > _AROUND
+    spans = sorted(_spans(rest.out, around, piece), key=rest.strength)
+    # what is only loud beside a loud one, or as all is fitted without it, is put back
+    for rows in spans[:-1]:
+        tried = rest.including(rows)
+        if tried.loudness(rows) < EFFORT_EVENT_LOUD:
+            rest = tried
+    loudest = max((rest.loudness(window) for window in windows if not rest.out[window].any()), default=0.0)
+    found = []
+    for rows in sorted(spans, key=lambda rows: rows.start):
+        if rest.out[rows].any() and rest.strength(rows) > max(EFFORT_EVENT, EFFORT_EVENT_APART * loudest):
+            by_joint = np.sqrt(np.mean((rest.left[rows] / rest.noise) ** 2, axis=0))
+            joints = np.flatnonzero(by_joint > _OF_MOST * by_joint.max())
+            found.append(Outlying(rows.start, rows.stop - 1, tuple(joints.tolist()), float(by_joint.max())))
+    return found if len(found) <= MOST_EFFORT_EVENTS else []
+
+
+class _Rest:
+    """A fit to all samples but those `out` (n,): what it leaves (n, k), there too, and the noise (k,) elsewhere."""
+
+    def __init__(self, given: Gathered, x: Array, good: np.ndarray):
+        columns = given.columns
+        self._columns, self._every, self._good = columns, range(columns.size), good
+        self._matrix, self._pull = columns.total + np.diag(given.prior), columns.moment.sum(axis=0)
+        self.out = np.zeros(len(good), bool)
+        self._leave(x)
+
+    def _leave(self, x: Array) -> None:
+        self.left = np.where(self._good, self._columns.residual(self._every, x), 0.0)
+        self.noise = _noise(self.left, self._good & ~self.out[:, None])
+
+    def _with(self, parts: Sequence[slice], sign: float) -> _Rest:
+        other = copy(self)
+        other.out = self.out.copy()
+        for rows in parts:
+            other.out[rows] = sign < 0
+            for joint, table in enumerate(self._columns.dense(self._every, rows)):
+                other._matrix = other._matrix + sign * table.T @ table
+                other._pull = other._pull + sign * table.T @ self._columns.target[rows, joint]
+        other._leave(_solved(other._matrix, other._pull))
+        return other
+
+    def without(self, parts: Sequence[slice]) -> _Rest:
+        """Return the fit to all but some more samples."""
+        return self._with(parts, -1.0)
+
+    def including(self, rows: slice) -> _Rest:
+        """Return the fit to some samples too, as far as they were out."""
+        place = np.arange(rows.start, rows.stop)[self.out[rows]]
+        parts = np.split(place, np.flatnonzero(np.diff(place) > 1) + 1)
+        return self._with([slice(int(part[0]), int(part[-1]) + 1) for part in parts if len(part)], 1.0)
+
+    def loudness(self, rows: slice) -> float:
+        """Return the root mean square of what is left in some samples, in multiples of the noise of the worst joint."""
+        times, count = (self.left[rows] / self.noise) ** 2, self._good[rows].sum(axis=0)
+        return float(np.sqrt((times.sum(axis=0) / np.maximum(count, 1)).max()))
+
+    def strength(self, rows: slice) -> float:
+        """Return the same of all joints, and less what the fit to the rest may be wrong there."""
+        there = [self._good[rows, joint] for joint in range(len(self.noise))]
+        tables = self._columns.dense(self._every, rows)
+        table = np.concatenate([own[at] for own, at in zip(tables, there, strict=True)])
+        left = np.concatenate([self.left[rows, joint][at] for joint, at in enumerate(there)])
+        sizes = np.concatenate([np.full(at.sum(), self.noise[joint]) for joint, at in enumerate(there)])
+        spread = np.diag(sizes**2) + float(np.mean(self.noise**2)) * table @ _solved(self._matrix, table.T)
+        return float(np.sqrt(left @ np.linalg.solve(spread, left) / (rows.stop - rows.start)))
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Return the solution (p, ...) of normal equations that a little shrinkage keeps definite."""
+    scale = unit_lengths(np.diag(matrix))
+    factor = cho_factor(matrix * scale[:, None] * scale + _ROUNDING * np.eye(len(scale)))
+    return (scale * cho_solve(factor, (scale * right.T).T).T).T
+
+
+def _windows(piece: np.ndarray) -> Iterator[slice]:
+    for where in pieces(piece):
+        for first in range(where.start + _END, where.stop - _END - _WINDOW + 1, _WINDOW):
+            yield slice(first, first + _WINDOW)
+
+
+def _noise(left: Array, good: np.ndarray) -> Array:
+    """Return the noise of each joint (k,), whatever a few samples are."""
+    sizes = [
+        1.4826 * float(np.median(np.abs(own[at]))) if at.any() else 0.0 for own, at in zip(left.T, good.T, strict=True)
+    ]
+    return np.maximum(sizes, max(max(sizes), np.finfo(float).tiny) * 1e-6)
+
+
+def _spans(out: np.ndarray, around: np.ndarray, piece: np.ndarray) -> Iterator[slice]:
+    """Yield the stretches of samples that are left out (n,), with those beside them that are still `around`."""
+    for where in pieces(piece):
+        here, near = out[where], around[where]
+        at = np.flatnonzero(here)
+        if not len(at):
+            continue
+        last_end = 0
+        for part in np.split(at, np.flatnonzero(np.diff(at) > _BETWEEN) + 1):
+            first, last = int(part[0]), int(part[-1])
+            if first < last_end:
+                continue
+            while first > last_end and near[max(first - 2, 0) : first].any():
+                first -= 1
+            while last < len(near) - 1 and near[last + 1 : last + 3].any():
+                last += 1
+            while not near[first] and first < last:
+                first += 1
+            while not near[last] and last > first:
+                last -= 1
+            last_end = last + 1
+            yield slice(where.start + first, where.start + last + 1)

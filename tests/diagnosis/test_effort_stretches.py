@@ -1,0 +1,58 @@
+"""A robot that is stopped by brakes, or runs into something: that stretch is told, and nothing is made of it."""
+
+import re
+
+import numpy as np
+import pytest
+
+from prup_pin import load
+from prup_pin.diagnosis import diagnose
+from prup_pin.dynamics import motion_of
+from tests.diagnosis.test_efforts import AXIS, axis, named
+
+
+@pytest.fixture(scope="module")
+def carriage():
+    return load(AXIS)
+
+
+def struck(recording, *blows):
+    """Return a recording with efforts that no body explains, by (begin, end [s], size [N])."""
+    tau = recording.efforts["carriage"].copy()
+    for begin, end, size in blows:
+        there = (recording.time >= begin) & (recording.time <= end)
+        tau[there] += size * np.sin(np.pi * (recording.time[there] - begin) / (end - begin))
+    return recording.with_measurements(efforts={"carriage": tau})
+
+
+def test_a_blow_is_told_by_its_time_and_left_out_of_all_else(carriage):
+    found = diagnose(carriage, struck(axis(2500, damping=200.0, limit=20.0), (4.0, 4.4, -150.0)))
+    assert found.verdict == "unexplained"
+    words = {("viscous_friction", "carriage"), ("coulomb_friction", "carriage")}
+    assert named(found) == words | {("unknown", "carriage")}
+    (unknown,) = (finding for finding in found.findings if finding.physics == "unknown")
+    told = re.match(r"between t = ([\d.]+) s and ([\d.]+) s: not described by any law", unknown.statement)
+    begin, end = map(float, told.groups())
+    assert 3.8 < begin < 4.1
+    assert 4.3 < end < 4.6
+    values = {finding.physics: finding.parameters for finding in found.findings}
+    assert values["viscous_friction"]["damping"].value == pytest.approx(200.0, rel=0.01)
+    assert values["coulomb_friction"]["limit"].value == pytest.approx(20.0, rel=0.01)
+    assert found.after["fit"] < 1.2
+    assert not ((found.efforts.time > begin) & (found.efforts.time < end)).any()
+
+
+def test_blows_all_along_are_the_robots_own(carriage):
+    blows = [(1.2 * k, 1.2 * k + 0.2, 150.0) for k in range(1, 8)]
+    found = diagnose(carriage, struck(axis(2500), *blows))
+    assert not any("not described by any law" in finding.statement for finding in found.findings)
+    assert np.ptp(np.diff(found.efforts.time)) < 1e-9
+
+
+def test_too_little_between_two_stretches_goes_with_them(carriage):
+    recording = axis(2000)
+    motion = motion_of(recording, carriage.mechanism, without=[(500, 600), (607, 700)])
+    assert np.isin([490, 710], motion.rows // 10 * 10).all()
+    assert not ((motion.rows >= 500) & (motion.rows <= 700)).any()
+    assert len(np.unique(motion.piece)) == 2
+    assert np.diff(motion.rows)[np.diff(motion.piece) == 0].max() < 100
