@@ -17,6 +17,7 @@ from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, w
 from ..mechanism import Frame
 from ..robot import Robot
 from ..spatial import Array
+from .overdriven import Overdriven
 
 __all__ = ["Memory", "Run", "Simulator"]
 
@@ -30,7 +31,10 @@ Memory = Mapping[type[Deed], Any]
 
 @dataclass(frozen=True)
 class Geometry:
-    """A robot's geometry with the poses of all samples: `poses[rows]`; `reachable` (N,) is False where none exists."""
+    """A robot's geometry with the poses of all samples: `poses[rows]`; `reachable` (N,) is False where none exists.
+
+    beyond (poses, a): what the actuators of a robot that has more of them than motions say beside its poses [m, rad].
+    """
 
     robot: Robot
     chain: Chain
@@ -38,6 +42,14 @@ class Geometry:
     rows: np.ndarray
     reachable: np.ndarray
     reasons: dict[int, str]
+    beyond: Array
+
+    def under(self, conditions: Conditions, rows: np.ndarray) -> Conditions:
+        """Return the conditions of samples in these poses, with what their actuators say beside them."""
+        if not self.beyond.any():
+            return conditions
+        beyond, travel = self.beyond[rows], conditions.actuators
+        return replace(conditions, actuators=beyond if travel is None else travel + beyond)
 
 
 @dataclass(frozen=True)
@@ -139,7 +151,8 @@ class Simulator:
         histories = {
             kind: history for kind in DEEDS if (history := kind.history(setup, samples, chain, held.get(kind)))
         }
-        found = self._followed(geometry, chain, rows, setup.conditions(samples), begin, histories.values())
+        conditions = geometry.under(setup.conditions(samples), rows)
+        found = self._followed(geometry, chain, rows, conditions, begin, histories.values())
         solved = np.zeros(len(self.inputs), bool)
         solved[samples[found.converged]] = True
         return Run(setup, geometry, solved, samples, found, histories)
@@ -166,6 +179,8 @@ class Simulator:
         actuators = self.inputs.actuators
         unique, rows = np.unique(actuators, axis=0, return_inverse=True)
         poses: list[ClosedPose] = []
+        beyond: list[Array] = []
+        overdriven = Overdriven(robot)
         index, reasons = np.full(len(unique), -1), {}
         last = None
         for place, values in enumerate(unique):
@@ -178,15 +193,21 @@ class Simulator:
                     pose = None
                 if pose is None:
                     pose = robot.pose_from_actuators(values)
+                left = np.zeros(len(values))
             except PrupPinError as error:
-                for sample in np.flatnonzero(rows == place):
-                    reasons[int(sample)] = str(error)
-                continue
+                found = overdriven.pose(values)
+                if found is None:
+                    for sample in np.flatnonzero(rows == place):
+                        reasons[int(sample)] = str(error)
+                    continue
+                pose, left = found
             index[place] = len(poses)
             poses.append(pose)
+            beyond.append(left)
             last = pose if robot.mechanism.loops else None
         placed = index[rows.ravel()]
-        return Geometry(robot, chain_of(robot._statics), poses, placed, placed >= 0, reasons)
+        apart = np.reshape(beyond, (len(poses), actuators.shape[1]))
+        return Geometry(robot, chain_of(robot._statics), poses, placed, placed >= 0, reasons, apart)
 
     def _begin(
         self, start: Run | None, setup: Setup, geometry: Geometry, rows: np.ndarray, samples: np.ndarray
