@@ -7,6 +7,7 @@ To add one: a final class in a file, and one line in `LAWS`. The contract is in 
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from .backlash import Backlash, BacklashByAxis
+from .base_compliance import BaseCompliance, UnevenBaseCompliance
 from .coulomb_friction import CoulombFriction
 from .creep import CreepLaw
 from .eccentric_encoder import EccentricEncoder, OvalEncoder
@@ -58,6 +59,8 @@ LAWS: tuple[Law, ...] = (
     OffCentrePayload(),
     ExternalSpring(),
     UnevenSpring(),
+    BaseCompliance(),
+    UnevenBaseCompliance(),
     Shear(),
     Torsion(),
     ThermalGrowth(),

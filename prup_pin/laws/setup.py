@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,7 @@ class Setup:
     mass_factors: dict[str, float] = field(default_factory=dict)  # of links
     yielding: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of joints, by name and way
     springs: list[ToolSpring] = field(default_factory=list)
+    base: Array | None = None  # (6, 6), how the base gives way under all that acts, about its origin
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
     reports: list[PoseReport] = field(default_factory=list)
@@ -121,14 +122,20 @@ class Setup:
     def conditions(self, samples: np.ndarray) -> Conditions:
         """Return the conditions of samples (n,), without what remembers."""
         travel = self.travel[samples]
-        return Conditions(
-            wrench=self.wrench[samples],
-            gravity=self.gravity(samples) * self.weight if self.weight else None,
+        return replace(
+            self.loads(samples),
             spread_weight=self.spread_weight,
             strains={name: Strains(item.take(samples) for item in items) for name, items in self.strains.items()},
             actuators=travel if np.any(travel) else None,
             offsets=dict(self.offsets),
             loop_offsets=dict(self.loop_offsets),
+        )
+
+    def loads(self, samples: np.ndarray) -> Conditions:
+        """Return what pulls at the robot at samples (n,), and nothing else."""
+        return Conditions(
+            wrench=self.wrench[samples],
+            gravity=self.gravity(samples) * self.weight if self.weight else None,
             mass_factors=self._masses(),
             springs=tuple((np.array(item.stiffness), np.array(item.slack)) for item in self.springs),
         )

@@ -5,6 +5,7 @@ from .equilibrium import Equilibria, find_equilibria
 from .first_order import FirstOrder, elastic_deformation
 from .loaded_pose import Energy, LoadedPose, find_loaded_pose
 from .other_values import deformation_of_law
+from .residual import loads_on_bodies
 from .rigid_samples import RigidSamples
 from .rod import LoadedRod, loaded_rod
 from .state import Conditions, State
@@ -25,5 +26,6 @@ __all__ = [
     "find_equilibria",
     "find_loaded_pose",
     "loaded_rod",
+    "loads_on_bodies",
     "with_values",
 ]

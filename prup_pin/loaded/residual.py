@@ -22,7 +22,7 @@ from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "sliding_force"]
+__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "loads_on_bodies", "sliding_force"]
 
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
 _UNBALANCED, _OPEN, _JAMMED = 1e-6, 1e-8, 1e-10
@@ -85,7 +85,7 @@ def evaluated(
     tool = placements[:, structure.tool.joint] @ structure.tool.placement
     gaps = structure.closure.gaps(placements, conditions.loop_offsets)
     loops = structure.closure.forces(gaps, state.closure)
-    carried = _carried(structure, placements, tool, loops, conditions)
+    carried = _carried(structure, placements, loops, conditions)
     nq, nd, ne, _ = structure.sizes
     along = (screws[:, : nq + nd] * carried[:, structure.column_joint[: nq + nd]]).sum(-1)
     seen = _module_loads(structure, frames, carried)
@@ -188,24 +188,31 @@ def _in_base(placement: Array, subspace: Array) -> Array:
 # --------------------------------------------------------------------------------------------------------------- loads
 
 
-def _carried(structure: Structure, placements: Array, tool: Array, loops: LoopForces, conditions: Conditions) -> Array:
-    """Return the base wrench that every joint carries, (N, joints, 6): the sum of all loads on its subtree."""
+def loads_on_bodies(structure: Structure, placements: Array, conditions: Conditions) -> Array:
+    """Return the base wrenches of the tool's load, springs and weight on joints' bodies, (N, joints, 6)."""
     n = len(placements)
     bodies = np.zeros((n, structure.count, 6))
-    moment, point = conditions.wrench[:, 3:], tool[:, :3, 3]
+    moment, point = conditions.wrench[:, 3:], (placements[:, structure.tool.joint] @ structure.tool.placement)[:, :3, 3]
     force = conditions.force_at(point)
     bodies[:, structure.tool.joint, :3] += force
     bodies[:, structure.tool.joint, 3:] += moment + cross(point, force)
-    for index, loop in enumerate(structure.loops):
-        # The gap's force acts on the second body; it pulls the bodies together, so the sign is free: unknown.
-        bodies[:, loop.second.joint] += loops.wrench[:, index]
-        bodies[:, loop.first.joint] -= loops.wrench[:, index]
     if conditions.gravity is not None:
         masses, levers = structure.weighed(conditions.mass_factors)
         weight = masses[:, None] * conditions.gravity[..., None, :]
         centres = (placements[:, :, :3, :3] @ levers[:, :, None])[..., 0] + placements[:, :, :3, 3]
         bodies[..., :3] += weight
         bodies[..., 3:] += cross(centres, weight)
+    return bodies
+
+
+def _carried(structure: Structure, placements: Array, loops: LoopForces, conditions: Conditions) -> Array:
+    """Return the base wrench that every joint carries, (N, joints, 6): the sum of all loads on its subtree."""
+    n = len(placements)
+    bodies = loads_on_bodies(structure, placements, conditions)
+    for index, loop in enumerate(structure.loops):
+        # The gap's force acts on the second body; it pulls the bodies together, so the sign is free: unknown.
+        bodies[:, loop.second.joint] += loops.wrench[:, index]
+        bodies[:, loop.first.joint] -= loops.wrench[:, index]
     return (structure.support @ bodies.reshape(n, structure.count, 6)).reshape(n, structure.count, 6)
 
 

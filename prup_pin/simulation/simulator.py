@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import PrupPinError
 from ..kinematics import ClosedPose
 from ..laws import Effect, Inputs, Setup
-from ..laws.deeds import DEEDS, Deed, History, yielding_values
+from ..laws.deeds import DEEDS, Deed, History, base_motion, carried_along, yielding_values
 from ..loaded import Chain, Conditions, Equilibria, chain_of, find_equilibria, with_values
 from ..mechanism import Frame
 from ..robot import Robot
@@ -84,7 +84,11 @@ class Run:
     def pose_of(self, frame: Frame) -> tuple[Array, Array]:
         """Return position (N, 3) and rotation (N, 3, 3) of a frame as the pose sensor reports them; NaN if unsolved."""
         n, good = len(self.solved), self.equilibria.converged
-        placements = self.equilibria.evaluation.placements[good][:, frame.joint] @ frame.placement
+        placed = self.equilibria.evaluation.placements[good]
+        placements = placed[:, frame.joint] @ frame.placement
+        if self.setup.base is not None:
+            moved = base_motion(self.setup, self.samples[good], self.equilibria.chain.structure, placed)
+            placements = carried_along(moved, placements)
         position, rotation = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         position[self.samples[good]], rotation[self.samples[good]] = placements[:, :3, 3], placements[:, :3, :3]
         return self.setup.reported(position, rotation, frame.name)

@@ -3,13 +3,16 @@
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.errors import UnknownNameError
-from prup_pin.recordings import LoadProgramme, Noise, RandomPoses, TestPlan, Tolerances, add_noise
+from prup_pin.recordings import LoadProgramme, Noise, RandomPoses, Recording, TestPlan, Tolerances, add_noise
 from prup_pin.simulation import effect_named, simulate
+
+from ..statics.build import RobotFile
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 BOXES = {
@@ -59,6 +62,7 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
             marks=pytest.mark.slow,
         ),
         ("six_ups", ("geometric_offset", "leg1_s3", "seat", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
+        ("six_ups", ("base_compliance", "base", "", {"translation": 3e-8, "rotation": 5e-8})),
         ("six_ups", ("external_spring", "environment", "", {"stiffness": 4e3, "x": 0.1, "y": -0.1, "z": 0.8})),
         pytest.param(
             "3prup",
@@ -132,3 +136,22 @@ def test_a_tolerance_without_effect_is_told():
     found = diagnose(robot("six_ups"), recording)
     assert found.verdict == "nothing_missing"
     assert [text for text in found.remarks if "the tolerance inertia changes nothing here" in text]
+
+
+def test_a_spring_on_ground_that_gives_way_along_it_is_told_with_the_ground(tmp_path):
+    """Loads along a lone slide cannot tell its spring from what it stands on."""
+    file = RobotFile()
+    file.link("block")
+    file.held("slide", "base", "block", axis=(1, 0, 0))
+    file.module("spring", "joint_spring", "slide", {"stiffness": 2e5})
+    lone = file.load(tmp_path, "block")
+    rng = np.random.default_rng(1)
+    wrench = np.outer(rng.normal(0, 60, 48), np.eye(6)[0])
+    at = {"slide": np.repeat(rng.uniform(-0.2, 0.2, 12), 4)}
+    inputs = Recording(time=np.arange(48.0), positions=at, wrench=wrench, noise=NOISE)
+    ground = effect_named("base_compliance", "base", "", {"translation": 5e-6, "rotation": 1e-8}, lone.mechanism)
+    seen = simulate(lone, inputs, [ground])
+    measured = inputs.with_measurements(position=seen.position, rotation=seen.rotation)
+    (law,) = diagnose(lone, add_noise(measured, NOISE, 4)).findings
+    assert {"spring", "base"} <= set(law.candidates)
+    assert "base_compliance at base" in (law.physics + " at " + law.location, *law.alternatives)

@@ -97,6 +97,9 @@ CASES = [
                 closing_load=0.5), within=0.08),
     case("a hose", "external_spring", "environment", {"stiffness": 1500.0, "rest": [0.02, -0.05, 0.43]},
          effect(laws.ExternalSpring, "environment", stiffness=1500.0, x=0.02, y=-0.05, z=0.43)),
+    case("soft ground", "base_compliance", "base", {"translation": [1e-8, 3e-8, 2e-8], "rotation": [2e-6, 1e-6, 3e-6]},
+         effect(laws.UnevenBaseCompliance, "base", "by axis", translation_x=1e-8, translation_y=3e-8,
+                translation_z=2e-8, rotation_x=2e-6, rotation_y=1e-6, rotation_z=3e-6)),
     case("contact", "hertzian_contact", "leg3/R_theta_P", {"f0": 3.0, "f_ref": 2e5},
          effect(laws.HertzianContact, "leg3/R_theta_P", "radial", preload=3.0, reference_load=2e5)),
     # The device's secant reading, k ((F + F_0) / F_r)^(1/3) = F / x, is ours with F_r / 1.5^3 but for loads near F_0.

@@ -22,7 +22,7 @@ PARTS = (
     *("R_lambda", "R_phi", "R_theta_P", "moving_star_branch", "base"),
 )
 PLACES = {f"leg{leg}/{part}" for leg in (1, 2, 3) for part in PARTS}
-PLACES |= {"moving_star", "target", "wrench_sensor", "pose_sensor", "environment", "robot"}
+PLACES |= {"moving_star", "target", "wrench_sensor", "pose_sensor", "environment", "base", "robot"}
 #: Laws that no pose shows alone: torsion, since no torque reaches the beams unless a joint resists.
 HIDDEN = (Torsion,)
 #: The five-bar's gravity is perpendicular to its plane.

@@ -440,6 +440,39 @@ def test_a_hose_shares_the_load_with_the_spring(spring):
     np.testing.assert_allclose(pulled(spring, forces, [across])[:, 0], forces / K, rtol=1e-9)
 
 
+@pytest.fixture
+def boom(tmp_path):
+    """4 kg on a rigid slide along x that begins at (0.5, 0, 1)."""
+    file = RobotFile(gravity=(0.0, 0.0, -9.80665))
+    file.link("trolley", mass=4.0)
+    file.held("slide", "base", "trolley", xyz=(0.5, 0.0, 1.0), axis=(1, 0, 0))
+    return file.load(tmp_path, "trolley")
+
+
+def test_a_base_gives_way_under_what_pulls_at_the_tool(boom):
+    """It is shifted by c F and turned by r (p x F) about its origin; a turn moves the tool by turn x p."""
+    forces = np.array([0.0, 300.0, -200.0])  # along y: the moment is F (-1, 0, 0.5)
+    alike = of(laws.BaseCompliance, "base", translation=2e-8, rotation=1e-8)
+    moved = pulled(boom, forces, [alike], axis=1)
+    np.testing.assert_allclose(moved[:, 1], forces * (2e-8 + 1e-8 * (1.0 + 0.25)), rtol=1e-5)
+    np.testing.assert_allclose(moved[:, [0, 2]], 0, atol=1e-10)
+    shifts = {f"translation_{axis}": 0.0 for axis in "xyz"}
+    tilts = of(
+        laws.UnevenBaseCompliance, "base", "by axis", **shifts, rotation_x=3e-8, rotation_y=5e-8, rotation_z=7e-8
+    )
+    np.testing.assert_allclose(pulled(boom, forces, [tilts], axis=1)[:, 1], forces * (3e-8 + 7e-8 / 4), rtol=1e-5)
+
+
+def test_a_base_stands_at_zero_under_the_weight_at_home(boom):
+    """Where a pose moves the weight outwards by 0.3 m, the base turns by r m g 0.3."""
+    weight, out = of(laws.SelfWeight, "robot", scale=1.0), np.array([[0.0], [0.3]])
+    soft = of(laws.BaseCompliance, "base", translation=1e-7, rotation=1e-6)
+    moved = pulled(boom, [0.0, 0.0], [weight, soft], actuators=out)
+    np.testing.assert_allclose(moved[0], 0, atol=1e-15)
+    turn = 1e-6 * 4.0 * 9.80665 * 0.3
+    np.testing.assert_allclose(moved[1] - [0.3, 0, 0], [turn * 1.0, 0, -turn * 0.8], rtol=1e-4, atol=1e-12)
+
+
 def test_a_payload_is_a_dead_force():
     setup = acting(of(laws.Payload, "moving_star", mass=2.5))
     np.testing.assert_allclose(setup.wrench - setup.inputs.wrench, [[0, 0, 2.5 * 9.80665, 0, 0, 0]] * 10, atol=1e-12)

@@ -12,6 +12,7 @@ from .strain import Along, ExtraStrain, Strain, Strains
 from .travel import ChangedLength, MovedJoint, MovedLoopEnd, Travel
 from .value import ChangedValue
 from .yielding import YieldingJoint, tilting_matrix, yield_of, yielding_values
+from .yielding_base import YieldingBase, base_motion, carried_along
 
 #: Every kind, in the order in which their first-order effects are added up.
 DEEDS: tuple[type[Deed], ...] = (
@@ -29,6 +30,7 @@ DEEDS: tuple[type[Deed], ...] = (
     MovedJoint,
     MovedLoopEnd,
     YieldingJoint,
+    YieldingBase,
     PoseReport,
 )
 
@@ -59,7 +61,10 @@ __all__ = [
     "Wandering",
     "Weight",
     "WrenchReading",
+    "YieldingBase",
     "YieldingJoint",
+    "base_motion",
+    "carried_along",
     "tilting_matrix",
     "yield_of",
     "yielding_values",

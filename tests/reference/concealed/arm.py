@@ -76,6 +76,16 @@ class Arm(Machine):
                 bent[..., : i + 1, :] += np.cross(centre[..., None, :] - places[..., : i + 1, :], weight)
         return (axes * bent).sum(-1)
 
+    def _weights(self, standing):
+        places, _, frames = self._chain(standing)
+        return [
+            (
+                np.array([0.0, 0.0, -G * MASSES[i] * self._factor(f"link{i + 1}")]),
+                places[:, i] + frames[:, i] @ CENTRES[i],
+            )
+            for i in range(6)
+        ]
+
     def _equilibrium(self, standing, w):
         def left(angles):
             return angles - standing - self._yields(self._torques(angles, w))

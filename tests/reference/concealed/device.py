@@ -30,6 +30,8 @@ from typing import Any
 
 import numpy as np
 
+from .ground import Ground
+
 G = 9.80665  # m/s^2, along +z
 ALPHA = np.radians([0.0, 120.0, 240.0])  # rad, legs around the base
 ENDLESS = 1e12  # N m or N, a limit that nothing reaches
@@ -325,6 +327,7 @@ class Device:
         self.wrench_turn = np.zeros(3)
         self.pose_turn = np.zeros(3)
         self.pose_shift = np.zeros(3)
+        self.ground = Ground()
         self.target_turn = np.zeros(3)
         self.target_shift = np.zeros(3)
         self.mass = {"rod": np.ones((3, 1)), "branch": np.ones((3, 1)), "hub": 1.0}  # factors
@@ -536,6 +539,10 @@ class Device:
     def _effect_payload(self, e):
         """mass (kg), lever (m, 3, platform frame), g (m/s^2, along +z)."""
         self.payload.append({"lever": np.zeros(3), "g": G} | e)
+
+    def _effect_base_compliance(self, e):
+        """translation (m/N) and rotation (rad/(N m)) of what the robot stands on, one number or one by axis."""
+        self.ground.give(e)
 
     def _effect_external_spring(self, e):
         """stiffness (N/m) of a hose from P to where it is slack, at `rest` (m, 3, base frame)."""
@@ -996,6 +1003,9 @@ class Device:
                     break
         p, quat, u = state
         rot, p = _qmat(quat), p.T
+        if self.ground.is_soft:
+            shift, lean = self._leans(w, quat, p, rot)
+            p, rot = (lean @ p[..., None])[..., 0] + shift, lean @ rot
         if self.target_turn.any() or self.target_shift.any():
             p = p + rot @ self.target_shift
             rot = rot @ _qmat(_qexp(tuple(self.target_turn)))
@@ -1006,6 +1016,24 @@ class Device:
         bush = np.stack(_qrot(qhub, out["f"]), -1).transpose(1, 0, 2)
         return Response(p, r, bush, u[3:].transpose(2, 1, 0), u[2].T.copy(), out["drive_force"].T.copy(), size, it,
                         {k: np.stack(v) for k, v in out["loads"].items()})  # fmt: skip
+
+    def _leans(self, w, quat, p, rot):
+        """Shift (N, 3) and turn (N, 3, 3) of what the robot stands on; at home its centre of mass is above the origin.
+
+        The rods' weight acts where they are guided, whatever the pose; a turn of the loads with the robot is left out.
+        """
+        total, _ = self._external(w, quat)
+        pulls, rest = [(total[:3].T, p)], []
+        if self.weight is not None:
+            share = self.weight["density"] * self.par["moving_star_branch.A"][:, 0] * self.mass["branch"][:, 0]
+            branch = share * self.weight["branch_length"] * self.weight["g"]
+            hub = self.mass["hub"] * self.weight["hub_mass"] * self.weight["g"]
+            if self.weight["branches"] == "distributed":
+                for i, alpha in enumerate(ALPHA):
+                    arm = rot @ (0.5 * self.weight["branch_length"] * np.array([np.cos(alpha), np.sin(alpha), 0.0]))
+                    pulls.append((np.array([0.0, 0.0, branch[i]]), p + arm))
+            rest = [(np.array([0.0, 0.0, hub + branch.sum()]), np.zeros(3))]
+        return self.ground.leans(pulls, total[3:].T, rest)
 
     def _chains(self, c, w, start, new_pose):
         """Samples in order within each pose (poses side by side), because dry friction remembers."""

@@ -138,7 +138,8 @@ ALIENS = {  # kind: bounds of its coefficient
     "periodic_stiffness": (0.05, 300.0), "coupling": (1e-9, 1e-5), "tilt_quadratic": (1e-8, 1e-3),
     "angle_stiffness": (0.05, 60.0),
 }  # fmt: skip
-# on request only, as are shear, which stays below the noise at ordinary loads, and torsion, which only friction causes
+# on request only, as are shear, which stays below the noise at ordinary loads, torsion, which only friction causes, and
+# base_compliance
 RARE = ["viscous_friction", "encoder_delay"]
 PHYSICS = [
     "stiffness_changed", "backlash", "hertzian_contact", "coulomb_friction", "self_weight",
@@ -264,9 +265,21 @@ def candidate(rng, physics: str, variants: str = "practice") -> Candidate:
         return Candidate(
             lambda x: {"physics": physics, "location": "moving_star", "mass": x, "lever": lever}, 0.02, 40.0
         )  # fmt: skip
+    if physics == "base_compliance":
+        return soft_ground(rng)
     if physics == "alien":
         return _alien(rng, leg, sign)
     raise ValueError(f"no such physics: {physics}")
+
+
+def soft_ground(rng) -> Candidate:
+    """A frame that tilts more or less than it shifts; half of them alike in all directions."""
+    tilt = float(np.exp(rng.uniform(np.log(1.0), np.log(30.0))))  # turn over way, by unit moment and force
+    along, about = np.ones((2, 3)) if rng.random() < 0.5 else np.exp(rng.uniform(-1.5, 1.5, (2, 3)))
+    place = {"physics": "base_compliance", "location": "base"}
+    return Candidate(
+        lambda x: place | {"translation": list(x * along), "rotation": list(x * tilt * about)}, 1e-11, 1e-4
+    )
 
 
 def _alien(rng, leg, sign) -> Candidate:
@@ -483,7 +496,10 @@ def main(argv=None) -> None:
     ap = drawing(__doc__)
     ap.add_argument("--effects", type=int, help="number of effects; default: random, mostly one")
     ap.add_argument(
-        "--kind", action="append", choices=[*PHYSICS, *RARE, "shear", "torsion"], help="this physics (repeatable)"
+        "--kind",
+        action="append",
+        choices=[*PHYSICS, *RARE, "shear", "torsion", "base_compliance"],
+        help="this physics (repeatable)",
     )
     ap.add_argument("--multiple", type=float, nargs=2, default=(4.0, 40.0), help="range of strength in noise")
     ap.add_argument("--level", type=float, help="typical force in N")

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from .ground import Ground
 from .rotations import matrix, vector
 
 G = 9.80665  # m/s^2, along -z
@@ -58,6 +59,7 @@ class Machine:
     DRIVES: ClassVar[tuple[str, ...]]
     ACTUATED: ClassVar[tuple[str, ...]]
     STIFFNESS: ClassVar[np.ndarray]
+    HOME: ClassVar[np.ndarray] = np.zeros(6)  # where the drives stand at home
     PARAMETERS: ClassVar[dict[str, str]]
 
     def __init__(self, effects: Sequence[Mapping[str, Any]] = (), scatter: Mapping[str, float] | None = None):
@@ -71,6 +73,7 @@ class Machine:
         self.payload: list[dict] = []
         self.springs: list[dict] = []
         self.weighs = False
+        self.ground = Ground()
         self.gain, self.bias, self.turn = np.ones(6), np.zeros(6), np.zeros(3)
         self.frame = Frame(np.zeros(3), np.zeros(3))
         self.target = Frame(np.zeros(3), np.zeros(3))
@@ -156,6 +159,10 @@ class Machine:
     def _effect_external_spring(self, e):
         """stiffness (N/m) of a hose from the tool point to where it is slack, at `rest` (m, 3, base frame)."""
         self.springs.append(e)
+
+    def _effect_base_compliance(self, e):
+        """translation (m/N) and rotation (rad/(N m)) of what the robot stands on, one number or one by axis."""
+        self.ground.give(e)
 
     def _effect_wrench_sensor_misalignment(self, e):
         """rotation (rad, 3): reported = exp([rotation]) true."""
@@ -244,11 +251,29 @@ class Machine:
         """Equilibria at encoder readings q (N, n) under true wrenches w [N, N m] (N, 6) on the tool, base frame."""
         q, w = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(w, float))
         temperature = np.full(len(q), T_REF) if temperature is None else np.asarray(temperature, float)
-        p, rot, residual = self._equilibrium(self._standing(q, temperature), w)
+        standing = self._standing(q, temperature)
+        p, rot, residual = self._leaning(standing, w) if self.ground.is_soft else self._equilibrium(standing, w)
         p = p + rot @ self.target.shift
         rot = rot @ matrix(self.target.turn)
         turn = matrix(self.frame.turn)
         return Seen(p @ turn.T + self.frame.shift, vector(turn @ rot), residual)
+
+    def _leaning(self, standing, w):
+        """The same on ground that gives way: the robot leans, and what pulls at its tool keeps its direction."""
+        weights = self._weights(standing) if self.weighs else []
+        rest = [(force, centre[0]) for force, centre in self._weights(self.HOME[None])] if self.weighs else []
+        shift, lean = np.zeros((len(w), 3)), np.broadcast_to(np.eye(3), (len(w), 3, 3))
+        for _ in range(3):
+            own = np.hstack([(lean.mT @ part[..., None])[..., 0] for part in np.split(w, 2, axis=1)])
+            p, rot, residual = self._equilibrium(standing, own)
+            p, rot = (lean @ p[..., None])[..., 0] + shift, lean @ rot
+            total = self._on_tool(w, p, rot)
+            shift, lean = self.ground.leans([(total[:, :3], p), *weights], total[:, 3:], rest)
+        return p, rot, residual
+
+    def _weights(self, standing):
+        """Weights (3,) and centres (N, 3) of the bodies of a robot whose drives stand there, before anything yields."""
+        raise NotImplementedError
 
     def _equilibrium(self, standing, w):
         """True p (N, 3) and R (N, 3, 3) of the tool, and what is left of the equations (N,)."""

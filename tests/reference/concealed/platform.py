@@ -65,6 +65,18 @@ class Platform(Machine):
         """The whole leg."""
         return LENGTHS + q
 
+    def _weights(self, standing):
+        pose = self.rigid(standing)
+        legs = pose[:, None, :3] + np.einsum("njk,ik->nij", matrix(pose[:, 3:]), SEATS) - BASE
+        length = np.linalg.norm(legs, axis=-1, keepdims=True)
+        along = legs / length
+        bodies = [("platform", PLATFORM_MASS, pose[:, :3])]
+        for i in LEGS:
+            inner = BASE[i - 1] + CYLINDER_CENTRE * along[:, i - 1]
+            outer = BASE[i - 1] + (length - ROD_CENTRE)[:, i - 1] * along[:, i - 1]
+            bodies += [(f"leg{i}_cylinder", CYLINDER_MASS, inner), (f"leg{i}_rod", ROD_MASS, outer)]
+        return [(np.array([0.0, 0.0, -G * mass * self._factor(name)]), centre) for name, mass, centre in bodies]
+
     def _equilibrium(self, standing, w):
         cylinder, rod = (
             np.array([self._factor(f"leg{i}_{part}") * mass * self.weighs for i in LEGS])

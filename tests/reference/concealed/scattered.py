@@ -84,6 +84,8 @@ def _prup_candidate(rng, physics: str) -> Candidate:
         return _frame(rng, physics, "target")
     if physics == "external_spring":
         return _hose(rng, np.array([0.0, 0.0, 0.4]))
+    if physics == "base_compliance":
+        return draw.soft_ground(rng)
     found = draw.candidate(rng, physics)
     if physics in ("thermal_growth", "stiffness_changed") and rng.random() < ALIKE:
         return _alike(found)
@@ -153,6 +155,8 @@ def _machine_candidate(rng, physics: str, robot: str) -> Candidate:
         body = "tool" if serial else "platform"
         most = 40.0 if serial else 400.0
         return Candidate(lambda x: {"physics": physics, "location": body, "mass": x, "lever": lever}, 0.02, most)
+    if physics == "base_compliance":
+        return draw.soft_ground(rng)
     if physics == "external_spring":
         return _hose(rng, np.array([0.7, 0.0, 1.3]) if serial else platform.HOME)
     if physics in ("pose_sensor_misalignment", "target_misalignment"):

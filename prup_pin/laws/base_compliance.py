@@ -1,0 +1,80 @@
+"""What a robot stands on gives way under it: a frame, a pedestal, a foundation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..numbers import number
+from ..parameters import Quantity
+from .deeds import Deed, YieldingBase
+from .law import Law, Place
+from .setup import Setup
+
+_AXES = "xyz"
+
+
+class BaseCompliance(Law):
+    """The base moves by c f along the force and turns by r m about the moment that the whole robot passes into it.
+
+    About the base's origin, alike in all directions, so that no turn of the base frame changes it. The pose sensor
+    stands elsewhere, and sees the whole robot move; no part of the robot deforms.
+    """
+
+    physics = "base_compliance"
+    summary = "what the robot stands on gives way"
+    source = "Rivin, Stiffness and Damping in Mechanical Design, ch. 5"
+    quantities: ClassVar[tuple[Quantity, ...]] = (
+        Quantity("translation", "m/N", "way of the base per force, in its direction", 1e-8, upper=1e-3),
+        Quantity("rotation", "rad/(N m)", "turn of the base per moment, about its direction", 1e-6, upper=1e-1),
+    )
+    neutral: ClassVar = {"translation": 0.0, "rotation": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("base", self.variant)]
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        return [{"translation": 1e-8, "rotation": 1e-6}, {"translation": 1e-7, "rotation": 1e-8}]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        yield YieldingBase(tuple(map(tuple, np.diag(self._compliances(values)).tolist())))
+
+    def _compliances(self, values: Mapping[str, float]) -> Sequence[float]:
+        """Return the compliance along and about the axes of the base [m/N, rad/(N m)], (6,)."""
+        return [values["translation"]] * 3 + [values["rotation"]] * 3
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        along, about = np.split(np.array(self._compliances(values)), 2)
+        return f"what the robot stands on gives way, with {_told(along, 'N/m')} and {_told(about, 'N m/rad')}"
+
+
+class UnevenBaseCompliance(BaseCompliance):
+    """The same with a compliance of its own along and about each axis of the base: a frame is no cube."""
+
+    variant = "by axis"
+    quantities: ClassVar[tuple[Quantity, ...]] = (
+        *(
+            Quantity(f"translation_{axis}", "m/N", f"way per force along {axis}", 1e-8, False, upper=1e-3)
+            for axis in _AXES
+        ),
+        *(
+            Quantity(f"rotation_{axis}", "rad/(N m)", f"turn per moment about {axis}", 1e-6, False, upper=1e-1)
+            for axis in _AXES
+        ),
+    )
+    neutral: ClassVar = {quantity.name: 0.0 for quantity in quantities}
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        return [{quantity.name: float(quantity.default) for quantity in self.quantities}]  # type: ignore[arg-type]
+
+    def _compliances(self, values: Mapping[str, float]) -> Sequence[float]:
+        return [values[quantity.name] for quantity in self.quantities]
+
+
+def _told(compliances: np.ndarray, unit: str) -> str:
+    """Return stiffnesses along or about the axes in words."""
+    each = dict.fromkeys(number(1 / value, 3) if value > 0 else "rigid" for value in compliances.tolist())
+    return f"{', '.join(each)} {unit}"

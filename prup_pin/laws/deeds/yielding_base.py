@@ -1,0 +1,83 @@
+"""A base that gives way: what the robot stands on moves under all that the robot passes into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...kinematics import LoopKinematics
+from ...loaded import Conditions, loads_on_bodies
+from ...loaded.structure import Structure
+from ...mechanism import Mechanism
+from ...spatial import Array, cross, rotation_exp
+from .deed import Deed, Solved
+
+if TYPE_CHECKING:
+    from ..setup import Setup
+
+__all__ = ["YieldingBase", "base_motion", "carried_along"]
+
+
+@dataclass(frozen=True)
+class YieldingBase(Deed):
+    """The base moves by (translation, turn) = compliance (6, 6) @ wrench about its origin, base axes [m/N, rad/(N m)].
+
+    The wrench is all that acts on the robot: on the tool, by springs, and by weight. The base's frame is where it
+    stands while the robot is at home under its weight alone, which is how a bench is set up. The robot follows as one
+    body; that its parts bear a load that is turned against them is of second order and left out.
+    """
+
+    compliance: tuple[tuple[float, ...], ...]
+
+    def enter(self, setup: Setup) -> None:
+        own = np.array(self.compliance)
+        setup.base = own if setup.base is None else setup.base + own
+
+    @classmethod
+    def first_order(cls, setup: Setup, at: Solved) -> Array | None:
+        if setup.base is None and at.setup.base is None:
+            return None
+        found, structure = at.first.found, at.first.chain.structure
+        placements = found.evaluation.placements
+        before = at.first.once("base", partial(base_motion, at.setup, at.samples, structure, placements))
+        moved = base_motion(setup, at.samples, structure, placements) - before
+        parts = []
+        for frame in at.first.frames:
+            point = (placements[:, frame.joint] @ frame.placement)[:, :3, 3]
+            parts += [moved[:, :3] + cross(moved[:, 3:], point), moved[:, 3:]]
+        return np.concatenate(parts, axis=1)
+
+
+def base_motion(setup: Setup, samples: np.ndarray, structure: Structure, placements: Array) -> Array:
+    """Return how the base of a robot whose joints stand at (n, joints, 4, 4) has moved, (n, 6), about its origin."""
+    motion = np.zeros((len(placements), 6))
+    if setup.base is None:
+        return motion
+    loads, usual = setup.loads(samples), np.zeros(6)
+    if loads.gravity is not None:
+        down = np.nanmean(np.reshape(setup.gravity(), (-1, 3)), axis=0) * setup.weight
+        rest = Conditions(np.zeros((1, 6)), gravity=down, mass_factors=loads.mass_factors)
+        usual = loads_on_bodies(structure, _home(setup.mechanism)[None], rest)[0].sum(axis=0)
+    for _ in range(2):  # what pulls at the robot moves with it
+        moved = carried_along(motion[:, None], placements)
+        motion = (loads_on_bodies(structure, moved, loads).sum(axis=1) - usual) @ setup.base.T
+    return np.asarray(motion)
+
+
+def carried_along(motion: Array, placements: Array) -> Array:
+    """Return placements (..., 4, 4) of what moves with a base by (..., 6)."""
+    turn = rotation_exp(motion[..., 3:])
+    moved = np.broadcast_to(np.eye(4), placements.shape).copy()
+    moved[..., :3, :3] = turn @ placements[..., :3, :3]
+    moved[..., :3, 3] = (turn @ placements[..., :3, 3, None])[..., 0] + motion[..., :3]
+    return moved
+
+
+@lru_cache(maxsize=32)
+def _home(mechanism: Mechanism) -> Array:
+    """Return the placements of all joints at home, (joints, 4, 4)."""
+    kinematics = LoopKinematics(mechanism)
+    return np.asarray(kinematics.evaluate(kinematics.home).placements)
