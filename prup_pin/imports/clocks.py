@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from ..mechanism.mechanism import Mechanism
 from ..spatial import Array
+from .named import driven
 
 #: Poses that are calculated at most, and samples that are compared.
 _POSES = 4000
@@ -36,7 +37,7 @@ class Motion:
 
 def path_of(mechanism: Mechanism, time: Array, joints: dict[str, Array], frame: str) -> Motion | None:
     """Return the path of a frame by its joints' positions [m, rad]; None where loops or other joints leave it open."""
-    if mechanism.loops or not set(mechanism.actuated) <= set(joints):
+    if mechanism.loops or not set(driven(mechanism)) <= set(joints):
         return None
     known = np.isfinite(time) & np.isfinite(np.column_stack(list(joints.values()))).all(axis=1)
     rows = np.flatnonzero(known)[:: max(1, int(known.sum()) // _POSES)]

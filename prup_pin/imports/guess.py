@@ -23,7 +23,7 @@ from .clocks import Motion, askew, at_rest, delay_of, path_of, rests
 from .convert import turns_of
 from .log import Log, Stream
 from .map import Rotation
-from .named import NamedRobot
+from .named import NamedRobot, driven
 from .units import UNITS, UNSCALED, Unit, dimension_of, spelled
 from .words import CURRENT, IN_OUT, KIND, MEASURED, TIME, WISHED, unit_in_name, words_of
 
@@ -57,6 +57,8 @@ LATE = 0.01
 _ASKEW = 0.2
 #: With so many rests, poses of a robot that moved are left out.
 _RESTS = 10
+#: What blocks of columns without names are, by how many there are.
+_BLOCKS = {1: ("q",), 2: ("q", "tau"), 3: ("q", "qd", "tau"), 4: ("q", "qd", "qdd", "tau")}
 #: Periods of loggers [s].
 _PERIODS = (2e-5, 0.5)
 _AGREE = 0.04
@@ -184,7 +186,7 @@ def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found
     """Add the columns of joints that a stream holds: by the joints' names, else by numbers in their order."""
     groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
     labels = _labels(stream, mechanism)
-    alone = mechanism is not None and len(mechanism.actuated) == 1
+    alone = mechanism is not None and len(driven(mechanism)) == 1
     for name in stream.columns:
         words = words_of(name)
         kinds = [KIND[word] for word in words if word in KIND]
@@ -207,6 +209,9 @@ def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found
         if numbers and key == name:
             key = re.sub(rf"{numbers[-1]}(?!.*{numbers[-1]})", "#", name)
         groups.setdefault((kind, key), []).append((number, name, joint))
+    if mechanism is not None:
+        told = {kind for kind, _ in groups}
+        groups |= {key: group for key, group in _spoken(stream, times, mechanism).items() if key[0] not in told}
     by_kind: dict[str, list[tuple[float, str]]] = {}
     for kind, key in groups:
         spoken = set(words_of(key))
@@ -214,6 +219,9 @@ def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found
         score -= 30 * bool(spoken & set(CURRENT)) + 5 * ("motor" in spoken) + 2 * len(spoken & set(_ASIDE))
         by_kind.setdefault(kind, []).append((score, key))
     already = {line.target for line in found.lines}
+    if not by_kind and mechanism is not None:
+        found.lines += _blocks(stream, times, mechanism)
+        return
     for kind, scored in by_kind.items():
         _, key = max(scored, key=lambda item: item[0])
         if set(words_of(key)) & set(WISHED):
@@ -223,6 +231,41 @@ def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found
             for line in lines:
                 line.doubt = line.doubt or "named after a motor: is it the joint's? Else tell `motors` and their matrix"
         found.lines += [line for line in lines if line.target not in already]
+
+
+def _spoken(
+    stream: Stream, times: set[str], mechanism: NamedRobot
+) -> dict[tuple[str, str], list[tuple[int, str, str]]]:
+    """Return groups of as many columns of one kind as there are joints, with names of their own instead of numbers.
+
+    Controllers call joints base, shoulder, elbow, and not as the robot file does.
+    """
+    groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
+    for name in stream.columns:
+        words = words_of(name)
+        kinds = [KIND[word] for word in words if word in KIND]
+        if name in times or not kinds or set(words) & set(_TOOL) or _joint_in(name, mechanism):
+            continue
+        manner = " ".join(word for word in words if word in {*KIND, *WISHED, *MEASURED, *_ASIDE})
+        group = groups.setdefault(("tau" if "tau" in kinds else kinds[-1], manner), [])
+        group.append((len(group), name, ""))
+    many = len(driven(mechanism))
+    return {key: group for key, group in groups.items() if len(group) == many > 1}
+
+
+def _blocks(stream: Stream, times: set[str], mechanism: NamedRobot) -> list[_Line]:
+    """Return the lines of a table without names: blocks of as many columns as there are joints."""
+    names = [name for name in stream.columns if name not in times]
+    turning = {joint.name for joint in mechanism.joints if not joint.slides}
+    arms = [driven(mechanism), [name for name in driven(mechanism) if name in turning]]  # with a hand, and without
+    joints = next((arm for arm in arms if arm and len(names) % len(arm) == 0), arms[0])
+    alike = {re.sub(r"\d+", "#", name) for name in names}
+    count, rest = divmod(len(names), len(joints))
+    if len(alike) != 1 or rest or count not in _BLOCKS or set(words_of(names[0])) - {"column"} & set(KIND):
+        return []
+    doubt = f"the columns have no names: taken as {', '.join(_BLOCKS[count])} of {len(joints)} joints each"
+    targets = [f"{kind}.{joint}" for kind in _BLOCKS[count] for joint in joints]
+    return [_Line(target, name, None, doubt=doubt) for target, name in zip(targets, names, strict=True)]
 
 
 def _labels(stream: Stream, mechanism: NamedRobot | None) -> dict[int, str]:
@@ -244,7 +287,7 @@ def _joint_in(name: str, mechanism: NamedRobot | None) -> str:
         spoken = len(parts) > 2 and parts[-2] in ("position", "velocity", "effort")
         return parts[-1] if spoken and not parts[-1].isdigit() else ""
     plain = re.sub(r"[^a-z0-9]", "", name.lower())
-    fits = [joint for joint in mechanism.actuated if re.sub(r"[^a-z0-9]", "", joint.lower()) in plain]
+    fits = [joint for joint in driven(mechanism) if re.sub(r"[^a-z0-9]", "", joint.lower()) in plain]
     whole = [joint for joint in fits if re.search(rf"(?<!\d)\d*{re.escape(joint)}(?!\d)", name)]
     return max(whole or fits, key=len, default="")
 
@@ -262,6 +305,8 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
                 doubt = "the robot is not known, so the joint's name is made up"
             elif place < len(order):
                 target, reason = order[place], "in the order of the robot's joints"
+                if not any(char.isdigit() for char in source):
+                    doubt = "in the order of the robot's joints, which the log calls otherwise"
                 if len(members) != len(order):
                     doubt = f"{len(members)} columns for {len(order)} actuated joints"
             else:
@@ -279,8 +324,8 @@ def _in_order(mechanism: NamedRobot | None, count: int) -> list[str]:
     if mechanism is None:
         return []
     slides = {joint.name: joint.slides for joint in mechanism.joints}
-    turning = [joint for joint in mechanism.actuated if not slides.get(joint, False)]
-    return turning if len(turning) == count else list(mechanism.actuated)
+    turning = [joint for joint in driven(mechanism) if not slides.get(joint, False)]
+    return turning if len(turning) == count else driven(mechanism)
 
 
 # ---------------------------------------------------------------------------------------------- loads, poses

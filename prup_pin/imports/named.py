@@ -46,3 +46,9 @@ class NamedRobot(Protocol):
     @property
     def limits(self) -> tuple[Array, Array]:
         """Lower and upper limits of all coordinates, infinite where there is none."""
+
+
+def driven(robot: NamedRobot) -> list[str]:
+    """Return the joints that have motors and one coordinate: no floating base."""
+    several = {joint.name for joint in robot.joints if joint.nq > 2}  # an endless one has cosine and sine
+    return [name for name in robot.actuated if name not in several]

@@ -87,6 +87,34 @@ def test_a_frame_of_pandas_with_names_of_two_levels(tmp_path, ur5):
     assert_motion(imported(tmp_path, ur5, tmp_path / "log.csv").recording, "q", "qd", "tau")
 
 
+def test_a_table_without_names_is_blocks_of_joints(tmp_path, ur5):
+    np.savetxt(tmp_path / "log.csv", np.column_stack([T, Q, QD, TAU]), "%.10g", ",")
+    done = imported(tmp_path, ur5, tmp_path / "log.csv", doubts=18)
+    assert "the columns have no names: taken as q, qd, tau of 6 joints each" in (tmp_path / "map.yaml").read_text()
+    assert_motion(done.recording, "q", "qd", "tau")
+
+
+def test_joints_that_the_log_calls_otherwise_go_in_order_and_say_so(tmp_path, ur5):
+    called = ("base", "shoulder", "elbow", "wristA", "wristB", "wristC")
+    columns = {"t": T} | {f"actual {name} position": Q[:, k] for k, name in enumerate(called)}
+    columns |= {f"target {name} position": 2 * Q[:, k] for k, name in enumerate(called)}
+    done = imported(tmp_path, ur5, logs.csv(tmp_path / "log.csv", columns), doubts=6)
+    assert "which the log calls otherwise" in (tmp_path / "map.yaml").read_text()
+    assert_motion(done.recording, "q")
+
+
+def test_a_floating_base_has_no_column(tmp_path):
+    link = "<link name='{}'/>"
+    joint = "<joint name='{0}' type='{1}'><parent link='{2}'/><child link='{3}'/>{4}</joint>"
+    limit = "<limit lower='-1' upper='1' effort='1' velocity='1'/>"
+    parts = [*(link.format(name) for name in "wbcd"), joint.format("free", "floating", "w", "b", "")]
+    parts += [joint.format("one", "revolute", "b", "c", limit), joint.format("two", "revolute", "c", "d", limit)]
+    (tmp_path / "robot.urdf").write_text(f"<robot name='r'>{''.join(parts)}</robot>")
+    robot = prup_pin.load(tmp_path / "robot.urdf").mechanism
+    path = logs.csv(tmp_path / "log.csv", {"t": T, "q1": 0.1 * T, "q2": 0.2 * T})
+    assert list(imported(tmp_path, robot, path).recording.positions) == ["one", "two"]
+
+
 # ---- clocks -----------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     "form",
