@@ -29,7 +29,7 @@ _CROSS = np.zeros((3, 9))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _CROSS[_i, 3 * _k + _j], _CROSS[_i, 3 * _j + _k] = 1.0, -1.0
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
-_IDENTITY = np.eye(6)
+_IDENTITY = np.eye(6).ravel()
 # v @ _MOMENT is a 6 x 6 matrix, row by row, with the skew matrix of v in its lower left block.
 _MOMENT = np.pad(_CROSS.reshape(3, 3, 3), ((0, 0), (3, 0), (0, 3))).reshape(3, 36)
 
@@ -49,7 +49,8 @@ def cross(a: Array, b: Array, axis: int = -1) -> Array:
 def base_wrench_from_point(point: Array) -> Array:
     """Return the (..., 6, 6) matrix that turns a wrench about `point` (base axes) into a base wrench."""
     moment = point.dot(_MOMENT) if point.ndim < 3 else point @ _MOMENT
-    return _IDENTITY + moment.reshape(*point.shape[:-1], 6, 6)
+    moment += _IDENTITY
+    return moment.reshape(*point.shape[:-1], 6, 6)
 
 
 def wrench_in_frame(placement: Array, wrench: Array) -> Array:

@@ -16,6 +16,7 @@ from .rank import (
     semidefinite_inverse,
     semidefinite_null,
 )
+from .regular import Factors, inverse
 from .tree import Tree
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Columns",
     "Configuration",
     "Expression",
+    "Factors",
     "FixedFrames",
     "LoopForces",
     "LoopGaps",
@@ -39,6 +41,7 @@ __all__ = [
     "eliminated",
     "equal_ranks",
     "independent",
+    "inverse",
     "largest",
     "least",
     "pseudo_inverse",

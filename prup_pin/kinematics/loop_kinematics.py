@@ -13,11 +13,10 @@ from math import hypot, inf
 
 import numpy as np
 import pinocchio as pin
-from eigenpy import PartialPivLU
 from numpy.typing import NDArray
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError, shortened
-from ..kernel import NEGLIGIBLE, Configuration, LoopedTree, rank_of
+from ..kernel import NEGLIGIBLE, Configuration, Factors, LoopedTree, inverse, rank_of
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
@@ -68,6 +67,7 @@ class LoopKinematics:
             mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
         )
         self.closure = self._tree.closure
+        self._factors = Factors()
         # Which velocities move what: loops, then task coordinates.
         self._signs = np.concatenate((self.closure.sign, self.task.moves))
         self.lower, self.upper = mechanism.limits
@@ -157,13 +157,13 @@ class LoopKinematics:
         """Return the solution, least where rows are redundant or motions free, what solves for another `right`, and
         the solution's length."""
         if matrix.shape[0] == matrix.shape[1]:
-            solve = PartialPivLU(matrix).solve
+            solve = self._factors.solver(matrix)
             solution = solve(right)
             if (length := hypot(*(solution if solution.ndim == 1 else solution.ravel()).tolist())) < LONGEST:
                 return solution, solve, length
-        inverse = self._least_inverse(matrix)
-        solution = inverse @ right
-        return solution, inverse.__matmul__, hypot(*solution.ravel().tolist())
+        least = self._least_inverse(matrix)
+        solution = least @ right
+        return solution, least.__matmul__, hypot(*solution.ravel().tolist())
 
     def _least_inverse(self, matrix: Array) -> Array:
         """Return the least inverse of the closure Jacobian with rows of wanted coordinates below it."""
@@ -578,12 +578,12 @@ class LoopKinematics:
         free = self.mechanism.free_dofs
         columns = evaluation.closure.take(free, axis=1)
         if columns.shape[0] == columns.shape[1]:
-            inverse = PartialPivLU(columns.T).inverse()
+            inverted = inverse(columns.T)
             # The product of Frobenius norms bounds the condition number from above, and so do scales far apart.
-            if frobenius(inverse) * frobenius(columns) * self.free_spread < 1 / NEGLIGIBLE:
-                return PassiveBalance(inverse, *self._no_freedom)
+            if frobenius(inverted) * frobenius(columns) * self.free_spread < 1 / NEGLIGIBLE:
+                return PassiveBalance(inverted, *self._no_freedom)
         rows, scales = self.free_scales
-        _, idle, self_stress, inverse = rank_of(evaluation.closure[:, free].T, scales, rows)
+        _, idle, self_stress, inverted = rank_of(evaluation.closure[:, free].T, scales, rows)
         if idle.shape[1] and self.mechanism.tool is not None:
             velocities = np.zeros((self.model.nv, idle.shape[1]))
             velocities[free] = idle
@@ -593,7 +593,7 @@ class LoopKinematics:
                 worst = int(np.argmax(size_of))
                 twist = np.concatenate((moved[:3, worst] * self.length, moved[3:, worst]))
                 self._refuse_singular(twist, idle[:, worst], requested)
-        return PassiveBalance(inverse, self_stress, idle)
+        return PassiveBalance(inverted, self_stress, idle)
 
     def _refuse_singular(self, twist: Array, motion: Array, requested: dict) -> None:
         names = [self.mechanism.dof_names[dof] for dof in self.mechanism.free_dofs]

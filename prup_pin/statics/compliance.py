@@ -7,10 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
-from eigenpy import PartialPivLU
 
 from ..errors import InputError, NoStiffnessError, imported, named
-from ..kernel import NEGLIGIBLE_ENERGY
+from ..kernel import NEGLIGIBLE_ENERGY, inverse
 from ..numbers import number
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius
 from .castigliano import HALF, Statics
@@ -145,9 +144,9 @@ class Compliance:
     def K(self) -> Array:  # noqa: N802 - the field's symbol
         """Stiffness, (6, 6). Raises NoStiffnessError where some directions are rigid."""
         scaled = self.C * self._scaling
-        inverse = PartialPivLU(scaled).inverse()
+        inverted = inverse(scaled)
         # The product of Frobenius norms bounds the condition number from above.
-        if not 0 < frobenius(inverse) * frobenius(scaled) < 0.1 / NEGLIGIBLE_ENERGY:
+        if not 0 < frobenius(inverted) * frobenius(scaled) < 0.1 / NEGLIGIBLE_ENERGY:
             rigid = self.rigid_directions
             if len(rigid):
                 listed = "; ".join(_direction(direction) for direction in rigid)
@@ -156,8 +155,8 @@ class Compliance:
                     "C is complete; give a compliance to more joints or bodies if these directions should yield",
                     rigid,
                 )
-        k = inverse * self._scaling
-        k = k + k.T
+        inverted *= self._scaling
+        k = inverted + inverted.T
         k *= HALF
         k.setflags(write=False)
         return k

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError, ParameterError
 from ..kernel import Closure, FixedFrames
@@ -37,7 +38,7 @@ __all__ = [
 ]
 
 
-_ONES, _ZERO, _NO_LENGTHS = np.ones(3), np.zeros(1), np.zeros(0)
+_ONES, _NO_LENGTHS = np.ones(3), np.zeros(0)
 #: The geometry of kinds that need none.
 _NOWHERE = ModuleGeometry(np.zeros(()), np.zeros(()), np.zeros((), bool), np.zeros((), bool))
 
@@ -54,7 +55,7 @@ class ModuleGroup:
     def fault(self, at: ModuleGeometry) -> str | None:
         """Return which module's equation does not hold here and why, or None."""
         bad = self.kind.problems(self.values, at)
-        if bad is None or True not in bad.ravel().tolist():
+        if bad is None or True not in bad.tolist():
             return None
         index = int(np.argmax(bad))
         return f"module '{self.modules[index].name}': {self.kind.problem_text(self.values, at, index)}"
@@ -114,9 +115,6 @@ class StaticsLayout:
         self.row_carries = np.repeat(support.T[..., None], 6, axis=-1)
         #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
         self.closed = bool(len(self.free) and closure.size)
-        # Of all frames' columns x, y, z, p: where beams' tips and roots are, and where their tips point.
-        roots = len(wrench) + np.arange(len(self._beams))
-        self._beam_columns = np.concatenate((4 * self._beams + 3, 4 * roots + 3, 4 * self._beams + 2))
         #: Groups that must be evaluated at every pose, with their index.
         self.varying = [(index, group) for index, group in enumerate(self.groups) if not group.kind.constant]
         self._nowhere = [_NOWHERE] * len(self.groups)
@@ -206,21 +204,17 @@ class StaticsLayout:
         return frames, self._geometries(pose.q, lengths)
 
     @cached_property
-    def _at_one(self) -> _LoadMap:
+    def _at_one(self) -> _AtOne:
         tool = self.mechanism.tool
-        return _LoadMap(self, [*self._placed_frames, *([tool] if tool else [])])
+        return _AtOne(self, [*self._placed_frames, *([tool] if tool else [])], self._beams)
 
     def at_one(self, pose: ClosedPose) -> tuple[Array, list[ModuleGeometry], Array]:
         """Return `load_maps` (rows, 6), what the pose tells each group, and the tool point (3,), of one pose.
 
         There must be a tool.
         """
-        columns, maps = self._at_one(pose)
-        lengths, count = _NO_LENGTHS, len(self._beams)
-        if count:
-            tips, roots, along = columns.take(self._beam_columns, axis=0).reshape(3, count, 3)
-            lengths = ((tips - roots) * along).dot(_ONES)
-        return maps, self._geometries(pose.q, lengths), columns[-1]
+        maps, lengths, point = self._at_one(pose)
+        return maps, self._geometries(pose.q, lengths), point
 
     def geometries(self, pose: ClosedPose, frames: Array) -> list[ModuleGeometry]:
         """Return what the pose tells each group of modules."""
@@ -274,31 +268,41 @@ def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Modul
     return tuple(groups), order
 
 
-class _LoadMap:
-    """`load_maps` of one pose: which numbers stand where."""
+class _AtOne:
+    """What statics takes from one pose: which numbers stand where.
 
-    def __init__(self, layout: StaticsLayout, frames: list[Frame]):
-        count, total = len(layout.wrench_names), len(frames)
-        self._frames = FixedFrames(layout.mechanism, frames, turned=count)
-        # Frames' columns, what `FixedFrames` returns with them, the joints' Jacobian row by row, and a zero.
-        columns, crossed = np.arange(12 * total).reshape(-1, 4, 3), np.arange(9 * count).reshape(-1, 3, 3) + 12 * total
-        jacobian = np.arange(6 * layout.mechanism.model.nv).reshape(6, -1) + crossed.size + 12 * total
-        at = np.full((len(layout.row_joints), 6), jacobian.size + crossed.size + 12 * total)
+    frames: those of wrench modules, then the roots of `beams` (b,) among these, then the tool's.
+    """
+
+    def __init__(self, layout: StaticsLayout, frames: list[Frame], beams: NDArray[np.int_]):
+        count, model = len(layout.wrench_names), layout.mechanism.model
+        self._frames = placed = FixedFrames(layout.mechanism, frames, turned=count, beside=(6, model.nv))
+        at = np.full((len(layout.row_joints), 6), placed.zero)
         block = at[: 6 * count].reshape(-1, 6, 6)
-        block[:, :3, :3] = block[:, 3:, 3:] = columns[:count, :3]
-        block[:, 3:, :3] = crossed
-        at[6 * count :] = jacobian[:, layout.row_dofs].T
+        block[:, :3, :3] = block[:, 3:, 3:] = placed.columns[:count, :3]
+        block[:, 3:, :3] = placed.crossed
+        at[6 * count :] = placed.given[:, layout.row_dofs].T
         self._at = at
         self._ratios = np.ones(at.shape)
         self._ratios[6 * count :] *= layout.row_ratios
+        # Where beams' tips and roots are, and where their tips point, (3, b, 3).
+        columns = placed.columns
+        self._beams = np.array([columns[beams, 3], columns[count : count + len(beams), 3], columns[beams, 2]])
+        self._point = slice(*columns[-1, 3, [0, 2]] + [0, 1])
 
-    def __call__(self, pose: ClosedPose) -> tuple[Array, Array]:
-        """Return all frames' columns x, y, z, p (4 n, 3) and what `load_maps` returns (rows, 6)."""
-        columns, crossed = self._frames.at(pose.q)
-        numbers = np.concatenate((columns, crossed, pose.jacobian.ravel(), _ZERO))
+    def __call__(self, pose: ClosedPose) -> tuple[Array, Array, Array]:
+        """Return what `load_maps` returns (rows, 6), the lengths of beams (b,), and the last frame's point (3,).
+
+        The point is a view of memory that this thread's next question overwrites.
+        """
+        numbers = self._frames.at(pose.q, pose.jacobian)
         maps = numbers.take(self._at)
         maps *= self._ratios
-        return columns.reshape(-1, 3), maps
+        ends = numbers.take(self._beams)
+        span = ends[0]
+        span -= ends[1]
+        span *= ends[2]
+        return maps, span.dot(_ONES), numbers[self._point]
 
 
 def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
@@ -333,7 +337,8 @@ def loads_from_frame(
     if not layout.closed:
         return loads
     forces = product(pose.balance.inverse, own[..., count:, :])
-    return loads - product(_loads_from_closures(layout, pose, maps), forces)
+    loads -= product(_loads_from_closures(layout, pose, maps), forces)
+    return loads
 
 
 def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodies: Array) -> Array:
