@@ -30,6 +30,7 @@ for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _CROSS[_i, 3 * _k + _j], _CROSS[_i, 3 * _j + _k] = 1.0, -1.0
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 _IDENTITY = np.eye(6).ravel()
+_HALF = np.full((6, 6), 0.5)
 # v @ _MOMENT is a 6 x 6 matrix, row by row, with the skew matrix of v in its lower left block.
 _MOMENT = np.pad(_CROSS.reshape(3, 3, 3), ((0, 0), (3, 0), (0, 3))).reshape(3, 36)
 
@@ -66,9 +67,18 @@ def product(left: Array, right: Array) -> Array:
     return left.dot(right) if left.ndim == right.ndim == 2 else left @ right
 
 
+def symmetric(matrix: Array) -> Array:
+    """Return the symmetric parts of matrices (..., 6, 6)."""
+    # In steps, on arrays of one order and shape: numpy takes a third of the time.
+    part = matrix.copy()
+    part += matrix.mT.copy()
+    part *= _HALF
+    return part
+
+
 def frobenius(matrix: NDArray[np.floating]) -> float:
     """Return the Frobenius norm of one matrix, without the overhead of numpy.linalg.norm."""
-    flat = matrix.ravel(order="K")
+    flat = matrix.ravel("K")
     return sqrt(flat.dot(flat))
 
 

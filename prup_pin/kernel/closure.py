@@ -116,7 +116,7 @@ class Closure:
             product[index, :, 12 * index : 12 * (index + 1)] = self._linear[index]
         product[..., -1:] = constant
         gaps = product[:, :6].reshape(-1, width)[self._rows]
-        self.product = np.concatenate((gaps, product[:, 6:].reshape(-1, width)))
+        self.product = np.asfortranarray(np.concatenate((gaps, product[:, 6:].reshape(-1, width))))
         # ... and with two of them, d2(angle r)/d(axis c)d(axis d)
         twice = np.einsum("cae,edf->cdaf", _GENERATORS, _GENERATORS.transpose(1, 0, 2))
         self._bending = np.einsum("lrab,cdaf->lrcdfb", rotations, twice).reshape(self.count, 27, 9)
@@ -165,9 +165,10 @@ class Closure:
         values = (self._linear @ relative.reshape(*lead, 12, 1) + self._constant)[..., 0]
         return values[..., :6], values[..., 6:].reshape(*lead, 6, 6)
 
-    def constrained(self, rows: Array) -> Array:
-        """Return the rows (c, ...) of all loops' six (6 L, ...) that are constraints."""
-        return rows if self._all_rows else rows.take(self._rows, axis=0)
+    @property
+    def constrained(self) -> NDArray[np.int_] | None:
+        """Which of all loops' six rows are constraints, (c,); None where all are."""
+        return None if self._all_rows else self._rows
 
     def jacobian(self, wrenches: Array, jacobian: Array) -> Array:
         """Return d(gap)/d(velocities) (..., c, nv) of the joints' base twists `jacobian` (..., 6, nv)."""

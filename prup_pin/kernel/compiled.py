@@ -89,19 +89,31 @@ class LoopedTree:
         self.closure.product.dot(memory.row, memory.values)
         return memory.passing
 
-    def wrenches(self, passing: Passing) -> Array:
-        """Return the base wrenches (c, 6) of unit closure forces, where this thread's last `passing` was."""
-        memory, closure = self._of_thread.memory, self.closure
+    def wrenches(self, passing: Passing, below: Sequence[float] = ()) -> Array:
+        """Return the base wrenches (c, 6) of unit closure forces, where this thread's last `passing` was.
+
+        `below`, up to six rows of six numbers, row after row, come below them. All is a view of working memory that the
+        thread's next question overwrites.
+        """
+        memory = self._of_thread.memory
         for into, view in memory.actions:
             into[...] = view
-        return closure.constrained((passing.twist_map @ memory.action).reshape(6 * closure.count, 6))
+        memory.twist_maps[...] = passing.twist_map
+        memory.side_by_side.dot(memory.actions_stacked, memory.of_loops)
+        if memory.constrained is not None:
+            memory.wrenches[...] = memory.of_loops.take(memory.constrained, 0)
+        if not below:
+            return memory.wrenches
+        memory.below[: len(below)] = below
+        return memory.rows[: self.closure.size + len(below) // 6]
 
     def completed(self, passing: Passing) -> Configuration:
         """Return all kinematics at the configuration of this thread's last `passing`."""
         memory, closure = self._of_thread.memory, self.closure
         placements, jacobian = memory.empty.copy(), passing.jacobian.copy()
         placements[:, :3] = passing.placements
-        wrenches = self.wrenches(passing)
+        # By columns: rows of loads times their transpose are then two plain matrices.
+        wrenches = self.wrenches(passing).copy("F")
         return Configuration(
             placements,
             jacobian,
@@ -202,6 +214,17 @@ class _Memory:
         self.row = np.ones(12 * len(loops) + 1)
         self.relative, self.action = self.row[:-1].reshape(-1, 3, 4), np.zeros((len(loops), 6, 6))
         views = [_stacked([held.c1Mc2.rotation])[0] for held in found]
+        # Wrenches of unit closure forces, and room for what comes below them.
+        self.rows = np.zeros((closure.size + 6, 6))
+        self.wrenches, self.below = self.rows[: closure.size], self.rows[closure.size :].reshape(-1)
+        self.constrained = closure.constrained
+        self.of_loops = self.wrenches if self.constrained is None else np.zeros((6 * len(loops), 6))
+        # The loops' twist maps as blocks of one matrix: so one product serves all.
+        self.side_by_side = np.zeros((6 * len(loops), 6 * len(loops)))
+        across, down = self.side_by_side.itemsize, self.side_by_side.strides[0]
+        steps = 6 * (down + across), down, across
+        self.twist_maps = np.lib.stride_tricks.as_strided(self.side_by_side, (len(loops), 6, 6), steps)
+        self.actions_stacked = self.action.reshape(-1, 6)
         self.relatives = list(zip(self.relative, views, strict=True))
         self.actions = list(zip(self.action, [held.A2_world for held in found], strict=True))
 

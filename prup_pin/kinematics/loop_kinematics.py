@@ -10,13 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from math import hypot, inf
+from operator import le
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError, shortened
-from ..kernel import NEGLIGIBLE, Configuration, Factors, LoopedTree, inverse, rank_of
+from ..kernel import NEGLIGIBLE, Configuration, Factors, LoopedTree, Passing, inverse, rank_of
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
@@ -53,7 +54,7 @@ class _NotConvergedError(Exception):
 
 
 #: From (q, placements) to the residual of what is wanted, and to its rows as a function of the Jacobian.
-Goal = Callable[[Array, Array], tuple[Sequence[float], Callable[[Array], Array]]]
+Goal = Callable[[Array, Array], tuple[list[float], Callable[[Array], Array]]]
 
 
 class LoopKinematics:
@@ -112,7 +113,7 @@ class LoopKinematics:
         for _ in range(ITERATIONS):
             at = tree.passing(q)
             wanted, wanted_rows = goal(q, at.placements)
-            error = [*at.gap.tolist(), *wanted]
+            error = at.gap.tolist() + wanted
             size = hypot(*error)
             if size < ROUNDING or (size < TOLERANCE and longest < LAST_STEP):
                 return q, tree.completed(at), way
@@ -121,7 +122,7 @@ class LoopKinematics:
             if not size < inf:
                 break
             if solve is None or longest > _SAME or longest > 0.1 * before:
-                matrix = self._matrix(tree.wrenches(at), at.jacobian, wanted_rows)
+                matrix = self._matrix(at, wanted_rows)
                 step, solve, length = self._solved(matrix, np.array(error))
             else:
                 step = solve(np.array(error))
@@ -136,13 +137,14 @@ class LoopKinematics:
             q, self._split(self.evaluate(q).residual) if np.isfinite(q).all() else (np.inf, np.inf)
         )
 
-    def _matrix(self, wrenches: Array, jacobian: Array, wanted_rows: Callable[[Array], Array]) -> Array:
-        """Return the Jacobian of gaps and what is wanted (c + t, nv), from closure wrenches (c, 6)."""
+    def _matrix(self, at: Passing, wanted_rows: Callable[[Array], Array]) -> Array:
+        """Return the Jacobian of gaps and what is wanted (c + t, nv), where this thread's last passing was."""
         if isinstance(wanted_rows, TaskRows):
-            matrix = np.concatenate((wrenches, wanted_rows.rates)).dot(jacobian)
+            matrix = self._tree.wrenches(at, wanted_rows.in_line).dot(at.jacobian.copy())
             matrix *= self._signs
             return matrix
-        return np.concatenate((self.closure.jacobian(wrenches, jacobian), wanted_rows(jacobian)))
+        closure = self.closure.jacobian(self._tree.wrenches(at), at.jacobian)
+        return np.concatenate((closure, wanted_rows(at.jacobian)))
 
     def _as_drawn(self, gap: Array, wanted: Sequence[float]) -> bool:
         """Return True where all that is left open is what the drawing of frames makes of redundant closures.
@@ -172,9 +174,9 @@ class LoopKinematics:
         rows = np.concatenate((rows, 1 / np.where(wanted > 0, wanted, 1.0)))
         return rank_of(matrix, rows, columns).inverse
 
-    def _nothing(self, q: Array, placements: Array) -> tuple[Sequence[float], Callable[[Array], Array]]:
+    def _nothing(self, q: Array, placements: Array) -> tuple[list[float], Callable[[Array], Array]]:
         """The goal of closing the loops and nothing else."""
-        return (), lambda jacobian: np.zeros((0, self.model.nv))
+        return [], lambda jacobian: np.zeros((0, self.model.nv))
 
     # -- home ------------------------------------------------------------------------------------------------------
 
@@ -514,10 +516,8 @@ class LoopKinematics:
 
     def _outside(self, q: Array) -> tuple[str, float, float, float] | None:
         """Return (joint, value, lower, upper) of the joint farthest outside its limits, or None."""
-        for value, least, most in zip(q.tolist(), *self._limits, strict=True):
-            if value < least or value > most:
-                break
-        else:
+        values, (least, most) = q.tolist(), self._limits
+        if all(map(le, least, values)) and all(map(le, values, most)):
             return None
         worst = int(np.argmax(np.maximum(self.lower - q, q - self.upper)))
         name = next(joint.name for joint in self.mechanism.joints if joint.first_q <= worst < joint.first_q + joint.nq)
@@ -576,7 +576,7 @@ class LoopKinematics:
     def _balance(self, evaluation: Configuration, requested: dict) -> PassiveBalance:
         """Return how the free joints balance. Raises SingularPoseError where the tool can still move."""
         free = self.mechanism.free_dofs
-        columns = evaluation.closure.take(free, axis=1)
+        columns = evaluation.closure.take(free, 1)
         if columns.shape[0] == columns.shape[1]:
             inverted = inverse(columns.T)
             # The product of Frobenius norms bounds the condition number from above, and so do scales far apart.

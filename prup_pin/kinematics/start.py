@@ -12,6 +12,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations_with_replacement
 from math import acos, comb, hypot
+from operator import mul, sub
 from typing import NamedTuple
 
 import numpy as np
@@ -86,14 +87,14 @@ class _Polynomial:
                 wave[some[1:]] *= sign
                 waves.append(wave)
                 shares.append(coefficient / len(signs))
-        self._waves, self._shares = np.array(waves).T, np.array(shares)
+        self._waves, self._shares = np.array(waves).T, np.asfortranarray(shares)
 
     def __call__(self, away: Sequence[float]) -> Array | None:
         """Return the motion (nv,) from home to coordinates (t,) from home's, or None where they lie outside."""
-        x = [value * factor for value, factor in zip(away, self._factors, strict=True)]
+        x = [*map(mul, away, self._factors)]
         if hypot(*x) > 1.0:
             return None
-        return np.cos(np.array([acos(value) for value in x]).dot(self._waves)).dot(self._shares)
+        return np.cos(np.array([*map(acos, x)]).dot(self._waves)).dot(self._shares)
 
     def of_many(self, away: Array) -> tuple[Array, Mask]:
         """Return the motions (n, nv) to coordinates (n, t), and which of them lie inside, (n,)."""
@@ -151,7 +152,7 @@ class PolynomialStart:
 
     def __call__(self, target: Array) -> Array | None:
         """Return a configuration (nq,) near the one at `target` (t,), or None where the polynomials do not tell."""
-        away = [value - home for value, home in zip(target.tolist(), self._at_home, strict=True)]
+        away = [*map(sub, target.tolist(), self._at_home)]
         for polynomial in self._polynomials:
             motion = polynomial(away)
             if motion is not None:

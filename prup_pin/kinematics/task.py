@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import atan2, cos, hypot, isfinite, remainder, sin, tan, tau
+from math import atan2, cos, hypot, isfinite, pi, remainder, sin, tan, tau
+from operator import sub
 from typing import NoReturn
 
 import numpy as np
@@ -95,14 +96,16 @@ class TaskFrame:
     def goal(self, target: Array) -> Callable:
         """Return a function of (q, placements) that gives the residual, t numbers, and its rows as a function of the
         Jacobian."""
-        wanted = [*zip(self.components, target.tolist(), strict=True)]
+        wanted: list[float] = target.tolist()
 
         def residual(q, placements):
             pose = self.pose_vector(placements)
-            error = [
-                pose[component] - value if component < 3 else remainder(pose[component] - value, tau)
-                for component, value in wanted
-            ]
+            error = [*map(sub, map(pose.__getitem__, self.components), wanted)]
+            if max(map(abs, error), default=0.0) > pi:
+                error = [
+                    value if component < 3 else remainder(value, tau)
+                    for component, value in zip(self.components, error, strict=True)
+                ]
             return error, TaskRows(self, pose)
 
         return residual
@@ -125,11 +128,15 @@ class TaskFrame:
 
     def rates(self, pose: tuple[float, ...]) -> Array:
         """Return d(task)/d(base twist), (t, 6)."""
+        return np.array(self.rates_in_line(pose)).reshape(-1, 6)
+
+    def rates_in_line(self, pose: tuple[float, ...]) -> list[float]:
+        """Return `rates`, row after row."""
         rows = self._rate_rows(pose, sin, cos, tan)
         rates: list[float] = []
         for component in self.components:
             rates += rows[component]
-        return np.array(rates).reshape(-1, 6)
+        return rates
 
     def _rate_rows(self, pose: tuple, sin: Callable, cos: Callable, tan: Callable) -> list:
         """Return the rates of all six components, of numbers or arrays."""
@@ -160,12 +167,12 @@ class TaskRows:
 
     def __call__(self, jacobian: Array) -> Array:
         """Return d(task)/d(velocities), (t, nv), of the joints' base twists (6, nv)."""
-        return self.rates.dot(jacobian) * self._frame.moves
+        return self._frame.rates(self._pose).dot(jacobian) * self._frame.moves
 
     @property
-    def rates(self) -> Array:
-        """d(task)/d(base twist of the tool), (t, 6)."""
-        return self._frame.rates(self._pose)
+    def in_line(self) -> list[float]:
+        """d(task)/d(base twist of the tool), (t, 6), row after row."""
+        return self._frame.rates_in_line(self._pose)
 
 
 def is_finite(value: object) -> bool:

@@ -105,9 +105,10 @@ class Beam(WrenchModule):
         # Spread out: to multiply arrays of one shape takes numpy a third of the time.
         length = at.length[..., None].repeat(36, axis=-1)
         bent = length * cube
-        for lower in (square, linear):
-            bent += lower
-            bent *= length
+        bent += square
+        bent *= length
+        bent += linear
+        bent *= length
         bent = bent.reshape(*at.length.shape, 6, 6)
         return bent + clamp_compliance(values, at.length) if values["clamps_tilt"] else bent
 

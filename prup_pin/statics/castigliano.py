@@ -17,14 +17,12 @@ from ..errors import PrupPinError, UnreachablePoseError
 from ..kernel import NEGLIGIBLE, semidefinite_inverse
 from ..kinematics import ClosedPose
 from ..modules import ModuleGeometry
-from ..spatial import Array, product
+from ..spatial import Array, product, symmetric
 from .wrench_jacobians import StaticsLayout, load_maps, loads_from_frame, self_stress_loads
 
 __all__ = ["Energies", "Statics", "compliances", "invalid", "problems_of", "solve_statics"]
 
 _LOAD_ITERATIONS = 50
-#: In every place of C: numpy takes as long to look at a number as to multiply a matrix.
-HALF = np.full((6, 6), 0.5)
 
 
 def _counting(loads: Array, self_stress: Array) -> Array:
@@ -99,10 +97,7 @@ class Statics(NamedTuple):
     def compliance(self, deformations: Array) -> Array:
         """Return C (..., 6, 6), the sum over modules of J^T (Lambda J), as one product of all their rows, of the
         deformations (load rows, 6)."""
-        c = product(self.loads.mT, deformations)
-        c = c + c.mT
-        c *= HALF
-        return c
+        return symmetric(product(self.loads.mT, deformations))
 
     def displacement(self, strains, frame: str | None) -> Array:
         """Return the displacement (..., 6) of the tool, or of a named frame, when modules deform by `strains`.

@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import InputError, NoStiffnessError, imported, named
 from ..kernel import NEGLIGIBLE_ENERGY, inverse
 from ..numbers import number
-from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius
-from .castigliano import HALF, Statics
+from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius, symmetric
+from .castigliano import Statics
 from .elastic_line import ElasticLine, elastic_line
 from .weight import weight_strains
 
@@ -155,9 +155,8 @@ class Compliance:
                     "C is complete; give a compliance to more joints or bodies if these directions should yield",
                     rigid,
                 )
-        inverted *= self._scaling
-        k = inverted + inverted.T
-        k *= HALF
+        k = symmetric(inverted)
+        k *= self._scaling
         k.setflags(write=False)
         return k
 

@@ -121,7 +121,7 @@ class Legs:
         frames = frames.copy()
         frames[..., :3, 3] = frames[..., :3, 3] - points[..., self._of_module, :]
         maps = load_maps(layout, replace(pose, jacobian=self._jacobian(pose, points)), frames)
-        modules, drives = layout.split(maps[..., : layout.load_rows, :])
+        modules, drives = layout.split((maps * layout.row_ratios)[..., : layout.load_rows, :])
         tool = layout.mechanism.need_tool()
         away = points - (pose.placements[..., tool.joint, :, :] @ tool.placement)[..., None, :3, 3]
         lambdas = compliances(layout, geometries, None, pose.q.shape[:-1])

@@ -102,17 +102,18 @@ class StaticsLayout:
         self.free = mechanism.free_dofs
         # Rows of loads: six for every wrench module, one for every drive module; below them one for every free joint.
         self.row_dofs = np.concatenate((self.drive_dofs[self.drive_rows], self.free))
-        self.row_ratios = np.concatenate((self.drive_ratios[:, 0], np.ones((len(self.free), 1))))
         self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), mechanism.dof_joint[self.row_dofs]))
         self.load_rows = len(self.row_joints) - len(self.free)
-        # What a row's joint carries: of loads on a joint's body, and of every closure force.
+        #: Loads of each row per force along it, (rows, 1).
+        self.row_ratios = np.ones((len(self.row_joints), 1))
+        self.row_ratios[6 * len(wrench) : self.load_rows] = self.drive_ratios[:, 0]
+        # What a row takes: of six loads on the body of each joint (nj, rows, 6), and of every closure force.
         support = mechanism.support[self.row_joints]
+        self.row_carries = np.repeat(support.T[..., None], 6, axis=-1) * self.row_ratios
         closure = Closure(mechanism)
-        self.load_incidence = closure.incidence[self.row_joints[: self.load_rows]]
+        self.load_incidence = (closure.incidence[self.row_joints] * self.row_ratios)[: self.load_rows]
         #: The loop of each closure force.
         self.closure_loops = closure.row_loop
-        # The same of six loads on the body of each joint, (nj, rows, 6).
-        self.row_carries = np.repeat(support.T[..., None], 6, axis=-1)
         #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
         self.closed = bool(len(self.free) and closure.size)
         #: Groups that must be evaluated at every pose, with their index.
@@ -143,6 +144,8 @@ class StaticsLayout:
     def split(self, rows: Array) -> tuple[Array, Array]:
         """Return the loads (..., load rows, c) of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
         count = len(self.wrench_names)
+        if rows.ndim == 2:
+            return rows[: 6 * count].reshape(count, 6, rows.shape[1]), rows[6 * count :, None]
         wrench = rows[..., : 6 * count, :].reshape(*rows.shape[:-2], count, 6, rows.shape[-1])
         return wrench, rows[..., 6 * count :, None, :]
 
@@ -283,8 +286,6 @@ class _AtOne:
         block[:, 3:, :3] = placed.crossed
         at[6 * count :] = placed.given[:, layout.row_dofs].T
         self._at = at
-        self._ratios = np.ones(at.shape)
-        self._ratios[6 * count :] *= layout.row_ratios
         # Where beams' tips and roots are, and where their tips point, (3, b, 3).
         columns = placed.columns
         self._beams = np.array([columns[beams, 3], columns[count : count + len(beams), 3], columns[beams, 2]])
@@ -296,19 +297,18 @@ class _AtOne:
         The point is a view of memory that this thread's next question overwrites.
         """
         numbers = self._frames.at(pose.q, pose.jacobian)
-        maps = numbers.take(self._at)
-        maps *= self._ratios
         ends = numbers.take(self._beams)
         span = ends[0]
         span -= ends[1]
         span *= ends[2]
-        return maps, span.dot(_ONES), numbers[self._point]
+        return numbers.take(self._at), span.dot(_ONES), numbers[self._point]
 
 
 def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
-    """Return what turns the base wrenches that joints transmit into loads along all rows, (..., rows, 6).
+    """Return what turns the base wrenches that joints transmit into forces along all rows, (..., rows, 6).
 
-    Rows: six for every wrench module, then one for every drive module, then one for every free joint.
+    Rows: six for every wrench module, then one for every drive module, then one for every free joint. The load of a row
+    is its force times the row's ratio.
     """
     count = len(layout.wrench_names)
     maps = np.zeros((*frames.shape[:-3], len(layout.row_joints), 6), frames.dtype)
@@ -316,7 +316,7 @@ def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     axes = frames[..., :3, :3].mT
     block[..., :3, :3] = block[..., 3:, 3:] = axes
     np.matmul(axes, skew(frames[..., :3, 3]).mT, out=block[..., 3:, :3])  # [-p]x
-    maps[..., 6 * count :, :] = pose.jacobian.take(layout.row_dofs, axis=-1).mT * layout.row_ratios
+    maps[..., 6 * count :, :] = pose.jacobian.take(layout.row_dofs, axis=-1).mT
     return maps
 
 
@@ -345,7 +345,7 @@ def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodi
     """Return the modules' loads under base wrenches on the joints' bodies (..., nj, 6, c), (..., load rows, c)."""
     count = layout.load_rows
     carried = (layout.mechanism.support @ bodies.reshape(*bodies.shape[:-2], -1)).reshape(bodies.shape)
-    along = (maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :]
+    along = (maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :] * layout.row_ratios
     loads = along[..., :count, :]
     if not layout.closed:
         return loads
