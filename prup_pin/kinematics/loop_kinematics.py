@@ -310,7 +310,7 @@ class LoopKinematics:
     def pose(self, wanted: Mapping[str, float]) -> ClosedPose:
         """Return the pose with the wanted task coordinates; those not given stay at a home that the file declares."""
         target = self.task.target(self._completed(wanted))
-        requested = dict(zip(self.task.names, target.tolist(), strict=True))
+        requested = dict(zip(self.task.names, target, strict=True))
         start = self.start(target)
         if start is not None:
             try:
@@ -319,7 +319,7 @@ class LoopKinematics:
                     return self._freeze(q, evaluation, requested)
             except _NotConvergedError:
                 pass
-        return self.reach(target, requested, self.task.goal)
+        return self.reach(np.array(target), requested, self.task.goal)
 
     def _completed(self, wanted: Mapping[str, float]) -> Mapping[str, float]:
         """Return what is wanted with home's value of every task coordinate that is not."""

@@ -9,7 +9,7 @@ fixed by the mechanism alone, and it is only a start: Newton closes the loops.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 from math import acos, comb, hypot
 from operator import mul, sub
@@ -150,9 +150,9 @@ class PolynomialStart:
                     self._polynomials.append(polynomial)
             radius *= _INNER
 
-    def __call__(self, target: Array) -> Array | None:
+    def __call__(self, target: Iterable[float]) -> Array | None:
         """Return a configuration (nq,) near the one at `target` (t,), or None where the polynomials do not tell."""
-        away = [*map(sub, target.tolist(), self._at_home)]
+        away = [*map(sub, target, self._at_home)]
         for polynomial in self._polynomials:
             motion = polynomial(away)
             if motion is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import atan2, cos, hypot, isfinite, pi, remainder, sin, tan, tau
 from operator import sub
 from typing import NoReturn
@@ -32,7 +32,7 @@ class TaskFrame:
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
         self._moves = np.repeat(support[dof_joint, self._joint][None], len(self.names), axis=0)
 
-    def target(self, wanted: Mapping[str, float]) -> Array:
+    def target(self, wanted: Mapping[str, float]) -> list[float]:
         """Return the wanted values in order. Raises on unknown, missing or non-finite ones."""
         try:
             values = [float(wanted[name]) for name in self.names]
@@ -40,7 +40,7 @@ class TaskFrame:
             values = []
         if not values or len(values) != len(wanted) or not all(map(isfinite, values)):
             self._refuse(wanted)
-        return np.array(values)
+        return values
 
     def _refuse(self, wanted: Mapping[str, float]) -> NoReturn:
         """Say what is wrong with what was wanted."""
@@ -93,10 +93,10 @@ class TaskFrame:
         angles = self._pose_of(base_from_tool.tolist(), atan2, hypot)[3:]
         return self.rates((0.0, 0.0, 0.0, *angles))
 
-    def goal(self, target: Array) -> Callable:
+    def goal(self, target: Iterable[float]) -> Callable:
         """Return a function of (q, placements) that gives the residual, t numbers, and its rows as a function of the
         Jacobian."""
-        wanted: list[float] = target.tolist()
+        wanted = [*map(float, target)]
 
         def residual(q, placements):
             pose = self.pose_vector(placements)

@@ -143,7 +143,7 @@ def solve_statics(
             "load(..., joint_stiffness=1e4) [N m/rad, N/m], or describe modules in a <prup_pin> element of the file"
         )
     tool, point = mechanism.need_tool(), None
-    if pose.q.ndim == 1 and pose.q.dtype != object:
+    if pose.q.ndim == 1 and not pose.q.dtype.hasobject:
         maps, geometries, point = layout.at_one(pose)
         for index, group in layout.varying:
             if fault := group.fault(geometries[index]):
