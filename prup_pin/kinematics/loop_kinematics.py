@@ -309,7 +309,8 @@ class LoopKinematics:
 
     def pose(self, wanted: Mapping[str, float]) -> ClosedPose:
         """Return the pose with the wanted task coordinates; those not given stay at a home that the file declares."""
-        target = self.task.target(self._completed(wanted))
+        given = wanted if len(wanted) >= len(self.task.names) else self._completed(wanted)
+        target = self.task.target(given)
         requested = dict(zip(self.task.names, target, strict=True))
         start = self.start(target)
         if start is not None:
@@ -324,7 +325,7 @@ class LoopKinematics:
     def _completed(self, wanted: Mapping[str, float]) -> Mapping[str, float]:
         """Return what is wanted with home's value of every task coordinate that is not."""
         names = self.task.names
-        if not wanted or len(wanted) >= len(names) or not self.mechanism.description.home or set(wanted) - set(names):
+        if not wanted or not self.mechanism.description.home or set(wanted) - set(names):
             return wanted
         home = np.round(self.task.values(self._home.placements), _HOME_DIGITS) + 0.0
         return dict(zip(names, home.tolist(), strict=True)) | dict(wanted)

@@ -77,31 +77,34 @@ class _Polynomial:
     def __init__(self, factor: Array, exponents: NDArray[np.int_], coefficients: Array):
         self.factor, self._exponents, self._coefficients = factor, exponents, coefficients
         self._factors: list[float] = factor.tolist()
-        # cos a cos b = (cos(a + b) + cos(a - b)) / 2: a sum of waves in the angles arccos x.
-        waves, shares = [], []
-        for degrees, coefficient in zip(exponents.T, coefficients, strict=True):
-            some = np.flatnonzero(degrees)
-            signs = list(itertools.product((1.0, -1.0), repeat=max(len(some) - 1, 0)))
-            for sign in signs:
-                wave = degrees.astype(float)
-                wave[some[1:]] *= sign
-                waves.append(wave)
-                shares.append(coefficient / len(signs))
-        self._waves, self._shares = np.array(waves).T, np.asfortranarray(shares)
+        # T_k of each coordinate in one row, cosines of these multiples of the angles arccos x ...
+        orders = np.arange(exponents.max() + 1.0)
+        self._orders = np.kron(np.eye(len(factor)), orders)
+        # ... and for each term the factors that are not 1, filled up with T_0.
+        nonzero = exponents > 0
+        depth = max(1, int(nonzero.sum(axis=0).max()))
+        first = np.argsort(~nonzero, axis=0, kind="stable")[:depth]
+        self._chosen = first * len(orders) + np.take_along_axis(exponents, first, axis=0)
+        self._by_term = np.asfortranarray(coefficients)
 
     def __call__(self, away: Sequence[float]) -> Array | None:
         """Return the motion (nv,) from home to coordinates (t,) from home's, or None where they lie outside."""
         x = [*map(mul, away, self._factors)]
         if hypot(*x) > 1.0:
             return None
-        return np.cos(np.array([*map(acos, x)]).dot(self._waves)).dot(self._shares)
+        factors = np.cos(np.array([*map(acos, x)]).dot(self._orders)).take(self._chosen)
+        terms = factors[0]
+        for index in range(1, len(factors)):
+            terms *= factors[index]
+        return terms.dot(self._by_term)
 
     def of_many(self, away: Array) -> tuple[Array, Mask]:
         """Return the motions (n, nv) to coordinates (n, t), and which of them lie inside, (n,)."""
         x = away * self.factor
         within = np.sqrt((x * x).sum(axis=-1)) <= 1.0
         angles = np.arccos(np.where(within[:, None], x, 0.0))
-        return (np.cos(angles[:, None] @ self._waves) @ self._shares)[:, 0], within
+        factors = np.cos(angles[:, None] @ self._orders)[:, 0, self._chosen]
+        return (factors.prod(axis=1)[:, None] @ self._by_term)[:, 0], within
 
     def written(self, away: Array) -> tuple[Array, Expression]:
         """Return the motion (nv,) to coordinates (t,), expressions, and the square of their distance in the ball."""

@@ -90,8 +90,8 @@ class Statics(NamedTuple):
         into = self.layout.split(rows)
         for half, slots, varies in others:
             lam = self.layout.constant_compliances[half][slots] if varies is None else self.varying[varies]
-            jacobian = self.jacobians[half][..., slots, :, :]
-            (np.multiply if half else np.matmul)(lam, jacobian, out=into[half][..., slots, :, :])
+            times = np.multiply if half else np.matmul
+            times(lam, self.jacobians[half][..., slots, :, :], into[half][..., slots, :, :])
         return rows, *into
 
     def compliance(self, deformations: Array) -> Array:
@@ -225,9 +225,11 @@ def compliances(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] 
 
 def _varying(layout: StaticsLayout, geometries, loads) -> list[Array]:
     """Return the compliances (..., n, k, k) of the groups that pose or load change."""
+    if loads is None:
+        return [group.kind.compliance(group.values, geometries[index], None) for index, group in layout.varying]
     found = []
     for index, group in layout.varying:
-        load = None if loads is None else loads[int(index >= len(layout.wrench_groups))][group.slots]
+        load = loads[int(index >= len(layout.wrench_groups))][group.slots]
         found.append(group.kind.compliance(group.values, geometries[index], load))
     return found
 

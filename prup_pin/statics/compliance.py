@@ -206,8 +206,8 @@ class Compliance:
         wrench, drive = statics.jacobians
         parts, count = np.empty((len(wrench) + len(drive), 6, 6)), len(wrench)
         deformed, driven = self._deformed
-        np.matmul(wrench.mT, deformed, out=parts[:count])
-        np.multiply(drive.mT, driven, out=parts[count:])
+        np.matmul(wrench.mT, deformed, parts[:count])
+        np.multiply(drive.mT, driven, parts[count:])
         parts.setflags(write=False)
         return _Named(statics.layout.index, parts.__getitem__)
 
