@@ -110,8 +110,8 @@ class LoopedTree:
     def completed(self, passing: Passing) -> Configuration:
         """Return all kinematics at the configuration of this thread's last `passing`."""
         memory, closure = self._of_thread.memory, self.closure
-        placements, jacobian = memory.empty.copy(), passing.jacobian.copy()
-        placements[:, :3] = passing.placements
+        memory.upper[...] = passing.placements
+        placements, jacobian = memory.whole.copy(), passing.jacobian.copy()
         # By columns: rows of loads times their transpose are then two plain matrices.
         wrenches = self.wrenches(passing).copy("F")
         return Configuration(
@@ -203,8 +203,9 @@ class _Memory:
         self.values = np.empty(len(closure.product))
         twist_map = self.values[closure.size :].reshape(closure.count, 6, 6)
         self.passing = Passing(self.values[: closure.size], twist_map, placements, jacobian)
-        self.empty = np.zeros((model.njoints, 4, 4))
-        self.empty[:, 3, 3] = 1.0
+        self.whole = np.zeros((model.njoints, 4, 4))
+        self.whole[:, 3, 3] = 1.0
+        self.upper = self.whole[:, :3]
         self.constraints = []
         for loop in loops:
             constraint = pin.ConstraintModel(_anchor(model, loop.first, loop.second))
