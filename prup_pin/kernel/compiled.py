@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,8 @@ from .closure import Closure
 __all__ = ["Configuration", "FixedFrames", "LoopedTree", "Passing"]
 
 
-class Passing(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Passing:
     """The kinematics of one configuration for a step of Newton's method.
 
     gap (c,) [m, rad]; twist_map (loops, 6, 6), see `Closure.of_relative`; placements (nj, 3, 4), [R | p] of the
