@@ -404,7 +404,7 @@ def _settle(log: Log, clocks: dict, found: _Guessing, mechanism: NamedRobot | No
         if line.unit in UNSCALED:
             line.doubt = (
                 f"in {line.unit}: write how much SI one {line.unit} is, as `scale`"
-                + "; `scale: 1` where nobody knows: diagnose looks for each drive's gain" * (kind == "tau")
+                + " (gear ratio x torque constant)" * (kind == "tau" and line.unit in ("A", "mA"))
             )
 
 

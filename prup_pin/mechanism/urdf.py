@@ -32,6 +32,10 @@ from .mesh_paths import mesh_exists, mesh_problem
 from .sidecar import Sidecar
 from .xml_file import MAX_JOINTS, MAX_NUMBER
 
+#: An attribute of several lines or with tabs.
+_BROKEN = re.compile(rb"=\s*(?:\"[^\"<>]*[\t\r\n][^\"<>]*\"|'[^'<>]*[\t\r\n][^'<>]*')")
+#: Joints of a robot stand nearer to each other [m].
+_FARTHEST = 20.0
 #: What stands in a <robot>, and in a <joint> once.
 _PARTS = ("link", "joint", "material", "gazebo", "transmission", "loop_joint", CONSTRAINT, EXTENSION)
 _JOINT_PARTS = ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller")
@@ -98,6 +102,8 @@ class UrdfDocument(ExtensionDocument):
         if sidecar and sidecar.joint_types and not sidecar.problems:
             self._replace_joints(sidecar)
             content = etree.tostring(self.root, encoding="utf-8")
+        elif _BROKEN.search(content):  # XML has blanks there; not every reader knows
+            content = etree.tostring(self.root, encoding="utf-8")
         links = self._links()
         joints, fixed = self._joints(links)
         missing = self._meshes()
@@ -110,6 +116,7 @@ class UrdfDocument(ExtensionDocument):
         loops += tuple(loop for loop in constraints if loop.name not in described)
         notes += fields.pop("notes", ())
         notes += self._oddities()
+        notes += self._too_far()
         coupled = self._mimics(joints)
         if coupled:
             names = ", ".join(f"'{coupling.joint}'" for coupling in coupled)
@@ -308,6 +315,18 @@ class UrdfDocument(ExtensionDocument):
     def _oddities(self) -> list[str]:
         """Return notes on what was hardly meant, each kind once."""
         return [f"{what}: {_some(places)}" for what, places in self._odd.items()]
+
+    def _too_far(self) -> list[str]:
+        """Return a note on joints so far from each other that the file is hardly drawn in metres."""
+        far = 0.0
+        for origin in self.root.iterfind("joint/origin[@xyz]"):
+            try:
+                far = max(far, *(abs(float(number)) for number in str(origin.get("xyz")).split()))
+            except (TypeError, ValueError):
+                continue  # a problem, told with the tree
+        if not _FARTHEST < far < np.inf:
+            return []
+        return [f"a joint is {far:g} m from the one before: is the file in millimetres? Lengths are read in metres"]
 
     def _check_tree(self, links, parent_of) -> None:
         roots = [name for name in links if name not in parent_of]

@@ -69,3 +69,23 @@ def test_masses_that_a_robot_file_has_not_got_or_that_nobody_measured_are_told(t
     (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="0"/>{"".join(parts)}</robot>')
     told = list(masses_in_doubt(prup_pin.load(tmp_path / "r.urdf").mechanism))
     assert [text.startswith(start) for text, start in zip(told, said, strict=True)] == [True] * len(said)
+
+
+def test_attributes_of_several_lines_are_read_as_xml_has_them(tmp_path):
+    text = (
+        f'<robot name="r"><link name="base"/>{LINK.format("a", 1)}{JOINT.format("j", "revolute", "base", "a")}</robot>'
+    )
+    (tmp_path / "plain.urdf").write_text(text)
+    (tmp_path / "broken.urdf").write_text(text.replace('xyz="1 0 0"', 'xyz="1\n\t0\t0"'))
+    plain, broken = (prup_pin.load(tmp_path / f"{name}.urdf").mechanism for name in ("plain", "broken"))
+    assert plain.model == broken.model
+    assert plain.description.notes == broken.description.notes == ()
+
+
+def test_a_file_in_millimetres_is_suspected(tmp_path):
+    text = (
+        f'<robot name="r"><link name="base"/>{LINK.format("a", 1)}{JOINT.format("j", "revolute", "base", "a")}</robot>'
+    )
+    (tmp_path / "long.urdf").write_text(text.replace('xyz="1 0 0"', 'xyz="0 0 -330"'))
+    (note,) = prup_pin.load(tmp_path / "long.urdf").mechanism.description.notes
+    assert "330 m from the one before: is the file in millimetres?" in note
