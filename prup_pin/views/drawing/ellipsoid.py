@@ -95,20 +95,19 @@ def _surface(camera: Camera, size: Array, vectors: Array) -> tuple[list[Array], 
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     light = camera.viewer + 0.8 * camera.plane[1] - 0.6 * camera.plane[0]
     light /= np.linalg.norm(light)
-    faces, depths, shades = [], [], []
+    corners, normal = _quads(points), _quads(normals).mean(axis=1)
+    seen = normal @ camera.viewer >= -0.1
+    corners, normal = corners[seen], normal[seen]
+    bright = 0.62 + 0.45 * np.maximum(normal @ light, 0.0)[:, None]
     base = 0.55 * rgb_of(SOFT) + 0.45
-    for i in range(points.shape[0] - 1):
-        for j in range(points.shape[1] - 1):
-            corners = points[[i, i, i + 1, i + 1], [j, j + 1, j + 1, j]]
-            normal = normals[[i, i, i + 1, i + 1], [j, j + 1, j + 1, j]].mean(axis=0)
-            if normal @ camera.viewer < -0.1:
-                continue
-            bright = 0.62 + 0.45 * max(float(normal @ light), 0.0)
-            faces.append(camera.flat(corners))
-            depths.append(camera.depth(corners))
-            shades.append(np.clip(base * bright + 0.18 * (bright - 0.62), 0, 1))
-    order = np.argsort(depths)
-    return [faces[i] for i in order], np.array(shades)[order]
+    shades = np.clip(base * bright + 0.18 * (bright - 0.62), 0, 1)
+    order = np.argsort((corners @ camera.viewer).mean(axis=1), kind="stable")
+    return list(camera.flat(corners[order])), shades[order]
+
+
+def _quads(grid: Array) -> Array:
+    """Return the corners (n, 4, 3) of the faces of a grid (rows, columns, 3) of points."""
+    return np.stack((grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]), axis=2).reshape(-1, 4, 3)
 
 
 def _filled(outline: Array) -> Array:
