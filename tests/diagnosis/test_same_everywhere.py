@@ -45,11 +45,11 @@ def hurried(monkeypatch):
     return hurry
 
 
-def test_clocks_and_threads_decide_nothing(diagnosed, bench, hurried):
-    robot, _, before = diagnosed
+def test_clocks_and_threads_decide_nothing(diagnosed_strange, strange_bench, hurried):
+    robot, _, before = diagnosed_strange
     hurried()
     with threadpool_limits(2, user_api="blas"):
-        again = diagnose(prup_pin.load("3prup"), read_recording(bench.path))
+        again = diagnose(prup_pin.load("3prup"), read_recording(strange_bench.path))
     assert everything(again, robot) == everything(before, robot)
 
 

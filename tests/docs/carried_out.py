@@ -25,7 +25,8 @@ def carry_out(page: str, folder: Path) -> list[str]:
     for part in PARTS if not (folder / PARTS[0]).exists() else ():
         source = ROOT / part
         if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.png"))
+            # what is compiled there already is compiled here: Python compares with the source's date, which is kept
+            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("*.png"))
         else:
             shutil.copy(source, folder / part)
     printed = []
