@@ -41,7 +41,11 @@ class Body:
 
 
 def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Body]:
-    """Return the bodies of a stream in the order of their columns; those that are `taken` are something else."""
+    """Return the bodies of a stream in the order of their columns; those that are `taken` are something else.
+
+    Where nothing is, plain X, Y and Z are a place too: a list of points.
+    """
+    alone = not taken & set(stream.columns)
     places: dict[str, dict[str, str]] = {}
     turns: dict[str, dict[str, str]] = {}
     matrices: dict[str, dict[int, str]] = {}
@@ -65,7 +69,11 @@ def bodies_of(stream: Stream, taken: set[str], frames: Sequence[str]) -> list[Bo
             if dimension_of(said) == "angle":
                 turns.setdefault(body, {})[f"r{axis}"] = name
         elif axis != "w" and (
-            kind == "t" or dimension_of(said) == "length" or spoken & {*_PLACE, "tcp"} or frame_of(body, frames)
+            kind == "t"
+            or dimension_of(said) == "length"
+            or spoken & {*_PLACE, "tcp"}
+            or frame_of(body, frames)
+            or (alone and not body)
         ):
             places.setdefault(body, {})[axis] = name
     bodies = {}

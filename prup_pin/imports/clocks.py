@@ -20,6 +20,8 @@ _STEPS, _OVERLAP = 4000, 0.5
 _ALIKE, _LEFT = 0.8, 0.05
 #: How much more must be left two steps beside the delay: a short smooth path goes with any other.
 _SHARP = 2.0
+#: Places that an affine map and a marker's place on its link, 15 numbers, cannot bring to any other.
+_FEWEST = 15
 #: A joint stands that moves by less than this share of its way within so many seconds before and after.
 STILL, REST = 1e-3, 0.15
 #: Steps of the golden section.
@@ -119,6 +121,15 @@ def _shift(first: Array, second: Array) -> int | None:
     return at
 
 
+def agrees(path: Motion, seen: Array) -> bool | None:
+    """Return whether places (N, 3) [m] go with a path row by row, wherever the camera stood; None of too few."""
+    rows = np.round(path.time).astype(int)
+    known = np.isfinite(seen[rows]).all(axis=1)
+    if known.sum() < _FEWEST:
+        return None
+    return _left(path, path.time[known], seen[rows][known]) < _LEFT
+
+
 def askew(path: Motion, time: Array, seen: Array, turned: Array) -> float:
     """Return the angle [rad] between a frame's axes and those of the body that was seen there.
 
@@ -149,7 +160,7 @@ def _brought(path: Motion, time: Array, seen: Array) -> tuple[float, Array, np.n
     The marker sits anywhere on its link: position + rotation @ offset = map @ seen + shift, linear in all of them.
     """
     inside = (time >= path.time[0]) & (time <= path.time[-1])
-    if inside.sum() < max(20, _OVERLAP * min(len(time), len(path.time))):
+    if inside.sum() < max(_FEWEST, _OVERLAP * min(len(time), len(path.time))):
         return np.inf, np.eye(3), inside
     at, there = time[inside], seen[inside] - seen[inside].mean(axis=0)
     position = np.column_stack([np.interp(at, path.time, path.position[:, k]) for k in range(3)])

@@ -57,7 +57,12 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
     streams = {stream.name: stream for stream in log.streams}
     asked = [name for name in streams if name in used or name == plan.resampling.clock]
     again = len(asked) == 1 and plan.resampling == type(plan.resampling)()  # such a log may hold several runs
-    told = {name: _on_clock(log, streams[name], plan.clocks[name], remarks, again) for name in asked}
+    told = {}
+    for name in asked:
+        like = plan.clocks[name].like
+        told[name] = _on_clock(
+            log, streams[like or name], plan.clocks[like or name], remarks if like is None else [], again
+        )
     begin = min(item.time[0] for item in told.values())
     told = {name: _Told(item.rows, item.time - begin, item.runs) for name, item in told.items()}
     time = _common(log, plan, told, remarks)

@@ -9,22 +9,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import yaml
 
-from ..mechanism.mechanism import Mechanism
 from ..spatial import Array
-from .bodies import Body, bodies_of, frame_of
-from .clocks import Motion, askew, at_rest, delay_of, path_of, rests
-from .convert import turns_of
+from .beside import set_beside
+from .bodies import bodies_of, frame_of
+from .draft import Guessing, Line, Seen, values_of
 from .log import Log, Stream
-from .map import Rotation
 from .named import NamedRobot, driven
-from .units import UNITS, UNSCALED, Unit, dimension_of, spelled
+from .units import UNITS, UNSCALED, dimension_of, spelled
 from .words import CURRENT, IN_OUT, KIND, MEASURED, TIME, WISHED, unit_in_name, words_of
 
 #: Not the joint itself, or not what was measured there, where something better is in the log.
@@ -55,8 +53,6 @@ _NEAR = 0.1
 LATE = 0.01
 #: A body whose axes are turned further against its frame's was drawn without regard to the frame [rad].
 _ASKEW = 0.2
-#: With so many rests, poses of a robot that moved are left out.
-_RESTS = 10
 #: What blocks of columns without names are, by how many there are.
 _BLOCKS = {1: ("q",), 2: ("q", "tau"), 3: ("q", "qd", "tau"), 4: ("q", "qd", "qdd", "tau")}
 #: Periods of loggers [s].
@@ -72,47 +68,11 @@ class Guess:
     doubts: tuple[str, ...]
 
 
-@dataclass
-class _Line:
-    """One line of the map to be; `sign` and `unit` are open until numbers were compared."""
-
-    target: str
-    source: str
-    unit: str | None
-    sign: int = 1
-    unwrap: bool = False
-    reason: str = ""
-    doubt: str = ""
-
-
-@dataclass
-class _Seen:
-    """Lines of places, bodies whose orientation is told, by target; and bodies that no frame is called like.
-
-    rests: how often the joints stood, where only these rows should be kept.
-    delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
-    """
-
-    lines: dict[str, _Line] = field(default_factory=dict)
-    turns: dict[str, Body] = field(default_factory=dict)
-    others: list[Body] = field(default_factory=list)
-    delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
-    rests: int = 0
-
-
-@dataclass
-class _Guessing:
-    """What has been guessed so far."""
-
-    lines: list[_Line] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
-
-
 def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:
     """Return a first map of a log. mechanism and robot: the robot and its name, where they are known."""
     clocks = {stream.name: _clock(stream) for stream in log.streams}
     times = {name for name, _, _ in clocks.values() if name}
-    found = _Guessing()
+    found = Guessing()
     for stream in log.streams:
         _joints(stream, times, mechanism, found)
     taken = {line.source for line in found.lines}
@@ -121,7 +81,7 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
     seen = _poses(log, taken | {line.source for line in loads} | times, mechanism)
     found.lines += seen.lines.values()
     _settle(log, clocks, found, mechanism)
-    seen.delays = _delays(log, clocks, found, seen, mechanism)
+    set_beside(log, clocks, found, seen, mechanism)
     return _written(log, clocks, found, seen, mechanism, robot)
 
 
@@ -182,7 +142,7 @@ def _rises(values: Array, late: float = 0.0) -> bool:
 
 
 # ---------------------------------------------------------------------------------------------- joints
-def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found: _Guessing) -> None:
+def _joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, found: Guessing) -> None:
     """Add the columns of joints that a stream holds: by the joints' names, else by numbers in their order."""
     groups: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
     labels = _labels(stream, mechanism)
@@ -253,7 +213,7 @@ def _spoken(
     return {key: group for key, group in groups.items() if len(group) == many > 1}
 
 
-def _blocks(stream: Stream, times: set[str], mechanism: NamedRobot) -> list[_Line]:
+def _blocks(stream: Stream, times: set[str], mechanism: NamedRobot) -> list[Line]:
     """Return the lines of a table without names: blocks of as many columns as there are joints."""
     names = [name for name in stream.columns if name not in times]
     turning = {joint.name for joint in mechanism.joints if not joint.slides}
@@ -265,7 +225,7 @@ def _blocks(stream: Stream, times: set[str], mechanism: NamedRobot) -> list[_Lin
         return []
     doubt = f"the columns have no names: taken as {', '.join(_BLOCKS[count])} of {len(joints)} joints each"
     targets = [f"{kind}.{joint}" for kind in _BLOCKS[count] for joint in joints]
-    return [_Line(target, name, None, doubt=doubt) for target, name in zip(targets, names, strict=True)]
+    return [Line(target, name, None, doubt=doubt) for target, name in zip(targets, names, strict=True)]
 
 
 def _labels(stream: Stream, mechanism: NamedRobot | None) -> dict[int, str]:
@@ -292,7 +252,7 @@ def _joint_in(name: str, mechanism: NamedRobot | None) -> str:
     return max(whole or fits, key=len, default="")
 
 
-def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream: Stream) -> list[_Line]:
+def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream: Stream) -> list[Line]:
     """Return the lines of one group of columns, joint by joint."""
     lines = []
     order = _in_order(mechanism, len(members))
@@ -315,7 +275,7 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
         unit = spelled(said) if said else None
         if kind == "tau" and unit is None and set(words_of(source)) & set(CURRENT):
             unit = "A"
-        lines.append(_Line(f"{kind}.{target}", source, unit, reason=reason, doubt=doubt))
+        lines.append(Line(f"{kind}.{target}", source, unit, reason=reason, doubt=doubt))
     return lines
 
 
@@ -329,9 +289,9 @@ def _in_order(mechanism: NamedRobot | None, count: int) -> list[str]:
 
 
 # ---------------------------------------------------------------------------------------------- loads, poses
-def _loads(log: Log, taken: set[str]) -> list[_Line]:
+def _loads(log: Log, taken: set[str]) -> list[Line]:
     """Return the lines of a wrench: fx … mz, or force.x … torque.z."""
-    lines: dict[str, _Line] = {}
+    lines: dict[str, Line] = {}
     for stream in log.streams:
         for name in stream.columns:
             words = words_of(name)
@@ -350,13 +310,13 @@ def _loads(log: Log, taken: set[str]) -> list[_Line]:
             # the recording's own name says what it is
             doubt = "" if name == f"w.{component}" else "is it what acts on the tool point, in base axes?"
             unit = (spelled(said) if said else None) or ("N" if component[0] == "f" else "N m")
-            lines.setdefault(f"w.{component}", _Line(f"w.{component}", name, unit, doubt=doubt))
+            lines.setdefault(f"w.{component}", Line(f"w.{component}", name, unit, doubt=doubt))
     return list(lines.values())
 
 
-def _poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> _Seen:
+def _poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> Seen:
     """Return the lines of positions and orientations of bodies: of those called like a frame, else of the tool."""
-    seen = _Seen()
+    seen = Seen()
     frames = mechanism.frame_names if mechanism is not None else ()
     found = [body for stream in log.streams for body in bodies_of(stream, taken, frames)]
     homes = {body.called: frame_of(body.called, frames) for body in found}
@@ -374,7 +334,7 @@ def _poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> _Seen:
     return seen
 
 
-def _line_of(target: str, name: str, stream: Stream, framed: bool) -> _Line:
+def _line_of(target: str, name: str, stream: Stream, framed: bool) -> Line:
     said = stream.units.get(name) or unit_in_name(name)
     unit = spelled(said) if said else None
     doubt = "" if framed else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
@@ -382,11 +342,11 @@ def _line_of(target: str, name: str, stream: Stream, framed: bool) -> _Line:
         reach = float(np.nanmax(np.abs(stream.columns[name]), initial=0.0))
         unit = "mm" if reach > 20 else "m"
         doubt = doubt or (f"up to {reach:.4g}, so taken as mm" if unit == "mm" else "")
-    return _Line(target, name, unit, doubt=doubt)
+    return Line(target, name, unit, doubt=doubt)
 
 
 # ---------------------------------------------------------------------------------------------- units
-def _settle(log: Log, clocks: dict, found: _Guessing, mechanism: NamedRobot | None) -> None:
+def _settle(log: Log, clocks: dict, found: Guessing, mechanism: NamedRobot | None) -> None:
     """Give a unit to positions and velocities: what makes positions the integral of velocities."""
     by_target = {line.target: line for line in found.lines}
     joints = [target[2:] for target in by_target if target.startswith("q.")]
@@ -416,10 +376,6 @@ def _slides(joint: str, mechanism: NamedRobot | None, unit: str | None) -> bool:
     return unit is not None and dimension_of(unit) == "length"
 
 
-def _values(log: Log, line: _Line) -> Array:
-    return log.stream_of(line.source).columns[line.source]
-
-
 def _room(joint: str, mechanism: NamedRobot | None, slides: bool) -> float:
     """Return how far from zero a joint may be [rad, m]: as its robot allows, where that is known."""
     far = _LONG if slides else _FAR
@@ -434,7 +390,7 @@ def _room(joint: str, mechanism: NamedRobot | None, slides: bool) -> float:
 def _settle_alike(
     log: Log,
     clocks: dict,
-    lines: Mapping[str, _Line],
+    lines: Mapping[str, Line],
     joints: Sequence[str],
     slides: bool,
     mechanism: NamedRobot | None,
@@ -445,7 +401,7 @@ def _settle_alike(
     clock_name, time_unit, clock_doubt = clocks[stream.name]
     lengths, speeds = ("length", "velocity") if slides else ("angle", "angular velocity")
     q_units = [first.unit] if first.unit else (["m", "mm"] if slides else ["rad", "deg", "rev"])
-    reaches = {j: float(np.nanmax(np.abs(_values(log, lines[f"q.{j}"])), initial=0.0)) for j in joints}
+    reaches = {j: float(np.nanmax(np.abs(values_of(log, lines[f"q.{j}"])), initial=0.0)) for j in joints}
     reach = max(reaches.values())
     room = {j: _room(j, mechanism, slides) for j in joints}
     possible = [
@@ -518,95 +474,17 @@ def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
     return float(moved @ driven / (driven @ driven))
 
 
-def _jumps(log: Log, line: _Line) -> bool:
+def _jumps(log: Log, line: Line) -> bool:
     """Return whether a position jumps by whole turns."""
     if line.unit is None or dimension_of(line.unit) != "angle":
         return False
-    values = _values(log, line) * UNITS["angle"][line.unit]
+    values = values_of(log, line) * UNITS["angle"][line.unit]
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     return bool((np.abs(steps - 2 * np.pi) < 0.3).any()) and float(np.median(steps)) < 0.5
 
 
-# ---------------------------------------------------------------------------------------------- several clocks
-def _delays(
-    log: Log, clocks: dict, found: _Guessing, seen: _Seen, mechanism: NamedRobot | None
-) -> dict[str, tuple[float, str, str]]:
-    """Return how far the clock of each stream of bodies is ahead of the joints' clock, where these are two devices."""
-    joints = {line.target[2:]: line for line in found.lines if line.target.startswith("q.")}
-    if not joints:
-        return {}
-    home = log.stream_of(next(iter(joints.values())).source)
-    mine, _ = _time_of(home, clocks)
-    if _time_of(home, clocks)[1] and not any(line.target.startswith("tau.") for line in found.lines):
-        moved = [_in_si(log, line) for line in joints.values() if log.stream_of(line.source) is home]
-        known = np.isfinite(mine)
-        seen.rests = rests(at_rest(mine[known], [values[known] for values in moved]))
-        seen.rests = seen.rests if seen.rests >= _RESTS else 0
-    out: dict[str, tuple[float, str, str]] = {}
-    for stream in log.streams:
-        lines = {
-            line.target: line for line in found.lines if line.target.startswith("p") and line.source in stream.columns
-        }
-        if stream is home or not lines:
-            continue
-        place = next(iter(lines)).rpartition(".")[0]
-        theirs, told = _time_of(stream, clocks)
-        if not told or not _time_of(home, clocks)[1]:
-            same = len(stream) == len(home)
-            doubt = "" if same else f"{len(stream)} rows beside {len(home)} of the joints: which belongs to which?"
-            out[stream.name] = 0.0, "row by row beside the joints" * same, doubt
-            continue
-        delay = None
-        if isinstance(mechanism, Mechanism) and all(log.stream_of(line.source) is home for line in joints.values()):
-            frame = place.removeprefix("p").removeprefix(".") or mechanism.tip.name
-            positions = {name: _in_si(log, line) for name, line in joints.items()}
-            path = path_of(mechanism, mine, positions, frame)
-            points = np.column_stack([_in_si(log, lines[f"{place}.{axis}"]) for axis in "xyz"])
-            delay = delay_of(path, theirs, points) if path is not None else None
-            body = seen.turns.get(f"r{place.removeprefix('p')}")
-            if path is not None and delay is not None and body is not None:
-                _compared(log, body, path, theirs - delay, points)
-        if delay is not None:
-            out[stream.name] = delay, "the motion tells how far it is ahead", ""
-        elif min(mine[-1], theirs[-1]) - max(mine[0], theirs[0]) > 0.5 * min(np.ptp(mine), np.ptp(theirs)):
-            out[stream.name] = (
-                0.0,
-                "",
-                "the motion does not tell whether it goes with the joints' clock; else its delay [s]",
-            )
-        else:
-            begin = float(theirs[0] - mine[0])
-            out[stream.name] = begin, "", "another clock: taken as begun together with the joints'"
-    return out
-
-
-def _compared(log: Log, body: Body, path: Motion, time: Array, points: Array) -> None:
-    """Note how far a body's axes are turned against its frame's: programs of cameras draw them as they like."""
-    turned = np.full((len(time), 3, 3), np.nan)
-    factor = UNITS["angle"].get(body.unit or "", 1.0)
-    rotation = Rotation(body.turn, body.manner, Unit(body.unit or "1", factor))
-    known, turns = turns_of(log, body.stream, rotation)
-    turned[known] = turns.as_matrix()
-    body.askew = askew(path, time, points, turned)
-
-
-def _in_si(log: Log, line: _Line) -> Array:
-    unit = line.unit or "SI"
-    return _values(log, line) * UNITS[dimension_of(unit) or "angle"].get(unit, 1.0)
-
-
-def _time_of(stream: Stream, clocks: dict) -> tuple[Array, bool]:
-    """Return the times (N,) [s] of a stream as they are told, and whether they are told at all."""
-    name, unit, _ = clocks[stream.name]
-    if name == "":
-        return np.arange(len(stream), dtype=float), False
-    raw = stream.clock if name is None else stream.columns[name]
-    assert raw is not None
-    return raw * UNITS["time"][unit], True
-
-
 # ---------------------------------------------------------------------------------------------- the file
-def _written(log: Log, clocks, found: _Guessing, seen: _Seen, mechanism, robot: str | None) -> Guess:
+def _written(log: Log, clocks, found: Guessing, seen: Seen, mechanism, robot: str | None) -> Guess:
     """Return the map as YAML with a word on every line that was guessed."""
     doubts: list[str] = []
 
@@ -630,6 +508,8 @@ def _written(log: Log, clocks, found: _Guessing, seen: _Seen, mechanism, robot: 
     for stream in log.streams:
         name, unit, doubt = clocks[stream.name]
         inside = [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else ["rate: 1"]
+        if stream.name in seen.alike:
+            inside, doubt = [f"like: {_text(seen.alike[stream.name])}"], ""
         delay, known, unsure = seen.delays.get(stream.name, (0.0, "", ""))
         entry = f"{{{', '.join([*inside, *[f'delay: {delay:.9g}'] * (delay != 0)])}}}"
         doubt = unsure or doubt
@@ -678,7 +558,7 @@ def _written(log: Log, clocks, found: _Guessing, seen: _Seen, mechanism, robot: 
     return Guess("\n".join(lines) + "\n", tuple(doubts))
 
 
-def _of_others(seen: _Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
+def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
     """Return a line of comment for each body that no frame is called like, to be completed."""
     if not seen.others:
         return []

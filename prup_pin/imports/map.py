@@ -57,13 +57,14 @@ class Column:
 class Clock:
     """The time of a stream: a column of it, or None for the stamps that the format gives; delay [s] is taken off.
 
-    rate [1/s]: where nothing tells the time, rows come so many a second.
+    rate [1/s]: where nothing tells the time, rows come so many a second. like: or row by row with another stream.
     """
 
     source: str | None
     unit: Unit
     delay: float = 0.0
     rate: float | None = None
+    like: str | None = None
 
 
 @dataclass(frozen=True)
@@ -268,7 +269,7 @@ class _Reader:
         names = [stream.name for stream in self.log.streams]
         if given is None and all(stream.clock is not None for stream in self.log.streams):
             given = {name: {} for name in names}
-        keys = ("from", "unit", "delay", "rate")
+        keys = ("from", "unit", "delay", "rate", "like")
         plain = isinstance(given, dict) and set(given) <= set(keys) and bool(given)
         if plain and len(names) > 1:
             self.wrong(f"needs the name of each stream: {', '.join(names)}", "time")
@@ -283,6 +284,14 @@ class _Reader:
                     out[name] = Clock(None, Unit("s", 1.0))
                 continue
             item = self.known(listed[name], keys, *place)
+            if "like" in item:
+                other = next((each for each in self.log.streams if each.name == item["like"] != name), None)
+                if other is None or len(other) != len(stream) or set(item) != {"like"}:
+                    message = f"expected another stream of {len(stream)} rows, and nothing beside it"
+                    self.wrong(message, *place, "like")
+                else:
+                    out[name] = Clock(None, Unit("s", 1.0), like=other.name)
+                continue
             rate = self.number(item, "rate", 1.0, *place) if "rate" in item else None
             if rate is not None and (rate <= 0 or "from" in item):
                 self.wrong("expected a number of rows a second, above 0, and no `from` beside it", *place, "rate")

@@ -1,0 +1,59 @@
+"""A map in the making: its lines, what was seen beside the joints, and what is not sure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ..spatial import Array
+from .bodies import Body
+from .log import Log
+from .units import UNITS, dimension_of
+
+
+@dataclass
+class Line:
+    """One line of the map to be; `sign` and `unit` are open until numbers were compared."""
+
+    target: str
+    source: str
+    unit: str | None
+    sign: int = 1
+    unwrap: bool = False
+    reason: str = ""
+    doubt: str = ""
+
+
+@dataclass
+class Seen:
+    """Lines of places, bodies whose orientation is told, by target; and bodies that no frame is called like.
+
+    alike: stream without a time -> the stream that it goes with, row by row.
+    rests: how often the joints stood, where only these rows should be kept.
+    delays: stream -> how far its clock is ahead of the joints' [s], how that is known, and what is not sure of it.
+    """
+
+    lines: dict[str, Line] = field(default_factory=dict)
+    turns: dict[str, Body] = field(default_factory=dict)
+    others: list[Body] = field(default_factory=list)
+    delays: dict[str, tuple[float, str, str]] = field(default_factory=dict)
+    rests: int = 0
+    alike: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Guessing:
+    """What has been guessed so far."""
+
+    lines: list[Line] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+
+
+def values_of(log: Log, line: Line) -> Array:
+    """Return the column (N,) that a line takes, as it is."""
+    return log.stream_of(line.source).columns[line.source]
+
+
+def in_si(log: Log, line: Line) -> Array:
+    """Return the column (N,) that a line takes in SI, by the unit that it has so far."""
+    unit = line.unit or "SI"
+    return values_of(log, line) * UNITS[dimension_of(unit) or "angle"].get(unit, 1.0)
