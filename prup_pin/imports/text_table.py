@@ -18,7 +18,7 @@ from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
 from ..recordings.thinning import Thinning
 from ..spatial import Array
 from .headings import Heading, cells_of, heading_of
-from .log import Log, Stream, frozen, refuse
+from .log import MAX_VECTOR, Log, Stream, frozen, refuse
 from .stamps import past_midnight, seconds_of
 from .units import spelled
 
@@ -29,6 +29,7 @@ _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+
             "#wert!", "#div/0!", "#num!", "#zahl!", "#ref!", "#bezug!", "<na>", "nat", ".", "?", "missing", "-nan",
             "-nan(ind)", "1.#qnan", "-1.#ind")  # fmt: skip
 _FORMULA = {"true": 1.0, "false": 0.0}
+_LIST = re.compile(r"\s*[,;]\s*|\s+")
 #: A column of which more than this share is no number is a column of text.
 _TEXT = 0.5
 #: Bytes by which the manner of a table is understood, and rows by which its columns of text are.
@@ -41,13 +42,19 @@ _PIECE = 50_000
 class _Manner:
     """How a table is written: its heading, its encoding, and which columns are no numbers.
 
-    stamps: columns of dates and times of day. labels: columns of one word alone, and that word.
+    stamps: columns of dates and times of day. vectors: columns of lists in brackets -> how long they are. labels:
+    columns of one word alone, and that word.
     """
 
     heading: Heading
     encoding: str
     stamps: Sequence[int] = ()
+    vectors: Mapping[int, int] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def texts_of_use(self) -> set[int]:
+        return {*self.stamps, *self.vectors}
 
     @property
     def names(self) -> Sequence[str]:
@@ -72,10 +79,10 @@ def read(path: Path) -> Log:
     Rows are read piece by piece; of more than `MOST_ROWS` of them some are kept.
     """
     manner, texts = _understood(path)
-    used = [k for k, name in enumerate(manner.names) if name not in texts and k not in manner.stamps]
+    used = [k for k, name in enumerate(manner.names) if name not in texts and k not in manner.texts_of_use]
     thinning = Thinning(_lines_in(path) - manner.heading.body)
     parts, strange = [], _Strange(path, manner, used)
-    stamped: dict[int, list[Array]] = {k: [] for k in manner.stamps}
+    stamped: dict[int, list[Array]] = {k: [] for k in manner.texts_of_use}
     numbers: list[np.ndarray] = []
     count = 0
     for first, lines in _pieces(path, manner):
@@ -88,7 +95,8 @@ def read(path: Path) -> Log:
         parts.append(values if here is None else values[here])
         numbers.append(number if here is None else number[here])
         for k, cells in stamped.items():
-            found = seconds_of([_cell(line, k, manner.separator) for line in lines if line.strip()])
+            told = [_cell(line, k, manner.separator) for line in lines if line.strip()]
+            found = _vectors(told, manner.vectors[k]) if k in manner.vectors else seconds_of(told)
             cells.append(found if here is None else found[here])
         if strange.problems.many:
             break
@@ -96,6 +104,9 @@ def read(path: Path) -> Log:
     table = np.concatenate(parts)
     columns = {manner.names[k]: table[:, j] for j, k in enumerate(used) if manner.names[k] not in texts}
     units = dict(manner.heading.units)
+    for k, size in manner.vectors.items():
+        whole = np.concatenate(stamped.pop(k))
+        columns |= {f"{manner.names[k]}[{j}]": whole[:, j] for j in range(size)}
     for k, cells in stamped.items():
         since = past_midnight(np.concatenate(cells))
         columns[manner.names[k]] = since - since[np.isfinite(since)][:1].sum()
@@ -111,6 +122,16 @@ def read(path: Path) -> Log:
 def _cell(line: str, column: int, separator: str) -> str:
     cells = cells_of(line.rstrip("\r\n"), separator) if '"' in line else line.rstrip("\r\n").split(separator)
     return cells[column].strip() if column < len(cells) else ""
+
+
+def _vectors(texts: Sequence[str], size: int) -> Array:
+    """Return lists in brackets (N, size), nan where one is empty or of another length."""
+    rows = [_LIST.split(text.strip("[](){} ")) for text in texts]
+    empty = ["nan"] * size
+    try:
+        return np.array([row if len(row) == size else empty for row in rows], float).reshape(-1, size)
+    except ValueError:
+        return np.array([[_number(cell, ".") for cell in row] if len(row) == size else empty for row in rows], float)
 
 
 def _by_frames(columns: Mapping[str, Array], numbers: np.ndarray, rate: float | None) -> Array | None:
@@ -184,11 +205,21 @@ def _columns(lines: list[str], heading: Heading, encoding: str) -> tuple[_Manner
     first = [cells_of(line, heading.separator) for line in lines[heading.body :][:_ROWS] if line.strip()]
     whole = [row for row in first if len(row) == len(names)]
     strange = [k for k in range(len(names)) if sum(_number(row[k], decimal) is None for row in whole) > _TEXT * _ROWS]
-    none = [k for k in range(len(names)) if whole and all(_number(row[k], decimal) is None for row in whole)]
-    stamps = [k for k in none if np.isfinite(seconds_of([row[k] for row in whole])).all()]
+    cells = {k: [row[k] for row in whole if row[k]] for k in range(len(names))}
+    none = [k for k, column in cells.items() if column and all(_number(cell, decimal) is None for cell in column)]
+    stamps = [k for k in none if np.isfinite(seconds_of(cells[k])).all()]
+    vectors = {k: size for k in none if (size := _length(cells[k]))}
     labels = {names[k]: whole[0][k] for k in none if len({row[k] for row in whole}) == 1 and k not in stamps}
-    texts = [names[k] for k in strange if k not in stamps]
-    return _Manner(heading, encoding, tuple(stamps), labels), texts if len(whole) == _ROWS else []
+    texts = [names[k] for k in strange if k not in stamps and k not in vectors]
+    return _Manner(heading, encoding, tuple(stamps), vectors, labels), texts if len(whole) == _ROWS else []
+
+
+def _length(cells: Sequence[str]) -> int:
+    """Return how long lists of numbers in brackets are, 0 where these are none."""
+    sizes = {len(_LIST.split(cell.strip("[](){} "))) for cell in cells}
+    if len(sizes) != 1 or max(sizes) > MAX_VECTOR or not all(re.fullmatch(r"[\[({].*[\])}]", cell) for cell in cells):
+        return 0
+    return max(sizes) if np.isfinite(_vectors(cells, max(sizes))).any() else 0
 
 
 def _plain(lines: list[str], begin: int) -> Heading | None:

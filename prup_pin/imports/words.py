@@ -8,8 +8,8 @@ from .units import spelled
 
 #: Words in the names of columns -> prefix of the recording's column.
 WORDS = {
-    "q": ("q", "qm", "pos", "position", "positions", "angle", "angles", "theta", "encoder", "enc", "winkel", "lage",
-          "gelenkwinkel", "achswinkel", "stellung"),
+    "q": ("q", "qm", "pos", "position", "positions", "angle", "angles", "ang", "theta", "encoder", "enc", "winkel",
+          "lage", "gelenkwinkel", "achswinkel", "stellung"),
     "qd": ("qd", "dq", "qdot", "vel", "velocity", "velocities", "speed", "speeds", "omega", "geschwindigkeit",
            "drehzahl", "winkelgeschwindigkeit", "dtheta"),
     "qdd": ("qdd", "ddq", "acc", "accel", "acceleration", "accelerations", "beschleunigung"),

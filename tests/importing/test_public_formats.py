@@ -115,6 +115,18 @@ def test_a_floating_base_has_no_column(tmp_path):
     assert list(imported(tmp_path, robot, path).recording.positions) == ["one", "two"]
 
 
+def test_lists_in_brackets_are_taken_apart(tmp_path, ur5):
+    def lists(values, comma):
+        return ['"[' + comma.join(f"{x:.9g}" for x in row) + ']"' for row in values]
+
+    columns = {"t": T, "joint_positions": lists(Q, ", "), "torques": lists(TAU, " "), "mode": ["auto"] * len(T)}
+    columns["torques"][7] = ""
+    done = imported(tmp_path, ur5, logs.csv(tmp_path / "log.csv", columns))
+    assert np.isnan(done.recording.efforts["elbow_joint"]).nonzero()[0].tolist() == [7]
+    assert np.nanmax(np.abs(done.recording.efforts["elbow_joint"] - TAU[:, 2])) < 1e-6
+    assert_motion(done.recording, "q")
+
+
 # ---- clocks -----------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     "form",
