@@ -8,6 +8,7 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.efforts.beside import Beside
 from prup_pin.diagnosis.efforts.combinations import Combinations
 from prup_pin.diagnosis.efforts.gather import Efforts
+from prup_pin.diagnosis.efforts.relief import relieved
 from prup_pin.diagnosis.efforts.search import scores
 from prup_pin.dynamics import InMotion, motion_of
 from tests.diagnosis.test_efforts import AXIS, axis, device
@@ -107,3 +108,16 @@ def test_a_zero_point_is_not_all_links(tmp_path):
     found = diagnose(load(recording.robot), recording)
     named = {(finding.physics, finding.location) for finding in found.findings}
     assert named == {("transmission_coupling", "j2s6s200_joint_6"), ("effort_offset", "j2s6s200_joint_3")}
+
+
+def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_it():
+    robot, recording = load(AXIS), axis(2000, damping=200.0)
+    heavier = np.gradient(np.gradient(recording.positions["carriage"], recording.time), recording.time)
+    tau = recording.efforts["carriage"] + 40.0 * np.convolve(heavier, np.ones(25) / 25, "same")
+    recording = recording.with_measurements(efforts={"carriage": tau})
+    efforts = Efforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {"mass": 0.01}, None)
+    given, friction = efforts.gathered(), "viscous_friction"
+    chosen = efforts.start().with_term(named(given, friction)).with_term(named(given, "counterbalance"))
+    _, found = relieved(given, chosen, efforts.with_curves)
+    assert {term.law.physics for term in found.terms} - {friction} == {"rotor_inertia"}
+    assert friction in {term.law.physics for term in found.terms}

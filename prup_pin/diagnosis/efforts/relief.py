@@ -16,7 +16,7 @@ from ..criteria import EFFORT_RELIEF, EFFORT_SURE, beyond_tolerance
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
-from .search import can_be, excluded, replaces, uncertainty
+from .search import can_be, excluded, pruned, replaces, uncertainty
 
 __all__ = ["relieved", "relieving", "strain"]
 
@@ -35,8 +35,9 @@ def relieved(
     """Return what is chosen with laws that take parameters back within their tolerances, one for several.
 
     `with_curves`: adds curves of no law to the columns. Where one of these takes off far more than any law, none does.
+    What had come to make up for such a law goes with it.
     """
-    limit = beyond_tolerance(len(chosen.base))
+    limit, before = beyond_tolerance(len(chosen.base)), chosen.terms
     while (strain(chosen, fit(given, chosen)[0]) > limit).any():
         given, curves = with_curves(given)
         laws = _reliefs(given, chosen, given.without_curves().candidates)
@@ -47,6 +48,10 @@ def relieved(
             break
         good = [law for relief, law in laws if relief > most - limit**2]
         chosen = chosen.with_term(min(good, key=lambda law: (law.size, law.where.start)))
+    if len(chosen.terms) > len(before):
+        fewer = pruned(given, chosen, before)
+        if not (strain(fewer, fit(given, fewer)[0]) > max(limit, strain(chosen, fit(given, chosen)[0]).max())).any():
+            chosen = fewer
     return given, chosen
 
 
