@@ -1,6 +1,7 @@
 """A robot that is stopped by brakes, or runs into something: that stretch is told, and nothing is made of it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.dynamics import motion_of
+from prup_pin.recordings import Noise
 from tests.diagnosis.test_efforts import AXIS, axis, named
 
 
@@ -56,3 +58,14 @@ def test_too_little_between_two_stretches_goes_with_them(carriage):
     assert not ((motion.rows >= 500) & (motion.rows <= 700)).any()
     assert len(np.unique(motion.piece)) == 2
     assert np.diff(motion.rows)[np.diff(motion.piece) == 0].max() < 100
+
+
+def test_nothing_is_judged_by_the_ends_of_a_recording(carriage):
+    """There a filter has no other side, and what a late signal was before is unknown."""
+    recording = replace(axis(2000), noise=Noise(effort=0.5))
+    first = struck(recording, (-0.02, 0.02, 400.0))
+    found = diagnose(carriage, first)
+    assert found.verdict == "nothing_missing"
+    assert found.after["fit"] < 1.1
+    second = struck(recording, (-0.02, 0.4, 60.0))
+    assert diagnose(carriage, second).verdict == "unexplained"

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from ...dynamics import INERTIAL, Motion
+from ...dynamics.smoothing import pieces
 from ...laws import Effect, Place
 from ...laws.efforts.all_links import AllLinks
 from ...laws.efforts.effort_sensor import EffortUnit
@@ -57,6 +58,8 @@ __all__ = ["Verdict"]
 _RIVALS = 24
 #: Share of the most that one body takes away, from which another is as good.
 _AS_GOOD = 0.99
+#: Kept samples at an end of a piece by which nothing is judged: somewhat more than a period of the cut-off.
+_END = 3
 #: Means that a curve is drawn through.
 _BINS = 24
 
@@ -197,7 +200,7 @@ class Verdict:
         self, added: Array, noise: Array
     ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
         """Return the residual in multiples of the noise before and after, of all and by joint."""
-        every, good = self.efforts.every, self.efforts.good
+        every, good = self.efforts.every, self._settled()
         raw = (self.motion.efforts - self.at.rigid)[every]
         told = (self.motion.efforts - self.at.rigid / self.scale)[every]
         first, last = told / noise, (raw - added[every]) / noise
@@ -209,6 +212,17 @@ class Verdict:
             for k, name in enumerate(self.at.driven)
         }
         return {"fit": before, "heldout": before}, {"fit": after, "heldout": after * ratio}, by_joint
+
+    def _settled(self) -> np.ndarray:
+        """Return the samples that count (n, k) but for those at ends of pieces, where filters and rates have no other
+        side, and nobody knows what a signal that comes late was before."""
+        good = self.efforts.good
+        if self.motion.standing:
+            return good
+        inside = good.copy()
+        for where in pieces(self.efforts.piece):
+            inside[where.start : where.start + _END] = inside[max(where.stop - _END, where.start) : where.stop] = False
+        return np.where(inside.any(axis=0), inside, good)
 
     def _held_ratio(self) -> float:
         """Return how much larger held-out blocks' residual is than the fitted one, root mean square."""
