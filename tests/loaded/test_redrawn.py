@@ -176,12 +176,13 @@ def answers(machine: Machine, drawing: Drawing, folder: Path) -> dict[str, np.nd
     wrench = turned(np.array(machine.wrench), there.T)
     loaded = robot.equilibrium(pose, wrench, gravity=True)
     names = {new: old for old, new in drawing.names.items()}
+    energy = loaded.energy(2)
     found = {
         "rigid C": turned(robot.compliance(pose).C, there),
         "C": turned(loaded.C, there),
         "displacement": turned(loaded.displacement, there),
-        "stored": np.array(loaded.energy(2).stored),
-        "work": np.array(loaded.energy(2).work),
+        "stored": np.array(energy.stored),
+        "work": np.array(energy.work),
     }
     for name, load in loaded.loads.items():
         found[f"load of {names.get(name, name)}"] = np.array(load)
