@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import prup_pin
 from prup_pin.compensation import compensate
 from prup_pin.views.meshcat.view import view
@@ -43,10 +45,16 @@ def test_imports_are_read_from_the_source():
     assert ("laws", "deeds") in imported(ROOT / "channels" / "pose.py")
 
 
-def test_a_robot_is_loaded_without_what_is_behind_its_doors():
-    code = "import sys, prup_pin; print(*(name for name in sys.modules if name.startswith('prup_pin.')))"
+@pytest.fixture(scope="module")
+def loaded():
+    """The modules that Python has loaded after importing the package, and after importing its diagnosis too."""
+    code = "import sys, prup_pin; print(*sys.modules); import prup_pin.diagnosis; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = {name.split(".")[1] for name in done.stdout.split()}
+    return [set(line.split()) for line in done.stdout.splitlines()]
+
+
+def test_a_robot_is_loaded_without_what_is_behind_its_doors(loaded):
+    loaded = {name.split(".")[1] for name in loaded[0] if name.startswith("prup_pin.")}
     assert "robot" in loaded
     assert not loaded & {room for _, room in DOORS}
 
@@ -74,12 +82,12 @@ def test_wings_of_the_views_are_no_circle():
             assert other == own or {own, other} != APART, f"{path} imports {other}, which it should not know"
 
 
-def test_import_is_light():
-    """Command line, plots and optimisers load only when used."""
-    heavy = "typer rich matplotlib scipy meshcat yourdfpy jinja2"
-    code = f"import sys, prup_pin; print([name for name in '{heavy}'.split() if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+def test_import_is_light(loaded):
+    """Command line, plots and optimisers load only when used; of scipy a diagnosis needs no statistics."""
+    package, diagnosis = loaded
+    assert not package & {"typer", "rich", "matplotlib", "scipy", "meshcat", "yourdfpy", "jinja2"}
+    assert "scipy.optimize" in diagnosis
+    assert not diagnosis & {"scipy.stats", "scipy.signal", "matplotlib", "typer", "rich"}
 
 
 def test_public_names_exist():

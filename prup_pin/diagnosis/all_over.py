@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import norm
 
 from ..numbers import number, quantity
 from .calibrate import CalibratedParameter
+from .chances import normal_isf
 from .criteria import FALSE_ALARM
 from .diagnosis import Finding, FittedParameter
 from .fit import Fit, Problem
@@ -50,7 +50,7 @@ def _finding(
     own = {item.name for item in items}
     mask = np.array([item.name in own for item in problem.tolerances.toleranced.law.deviations])
     without = cross_validated(problem, fit, labels, parameters=mask, strained=True)
-    least = float(norm.isf(FALSE_ALARM / (2 * len(items))))
+    least = normal_isf(FALSE_ALARM / (2 * len(items)))
     sure = sorted((item for item in items if _surety(item) > least), key=_surety, reverse=True)
     every = list(dict.fromkeys(item.deviation.place for item in sorted(items, key=_surety, reverse=True)))
     told = sure or sorted(items, key=_surety, reverse=True)[:1]

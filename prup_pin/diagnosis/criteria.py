@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
+
+from .chances import normal_isf
 
 # -- is what is left noise? --------------------------------------------------------------------------------------------
 
@@ -347,7 +348,7 @@ MISJUDGED: Final = 3.0
 
 def beyond_tolerance(count: int) -> float:
     """Return how many tolerances off a parameter must be to be a finding, one of `count` that may be off."""
-    return max(BEYOND, float(norm.isf(FALSE_ALARM / (2 * max(count, 1)))))
+    return max(BEYOND, normal_isf(FALSE_ALARM / (2 * max(count, 1))))
 
 
 # -- efforts -----------------------------------------------------------------------------------------------------------

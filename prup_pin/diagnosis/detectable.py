@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.stats import chi2 as chi_squared
 
 from ..spatial import Array
 from .candidates import Candidate
+from .chances import chi2_isf
 from .criteria import FALSE_ALARM, LEAST_WARMING, MOST_PARAMETERS_TOLD
 from .diagnosis import Detectable
 from .fit import Fit, Problem
@@ -26,7 +26,7 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
 
     Its effect counts by what toleranced parameters cannot do in its place.
     """
-    least = float(chi_squared.isf(FALSE_ALARM / len(selection.library), 1))
+    least = chi2_isf(FALSE_ALARM / len(selection.library), 1)
     present = {term.candidate.name for term in fit.terms}
     effects = [term.effect for term in fit.terms]
 

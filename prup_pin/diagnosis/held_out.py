@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.stats import chi2 as chi_squared
 
 from ..spatial import Array
+from .chances import chi2_isf
 from .criteria import (
     FALSE_ALARM,
     FEWEST_FOR_FOLDS,
@@ -129,10 +129,10 @@ def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[
         )
         signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(kinds), FLIPS))
         flipped = float(np.quantile(((per_block @ signs) ** 2).max(axis=0), 1 - FALSE_ALARM))
-    one = float(chi_squared.isf(FALSE_ALARM / tried, 1))
+    one = chi2_isf(FALSE_ALARM / tried, 1)
 
     def least(parameters: int) -> float:
-        chance = float(chi_squared.isf(FALSE_ALARM / tried, parameters))
+        chance = chi2_isf(FALSE_ALARM / tried, parameters)
         return max(chance, flipped + chance - one)
 
     return least

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2 as chi_squared
 
 from ..channels import Channel, Linear, PoseChannel, Stack
 from ..laws import Effect, Law
@@ -23,6 +22,7 @@ from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import ARM, Recording, Together
 from ..spatial import Array, rotation_log, skew, turn_between
+from .chances import chi2_median
 from .criteria import (
     FEWEST_REGISTERED,
     LEAST_REACH,
@@ -234,7 +234,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
 
 def _trust(distances: Array) -> Array:
     """Return weights (n,) of points so far from where they should be: gross ones weigh little (Student's t)."""
-    size = max(float(np.median(distances**2)) / float(chi_squared.median(3)), _NEAREST**2)
+    size = max(float(np.median(distances**2)) / chi2_median(3), _NEAREST**2)
     return trusted(distances**2 / size)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
 
 from ..channels import Linear, Noise, PoseChannel, Stack
 from ..laws import Inputs
 from ..recordings import Recording
 from ..spatial import Array, turn_between
+from .chances import normal_cdf, normal_pdf
 from .criteria import (
     CLIP,
     FEWEST_NUMBERS,
@@ -23,7 +23,7 @@ __all__ = ["estimate_noise", "scatter_of_repeats"]
 
 
 #: What is left of the variance of normal numbers without the outliers.
-_CLIPPED = 1 - 2 * CLIP * float(norm.pdf(CLIP)) / (2 * float(norm.cdf(CLIP)) - 1)
+_CLIPPED = 1 - 2 * CLIP * normal_pdf(CLIP) / (2 * normal_cdf(CLIP) - 1)
 
 
 def estimate_noise(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> Noise:

@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.stats import chi2 as chi_squared
 
 from ..channels import Noise, PoseChannel, Stack
 from ..laws import Effect, Place
@@ -44,6 +43,7 @@ from ..simulation import Run, Simulator
 from ..spatial import Array
 from .calibrate import Toleranced, changes_per_tolerance
 from .candidates import Candidate
+from .chances import chi2_isf, chi2_median
 from .criteria import (
     APART,
     EXPLAINED,
@@ -393,7 +393,7 @@ def _without_kinds(
     Gears are softer than the bearings beside them: that joints tilt must show beside what they yield along themselves.
     """
     labels = labels.copy()
-    most = float(chi_squared.isf(2 * FALSE_ALARM / max(len(np.unique(labels)), 1), 1))  # at the end of its range
+    most = chi2_isf(2 * FALSE_ALARM / max(len(np.unique(labels)), 1), 1)  # at the end of its range
     while True:
         trials = []
         names = np.unique(labels[labels != ""])
@@ -546,7 +546,7 @@ class _Seen:
             known = np.isfinite(here)
             if not known.any():
                 continue
-            size = float(np.median(here[known])) / float(chi_squared.median(3))
+            size = float(np.median(here[known])) / chi2_median(3)
             far = known & (here > OUTLIER**2 * size)
             if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(here[known], far[known]):
                 continue
@@ -627,7 +627,7 @@ def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     labels = np.where(stands, parameters.kinds, "").astype(object)
     chosen: list[str] = []
     now = _fitted(data, np.where(stands, 1.0, floors), fit.noise, labels, floors, seen.least)
-    most = float(chi_squared.isf(FALSE_ALARM, 1))
+    most = chi2_isf(FALSE_ALARM, 1)
     while now.cost - fit.cost > most:
         if len(chosen) == MOST_TERMS:
             return False

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2 as chi_squared
 
 from ..channels import Stack
 from ..laws import Effect
@@ -18,6 +17,7 @@ from .asked import Asked, Tell
 from .calibrate import (
     calibrated_parameters,
 )
+from .chances import chi2_sf
 from .compete import select
 from .criteria import (
     BESIDE_WORK,
@@ -205,7 +205,7 @@ def _unexplained(start: float, last: Fit, count: int, curves: Sequence[LocalCurv
     if not count:
         return False
     rms, began = rms_of(last.chi2, count), rms_of(start, count)
-    structured = bool(curves) and chi_squared.sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
+    structured = bool(curves) and chi2_sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
     if rms <= clean_bound(count):
         shows = rms > chance_bound(count, CURVE_DEVIATIONS)
         return structured and not named and shows and curves[0].gain > CURVE_SHARE * last.chi2

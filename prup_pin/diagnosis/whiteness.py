@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.stats import chi2 as chi_squared
-from scipy.stats import norm
 
 from ..channels import Noise, Stack
 from ..spatial import Array
+from .chances import chi2_sf, normal_sf
 from .criteria import FEWEST_FOLLOWERS, FEWEST_POSES, STRUCTURE_CHANCE, chance_bound
 from .fit import Fit, Problem
 from .local_curve import strongest_curve
@@ -43,7 +42,7 @@ def is_white(problem: Problem, fit: Fit, blocks: np.ndarray) -> bool:
             *_follows_pose(column, blocks, neighbours, slopes),
         ]
     curves = strongest_curve(problem, fit)
-    tests += [float(chi_squared.sf(curve.gain, curve.degrees)) for curve in curves]
+    tests += [chi2_sf(curve.gain, curve.degrees) for curve in curves]
     return bool(tests) and min(tests) * len(tests) > STRUCTURE_CHANCE
 
 
@@ -78,7 +77,7 @@ def _differs_by_block(column: Array, blocks: np.ndarray) -> Iterator[float]:
     """Yield the chance that means over blocks are so large."""
     names, means = _means(column, blocks)
     if len(names) > 1:
-        yield float(chi_squared.sf((means**2).sum(), len(names)))
+        yield chi2_sf((means**2).sum(), len(names))
 
 
 def _follows_pose(
@@ -90,7 +89,7 @@ def _follows_pose(
         yield _chance_of_products(means[neighbours[:, 0]] * means[neighbours[:, 1]])
     for each in slopes:
         if each.shape[1]:
-            yield float(chi_squared.sf(((each.T @ column) ** 2).sum(), each.shape[1]))
+            yield chi2_sf(((each.T @ column) ** 2).sum(), each.shape[1])
 
 
 def _means(column: Array, blocks: np.ndarray) -> tuple[np.ndarray, Array]:
@@ -102,7 +101,7 @@ def _means(column: Array, blocks: np.ndarray) -> tuple[np.ndarray, Array]:
 def _chance_of_products(products: Array) -> float:
     """Return the chance of a sum of products of independent numbers: one has the variance of its square."""
     size = float(np.sqrt((products**2).sum()))
-    return 2 * float(norm.sf(abs(products.sum()) / max(size, 1e-300)))
+    return 2 * normal_sf(abs(products.sum()) / max(size, 1e-300))
 
 
 def _neighbours(actuators: Array, blocks: np.ndarray) -> np.ndarray:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
 from threadpoolctl import threadpool_limits
 
 import prup_pin
@@ -137,6 +136,8 @@ def columns(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_likelihood_is_that_of_the_numbers_with_the_parameters_integrated_out():
+    from scipy.stats import multivariate_normal  # heavy: nothing else of the package needs it
+
     matrix, right = columns()
     data = spread._Linear(matrix.T @ matrix, matrix.T @ right, float(right @ right), len(right))
     variances, noise = np.array([0.3, 2.0, 1.0, 0.1, 5.0, 0.7]), 1.7

@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import t as student
 
 from ...dynamics import INERTIAL, Motion
 from ...dynamics.smoothing import pieces
@@ -22,6 +20,7 @@ from ...numbers import number
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
+from ..chances import chi2_isf, student_isf, student_ppf
 from ..criteria import (
     EFFORT_ALIKE,
     EFFORT_ALONE,
@@ -333,8 +332,8 @@ class Verdict:
         drawn = told.matrix @ np.concatenate([model.inertias[body].toDynamicParameters() for body in bodies])
         sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
         # one of so many that may differ by chance
-        differ = np.flatnonzero(sure > student.isf(FALSE_ALARM / (2 * max(len(change), 1)), degrees))
-        reach = float(student.ppf(0.975, degrees)) * deviation
+        differ = np.flatnonzero(sure > student_isf(FALSE_ALARM / (2 * max(len(change), 1)), degrees))
+        reach = student_ppf(0.975, degrees) * deviation
         without = held_out(self.given, self.named.without(term))
         units = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
         parameters = {
@@ -391,7 +390,7 @@ class Verdict:
         own = self.named.own(term)
         x = self.x_named[own]
         deviation = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
-        reach = float(student.ppf(0.975, degrees))
+        reach = student_ppf(0.975, degrees)
         out = {}
         quantities = {q.name: q for q in term.law.quantities_at(term.place, self.mechanism)}
         # by the coefficients' own scatter, followed into what they stand for
@@ -467,7 +466,7 @@ class Verdict:
             if abs(amount) <= limit:
                 continue
             value = base.nominal + amount * base.tolerance
-            reach = float(student.ppf(0.975, degrees)) * float(np.sqrt(covariance[index, index])) * base.tolerance
+            reach = student_ppf(0.975, degrees) * float(np.sqrt(covariance[index, index])) * base.tolerance
             yield Finding(
                 physics=base.physics,
                 location=base.place,
@@ -628,7 +627,7 @@ class Verdict:
             size, scatter = rest[candidate.where.start]
             if not size > 0:
                 continue
-            need = float(np.sqrt(chi2.isf(np.exp(max(limit, -700.0)), 1)) * scatter / size)
+            need = float(np.sqrt(chi2_isf(np.exp(max(limit, -700.0)), 1)) * scatter / size)
             quantity = candidate.law.quantities_at(candidate.place, self.mechanism)[0]
             strong = float(quantity.default or 1.0)  # type: ignore[arg-type]
             if need > abs(strong):
