@@ -19,6 +19,7 @@ class Line:
     unit: str | None
     sign: int = 1
     unwrap: bool = False
+    offset: float = 0.0
     reason: str = ""
     doubt: str = ""
 
@@ -56,4 +57,5 @@ def values_of(log: Log, line: Line) -> Array:
 def in_si(log: Log, line: Line) -> Array:
     """Return the column (N,) that a line takes in SI, by the unit that it has so far."""
     unit = line.unit or "SI"
-    return values_of(log, line) * UNITS[dimension_of(unit) or "angle"].get(unit, 1.0)
+    values = values_of(log, line) * UNITS[dimension_of(unit) or "angle"].get(unit, 1.0)
+    return values + line.offset

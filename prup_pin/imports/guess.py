@@ -19,7 +19,7 @@ import yaml
 from ..spatial import Array
 from .beside import set_beside
 from .bodies import bodies_of, frame_of
-from .draft import Guessing, Line, Seen, values_of
+from .draft import Guessing, Line, Seen, in_si, values_of
 from .log import Log, Stream
 from .named import NamedRobot, driven
 from .units import UNITS, UNSCALED, dimension_of, spelled
@@ -47,6 +47,7 @@ _PLAIN = (
 )
 #: Joints turn at most so far [rad], slide so far [m], and no further than so much of what their robot allows.
 _FAR, _LONG, _ALLOWED = 4.2 * np.pi, 20.0, 1.15
+_TURN = 2 * np.pi
 #: A joint that moves less [rad, m] may as well be logged in another unit.
 _NEAR = 0.1
 #: Share of rows that may fall in a column of time.
@@ -361,6 +362,11 @@ def _settle(log: Log, clocks: dict, found: Guessing, mechanism: NamedRobot | Non
             line.unit = {"qdd": ("rad/s^2", "m/s^2"), "tau": ("N m", "N")}[kind][slides]
         if kind == "q" and line.unit is not None and _jumps(log, line):
             line.unwrap, line.reason = True, f"{line.reason}; jumps by whole turns".lstrip("; ")
+        if kind == "q" and mechanism is not None and dimension_of(line.unit or "") == "angle":
+            turns = _turns_too_many(log, line, joint, mechanism)
+            if turns:
+                line.offset = -turns * _TURN
+                line.reason = f"{line.reason}; beyond its limits by whole turns".lstrip("; ")
         if line.unit in UNSCALED:
             line.doubt = (
                 f"in {line.unit}: write how much SI one {line.unit} is, as `scale`"
@@ -404,9 +410,13 @@ def _settle_alike(
     reaches = {j: float(np.nanmax(np.abs(values_of(log, lines[f"q.{j}"])), initial=0.0)) for j in joints}
     reach = max(reaches.values())
     room = {j: _room(j, mechanism, slides) for j in joints}
-    possible = [
-        u for u in q_units if all(reaches[j] * UNITS[lengths].get(u, 1.0) <= room[j] for j in joints)
-    ] or q_units
+    turned = {j: _from_nearest_turn(log, lines[f"q.{j}"], reaches[j], slides) for j in joints}
+    fitting = [
+        u
+        for u in q_units
+        if all(min(reaches[j] * UNITS[lengths].get(u, 1.0), turned[j].get(u, np.inf)) <= room[j] for j in joints)
+    ]
+    possible = fitting or q_units
     raw = stream.clock if clock_name is None else stream.columns.get(clock_name)
     both = [j for j in joints if f"qd.{j}" in lines and log.stream_of(lines[f"qd.{j}"].source) is stream]
     slopes = {j: _slope(raw, *(stream.columns[lines[f"{k}.{j}"].source] for k in ("q", "qd"))) for j in both}
@@ -416,6 +426,8 @@ def _settle_alike(
         doubt = f"up to {reach:.4g}: {' or '.join(possible)}?" if reach < _NEAR else ""
     elif not first.unit and len(possible) < len(q_units):
         doubt = "" if known else f"up to {reach:.4g}, so not {q_units[0]}"
+    if not first.unit and not fitting:
+        doubt = f"up to {reach:.4g}: in no unit is that within the robot's limits"
     if not first.unit and known and len(possible) > 1 and reach < _NEAR:
         doubt = f"up to {reach:.4g}: {' or '.join(possible)}?"
     speed_unit = next((lines[f"qd.{j}"].unit for j in both), None)
@@ -448,6 +460,36 @@ def _settle_alike(
                 speed.doubt = "is not the rate of the position; is it the same joint's?"
             elif found is not None and found < 0:
                 speed.sign, speed.doubt = -1, "falls where the position rises: which of the two has the wrong sign?"
+
+
+def _from_nearest_turn(log: Log, line: Line, reach: float, slides: bool) -> dict[str, float]:
+    """Return how far an angle is from the nearest whole turn [rad], by units in which it never makes more than one."""
+    if slides:
+        return {}
+    units = {u: UNITS["angle"][u] for u in ("rad", "deg", "rev") if reach * UNITS["angle"][u] <= 1.001 * _TURN}
+    values = values_of(log, line)
+    return {
+        u: float(np.nanmax(np.abs((values * size + _TURN / 2) % _TURN - _TURN / 2), initial=0.0))
+        for u, size in units.items()
+    }
+
+
+def _turns_too_many(log: Log, line: Line, joint: str, mechanism: NamedRobot) -> int:
+    """Return by how many whole turns an angle is beyond its limits: some drives count from 0 to 360 degrees."""
+    known = {item.name: item for item in mechanism.joints}
+    if joint not in known or known[joint].nq != 1 or known[joint].slides:
+        return 0
+    low, high = (float(limit[known[joint].first_q]) for limit in mechanism.limits)
+    values = in_si(log, line)
+    values = values[np.isfinite(values)]
+    values = np.unwrap(values) if line.unwrap else values
+    if not (len(values) and np.isfinite(low) and np.isfinite(high)):
+        return 0
+    turns = int(np.round((float(np.median(values)) - 0.5 * (low + high)) / _TURN))
+    beyond = max(values.max() - _ALLOWED * max(high, 0.1), _ALLOWED * min(low, -0.1) - values.min())
+    back = values - turns * _TURN
+    inside = back.max() <= high + 0.1 and back.min() >= low - 0.1
+    return turns if beyond > 0 and inside else 0
 
 
 def _slope(time: Array | None, q: Array, qd: Array) -> float | None:
@@ -523,6 +565,7 @@ def _written(log: Log, clocks, found: Guessing, seen: Seen, mechanism, robot: st
     for line in chosen:
         parts = [f"from: {_text(line.source)}", f"unit: {_text(line.unit or 'SI')}"]
         parts += [f"sign: {line.sign}"] * (line.sign != 1) + ["unwrap: true"] * line.unwrap
+        parts += [f"offset: {line.offset:.12g}"] * (line.offset != 0)
         text = f"  {_text(line.target)}: {{{', '.join(parts)}}}"
         reason = f"  # {line.reason}" if line.reason and not line.doubt else ""
         lines.append(told(text, line.doubt, line.target) + reason)

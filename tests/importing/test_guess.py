@@ -146,6 +146,21 @@ def test_turns_of_an_endless_joint_are_seen(ur5):
     assert [line.get("unwrap", False) for line in lines.values()] == [False] * 5 + [True]
 
 
+@pytest.mark.parametrize("velocities", [True, False])
+def test_degrees_that_are_counted_from_0_to_360_are_within_the_robots_limits(tmp_path, velocities):
+    """As they stand they are in no robot's limits, least of all in rad."""
+    panda = prup_pin.load("panda").mechanism
+    q = 0.8 * np.sin(np.outer(logs.T, np.ones(7)) + np.arange(7)) + [0, 0, 0, -1.5, 0, 1.5, 0]
+    columns = {"t": logs.T} | logs.numbered("position_{}", np.degrees(q) % 360)
+    if velocities:
+        columns |= logs.numbered("velocity_{}", np.degrees(np.gradient(q, logs.T, axis=0)))
+    made, recording = imported(tmp_path, log_of(columns), panda)
+    assert np.abs(np.column_stack(list(recording.positions.values())) - q).max() < 1e-9
+    assert len(made.doubts) == (0 if velocities else 7)  # in deg, for sure or not
+    lost = guess(log_of({"t": logs.T} | logs.numbered("position_{}", 1e4 * q)), panda)
+    assert "in no unit is that within the robot's limits" in lost.doubts[0]
+
+
 def test_names_that_yaml_would_misread_come_back(tmp_path, ur5):
     odd = {f"pos: {{{k}}}, #[deg]": np.degrees(Q[:, k]) for k in range(6)}
     made, recording = imported(tmp_path, log_of({"time, [s]": logs.T} | odd), ur5)
