@@ -84,6 +84,12 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
         _to_joints(columns, group)
     used_columns = plan.sources
     unused = tuple(name for name in log.names if name not in used_columns)
+    unscaled = [name for name, column in plan.columns.items() if column.unit.needs_scale and column.scale == 1.0]
+    if unscaled and plan.tolerances.effort_gain is not None:
+        unit = plan.columns[unscaled[0]].unit.name
+        remarks.append(
+            f"{', '.join(unscaled)}: in {unit}, at a scale that the declared effort_gain leaves to the diagnosis."
+        )
     runs = next(iter(told.values())).runs
     if runs is not None and "run" not in columns:
         columns["run"] = runs + 1.0

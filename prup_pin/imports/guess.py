@@ -266,7 +266,7 @@ def _named(kind: str, members: Sequence[tuple[int, str, str]], mechanism, stream
                 doubt = "the robot is not known, so the joint's name is made up"
             elif place < len(order):
                 target, reason = order[place], "in the order of the robot's joints"
-                if not any(char.isdigit() for char in source):
+                if len(order) > 1 and not any(char.isdigit() for char in source):
                     doubt = "in the order of the robot's joints, which the log calls otherwise"
                 if len(members) != len(order):
                     doubt = f"{len(members)} columns for {len(order)} actuated joints"
@@ -590,6 +590,12 @@ def _written(log: Log, clocks, found: Guessing, seen: Seen, mechanism, robot: st
         lines += ["", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second"]
     if seen.rests:
         lines += ["", f"at_rest: true  # {seen.rests} rests: while joints move, what clocks differ by is a distance"]
+    if any(line.unit in UNSCALED for line in chosen if line.target.startswith("tau.")):
+        lines += [
+            "",
+            "# Where nobody knows the scale of the efforts, diagnose finds it against the masses; no `scale` then:",
+        ]
+        lines.append("# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}")
     if any(log.stream_of(line.source).name in seen.delays for line in chosen if line.target.startswith("p.")):
         lines += ["", "# The camera may stand anywhere, and what it saw may sit 5 cm beside its frame:"]
         lines.append("tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}")

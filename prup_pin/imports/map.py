@@ -181,6 +181,7 @@ class _Reader:
 
     def __init__(self, problems: Problems, lines: Mapping[tuple, int], log: Log, mechanism: NamedRobot | None):
         self.problems, self.lines, self.log, self.mechanism = problems, lines, log, mechanism
+        self.gains_open = False
 
     def wrong(self, message: str, *place: str) -> None:
         self.problems.add(KeyProblem(message, self.lines.get(place), key=": ".join(map(str, place))))
@@ -224,6 +225,10 @@ class _Reader:
 
     def whole(self, content: Mapping[str, Any]) -> LogMap:
         given = self.known(content, _KEYS)
+        tolerances = Tolerances()
+        if given.get("tolerances") is not None:
+            tolerances = tolerances_value(given["tolerances"], self.problems, self.problems.path.name, "tolerances.")
+        self.gains_open = tolerances.effort_gain is not None
         clocks = self.clocks(given.get("time"))
         raw = given.get("motors") or []
         if not isinstance(raw, list):
@@ -257,9 +262,6 @@ class _Reader:
         rest = given.get("at_rest", False)
         if not isinstance(rest, bool):
             self.wrong(f"is {json_kind(rest)}; expected true or false", "at_rest")
-        tolerances = Tolerances()
-        if given.get("tolerances") is not None:
-            tolerances = tolerances_value(given["tolerances"], self.problems, self.problems.path.name, "tolerances.")
         return LogMap(
             columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances, rest
         )  # fmt: skip
@@ -359,8 +361,10 @@ class _Reader:
             unit = self.unit(given["unit"], dimensions, *place)
         else:
             unit = Unit({"label": "1"}.get(dimensions[0], "SI"), 1.0)
-        if unit.needs_scale and "scale" not in given:
-            self.wrong(f"a unit '{unit.name}' needs a `scale`: how much SI is one {unit.name}", *place)
+        effort = name.startswith("tau.")
+        if unit.needs_scale and "scale" not in given and not (effort and self.gains_open):
+            how = ", or `tolerances: {effort_gain: 1}` where nobody knows" * effort
+            self.wrong(f"a unit '{unit.name}' needs a `scale`: how much SI is one {unit.name}{how}", *place)
         sign = given.get("sign", 1)
         if sign not in (1, -1) or isinstance(sign, bool):
             self.wrong(f"is {json_kind(sign)}; expected 1 or -1", *place, "sign")

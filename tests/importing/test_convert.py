@@ -7,7 +7,7 @@ import pytest
 
 import prup_pin
 from prup_pin.errors import RecordingFileError
-from prup_pin.imports import Log, Stream, convert, read_map
+from prup_pin.imports import Log, Stream, convert, guess, read_map
 from prup_pin.imports.convert import resampled
 from prup_pin.imports.log import frozen
 from prup_pin.spatial import rotation_exp
@@ -137,6 +137,18 @@ resample: {{{how}}}
         assert np.abs(done.recording.positions["j"] - logs.motion(time + begin)[0][:, 0])[5:-5].max() < 2e-3
         assert any(f"ft (1000/s) is put on {'the clock of arm' if 'clock' in how else 'an even clock'}" in remark
                    for remark in done.remarks)  # fmt: skip
+
+
+def test_efforts_of_a_scale_that_nobody_knows_need_a_gain_that_is_open(tmp_path, ur5):
+    columns = {"t": logs.T} | logs.numbered("q{}", Q) | logs.numbered("current_{}", TAU / 9)
+    made = guess(log_of(columns), ur5, "ur5")
+    assert "# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}" in made.text
+    with pytest.raises(RecordingFileError, match=r"needs a `scale`.*effort_gain: 1"):
+        converted(tmp_path, made.text, log_of(columns), ur5)
+    done = converted(tmp_path, made.text.replace("# tolerances", "tolerances"), log_of(columns), ur5)
+    assert np.array_equal(done.recording.efforts["elbow_joint"], TAU[:, 2] / 9)
+    assert done.recording.tolerances.effort_gain == 1
+    assert "at a scale that the declared effort_gain leaves to the diagnosis" in done.remarks[-1]
 
 
 def test_a_gap_is_not_filled():
