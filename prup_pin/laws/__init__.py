@@ -31,7 +31,7 @@ from .setup import Setup
 from .shear import Shear, Torsion
 from .stiffness_changed import StiffnessChanged
 from .target import TargetMisalignment
-from .thermal_growth import ThermalGrowth
+from .thermal_growth import GrowthFromSupport, ThermalGrowth
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import (
     WrenchSensorBias,
@@ -64,6 +64,7 @@ LAWS: tuple[Law, ...] = (
     Shear(),
     Torsion(),
     ThermalGrowth(),
+    GrowthFromSupport(),
     LeadError(),
     PeriodicLeadError(),
     GeometricOffset(),

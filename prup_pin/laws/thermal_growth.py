@@ -15,7 +15,7 @@ from .deeds import Deed, ExtraStrain, Solved, Strain, Travel
 from .drawn import Drawn
 from .inputs import REFERENCE_TEMPERATURE
 from .law import Law, Place
-from .modules_at import beams, lengths_of, travels
+from .modules_at import beams, lengths_of, screws, travels
 from .setup import Setup
 
 
@@ -61,6 +61,46 @@ class ThermalGrowth(Law):
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place} grows as it warms up, by {quantity(values['expansion'], '1/K')}"
+
+
+class GrowthFromSupport(Law):
+    """What a slide's actuator holds grows from a support that stands anywhere: alpha (length + q) (T - 20 deg C).
+
+    Robot files put a slide's zero where they like, mostly in the middle of its way, and say nothing of the bearing that
+    holds its screw: `length` is the way from there to the zero, negative where it stands at the other end. What knows
+    its ball screw knows its bearing too.
+    """
+
+    physics = "thermal_growth"
+    summary = "growth from a support that the robot file does not tell"
+    variant = "from its support"
+    needs = ("temperature",)
+    quantities = (
+        *ThermalGrowth.quantities,
+        Quantity("length", "m", "way from the support to the slide's zero", 0.5, lower=-5.0, upper=5.0),
+    )
+    neutral: ClassVar = {"expansion": 0.0}
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        told = screws(mechanism)
+        return [Place(name, self.variant) for name in _held(mechanism) if name not in told]
+
+    def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
+        return [{"expansion": 1e-5, "length": length} for length in (0.5, -0.5)]
+
+    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
+        column, _ = _held(setup.mechanism)[place.name]
+        length = values["length"] + setup.inputs.actuators[:, column]
+        yield Travel(column, values["expansion"] * setup.inputs.warming * length)
+
+    def drawn(self, place: Place, at: Solved) -> Drawn:
+        column, _ = _held(at.setup.mechanism)[place.name]
+        warm = REFERENCE_TEMPERATURE + at.setup.inputs.warming[at.samples]
+        return Drawn(warm, at.first.by_travel(column), ("temperature", "growth"), ("°C", "m"))
+
+    def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
+        growth, length = quantity(values["expansion"], "1/K"), quantity(values["length"], "m")
+        return f"{place.name} grows as it warms up, by {growth}, from a support {length} before its zero"
 
 
 def _held(mechanism: Mechanism) -> dict[str, tuple[int, float]]:

@@ -57,6 +57,7 @@ def recorded(name, *faults, poses=8, cycle=(0.0, 1.0, -1.0), seed=3):
     ("name", "fault"),
     [
         ("six_ups", ("thermal_growth", "leg3/drive", "", {"expansion": 1.2e-5})),
+        ("six_ups", ("thermal_growth", "leg3/drive", "from its support", {"expansion": 3e-5, "length": 0.3})),
         pytest.param(
             *("six_ups", ("geometric_offset", "leg4_seat", "loop end", {"x": 5e-5, "y": -4e-5, "z": 6e-5})),
             marks=pytest.mark.slow,

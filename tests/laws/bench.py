@@ -13,7 +13,7 @@ from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_log
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-NAMES = ("3prup", "3prup_as_published", "ur5", "five_bar", "delta")
+NAMES = ("3prup", "3prup_as_published", "ur5", "five_bar", "delta", "six_ups")
 #: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
 CYCLE = (0.0, 1.0, 0.5, -1.0, 0.0)
 WRENCH = np.array([30.0, -20.0, 25.0, 4.0, 3.0, -2.0])
@@ -23,6 +23,7 @@ ACTUATORS = {
     "ur5": [[0.2, -1.1, 1.4, -0.5, 0.7, 0.3], [0.4, -1.3, 1.2, -0.2, 0.5, 0.1]],
     "five_bar": [[0.2, -0.1], [-0.1, 0.2]],
     "delta": [[0.3, -0.2, 0.1], [0.1, 0.1, 0.2]],
+    "six_ups": [[0.02, -0.01, 0.03, 0.0, 0.01, -0.02], [-0.01, 0.02, 0.0, 0.03, -0.02, 0.01]],
 }
 
 
@@ -37,6 +38,8 @@ def robot(name: str) -> prup_pin.Robot:
         return prup_pin.load(ROBOTS / "five_bar/five_bar.urdf", tool="left_point", joint_stiffness=springs)
     if name == "delta":
         return prup_pin.load(ROBOTS / "delta/robot.urdf", tool="centre", joint_stiffness=2000.0)
+    if name == "six_ups":
+        return prup_pin.load(ROBOTS / "six_ups/six_ups.urdf")
     return prup_pin.load(name)
 
 

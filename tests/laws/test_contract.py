@@ -11,6 +11,7 @@ import pytest
 from prup_pin.errors import InputError, ParameterError, UnknownNameError
 from prup_pin.laws import LAWS, Effect, Everywhere, Place, Torsion, law_at
 from prup_pin.laws.deeds import Strain
+from prup_pin.laws.thermal_growth import GrowthFromSupport
 
 from .bench import ACTUATORS, NAMES, change, nominal, robot, simulator
 
@@ -48,6 +49,8 @@ def cases():
         for law in LAWS:
             if name == "3prup_as_published" and law.physics != "model_equation_error":
                 continue
+            if name == "six_ups" and not isinstance(law, GrowthFromSupport):
+                continue  # it has the slides without a screw
             if places := law.places(robot(name).mechanism):
                 yield name, law, places
 

@@ -348,6 +348,10 @@ def wave(times):
     ("law", "expected"),
     [
         (of(laws.ThermalGrowth, "screw", expansion=1.2e-5), 1.2e-5 * np.array([0, 10, 20]) * TRAVEL[:, 0]),
+        (
+            of(laws.GrowthFromSupport, "screw", "from its support", expansion=1.2e-5, length=-0.4),
+            1.2e-5 * np.array([0, 10, 20]) * (TRAVEL[:, 0] - 0.4),
+        ),
         (of(laws.LeadError, "screw", "proportional", relative=2e-4), 2e-4 * TRAVEL[:, 0]),
         (of(laws.PeriodicLeadError, "screw", "periodic", sine=3e-6, cosine=4e-6), np.array([4e-6, 4e-6, 3e-6])),
         (of(laws.EccentricEncoder, "motor", "once a turn", sine=3e-6, cosine=4e-6), wave(1)),
