@@ -35,7 +35,7 @@ from .likelier import likelier
 from .plausible import check_efforts
 from .relief import relieved, relieving, strain
 from .search import held_out, pruned, scores, searched, threshold, worth
-from .stretches import Stretch, stretches_of
+from .stretches import Stretch, stands_out, stretches_of
 from .verdict import Verdict, is_of_time, rms_of
 
 __all__ = ["diagnose_efforts"]
@@ -56,9 +56,31 @@ def diagnose_efforts(
 
     Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
     """
-    mechanism = robot.mechanism
     tell("the motion", 0.02)
-    plainly, stretches = _described(mechanism, recording, held)
+    whole = _efforts(robot.mechanism, recording, (), held)
+    stretches = stretches_of(whole.at, whole.every, whole.outlying)
+    if not stretches:
+        return _said(robot, recording, whole, (), tell).whole()
+    found = _said(robot, recording, _efforts(robot.mechanism, recording, stretches, held), stretches, tell)
+    left = whole.left_by(found.chosen, fit(found.given, found.chosen)[0], found.scale)
+    # what only rough values of laws could not follow is described by those that were settled
+    kept = [
+        stretch for stretch in stretches if stands_out(stretch, whole.at.motion.rows[whole.every], left, whole.good)
+    ]
+    if len(kept) < len(stretches):
+        others = _efforts(robot.mechanism, recording, kept, held) if kept else whole
+        found = _said(robot, recording, others, kept, tell)
+    return found.whole()
+
+
+def _said(
+    robot: Robot,
+    recording: Recording,
+    plainly: Efforts,
+    stretches: Sequence[Stretch],
+    tell: Callable[[str, float], None],
+) -> Verdict:
+    """Return the verdict on the efforts of a recording without some stretches."""
     at, tolerances, declared = plainly.at, _tolerances(recording), recording.noise.effort
 
     def searched_by(gains: Gains | None, share: tuple[float, float]) -> tuple[list[str], Efforts, Gathered, Chosen]:
@@ -84,17 +106,7 @@ def diagnose_efforts(
     given, chosen = relieved(given, chosen, efforts.with_curves)
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
-    found = Verdict(robot, recording, efforts, given, chosen, free, imitating, gains, stretches).whole()
-    return replace(found, remarks=(*doubts, *found.remarks))
-
-
-def _described(
-    mechanism: Mechanism, recording: Recording, held: Mapping[str, Array] | None
-) -> tuple[Efforts, tuple[Stretch, ...]]:
-    """Return the efforts of a recording but for a few stretches that no law describes, and these."""
-    efforts = _efforts(mechanism, recording, (), held)
-    found = stretches_of(efforts.at, efforts.every, efforts.outlying)
-    return (_efforts(mechanism, recording, found, held) if found else efforts), tuple(found)
+    return Verdict(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
 
 
 def _efforts(

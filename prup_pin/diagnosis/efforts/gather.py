@@ -252,6 +252,10 @@ class Efforts:
     def _knowing(self, known: Array, bodies: Array) -> InMotion:
         return self.at.knowing(known.copy(), self.at.motion.efforts - self.at.rigid - known, bodies.copy())
 
+    def left_by(self, chosen: Chosen, x: Array, gains: Array) -> Array:
+        """Return what a fit to other samples of this recording leaves (n, k) here, of efforts over gains (k,)."""
+        return (self.measured / gains - self.rigid - self.filter(self.added(chosen, x)))[self.every]
+
     def free_size(self, given: Gathered, chosen: Chosen) -> Array:
         """Return (P, 2): the size of each column freed of what is chosen, and the scatter of what pulls at it."""
         pull, rest, _ = pulls(given, chosen)

@@ -30,7 +30,7 @@ from ..diagnosis import Finding
 from .columns import Gathered
 from .normal import unit_lengths
 
-__all__ = ["Outlying", "Stretch", "outlying", "stretches_of"]
+__all__ = ["Outlying", "Stretch", "outlying", "stands_out", "stretches_of"]
 
 #: Kept samples that are looked at together, and those at an end of a piece where filters have not settled.
 _WINDOW, _END = 4, 8
@@ -93,6 +93,16 @@ def stretches_of(at: InMotion, every: np.ndarray, found: Sequence[Outlying]) -> 
         joints = tuple(at.driven[joint] for joint in one.joints)
         out.append(Stretch(begin, end, joints, one.times, (int(rows[0]), int(rows[-1]))))
     return out
+
+
+def stands_out(stretch: Stretch, rows: np.ndarray, left: Array, good: np.ndarray) -> bool:
+    """Return whether what laws leave (n, k) at kept samples, of `rows` (n,), is loud in a stretch."""
+    first, last = stretch.rows
+    inside = (rows >= first) & (rows <= last)
+    noise = _noise(left, good & ~inside[:, None])
+    times = np.where(good & inside[:, None], left / noise, 0.0)
+    count = np.maximum((good & inside[:, None]).sum(axis=0), 1)
+    return bool(np.sqrt((times**2).sum(axis=0) / count).max() > EFFORT_EVENT_LOUD)
 
 
 def outlying(given: Gathered, x: Array, good: np.ndarray, piece: np.ndarray) -> list[Outlying]:

@@ -77,8 +77,9 @@ class Verdict:
         imitating: Sequence[EffortCandidate],
         gains: Gains | None = None,
         stretches: Sequence[Stretch] = (),
+        doubts: Sequence[str] = (),
     ):
-        self.gains, self.stretches = gains, stretches
+        self.gains, self.stretches, self.doubts = gains, stretches, doubts
         # reported per true effort: all figures are in the recording's own unit
         self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
         self.robot, self.recording, self.efforts = robot, recording, efforts
@@ -175,7 +176,7 @@ class Verdict:
             verdict=verdict,
             not_detectable=tuple(self._not_detectable()),
             advice=advice,
-            remarks=tuple(remarks),
+            remarks=(*self.doubts, *remarks),
             rows=motion.rows[every],
             standing=motion.standing,
         )
