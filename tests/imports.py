@@ -67,9 +67,19 @@ def imported(path: Path) -> tuple[tuple[str, ...], ...]:
     return tuple(_imported(path))
 
 
+def _statements(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield all statements, those within others too; expressions, in which nothing is imported, are most of a tree."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+            waiting += getattr(node, block, ())
+
+
 def _imported(path: Path) -> Iterator[tuple[str, ...]]:
     package = ("prup_pin", *path.relative_to(ROOT).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _statements(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else ()
             full = (*base, *(node.module or "").split("."))

@@ -340,11 +340,11 @@ def test_a_pipe_gets_80_columns_without_colour(arguments):
     assert "…" not in re.sub(r"[,=]\S*…|…,", "", done.stdout) or "--help" in arguments
 
 
-def test_json_on_stdout_is_alone_and_version_is_printed():
+def test_json_on_stdout_is_alone_and_version_is_printed(run):
     done = shell("stiffness", "--json", "-", PYTHONIOENCODING="ascii")
     assert json.loads(done.stdout)["robot"]["name"] == "3prup"
     assert done.stderr == ""
-    assert shell("--version").stdout == f"prup_pin {prup_pin.__version__}\n"
+    assert run("--version").stdout == f"prup_pin {prup_pin.__version__}\n"
 
 
 def test_a_terminal_without_unicode_is_served():
