@@ -56,7 +56,7 @@ def run(*arguments):
 
 
 def test_a_faultless_robot_has_nothing_but_its_weight(robot):
-    found = diagnose(robot, bench(robot, 21))
+    found = diagnose(robot, bench(robot, 21, poses=6))
     assert found.verdict == "explained"
     assert {finding.physics for finding in found.findings} <= {"self_weight", "finite_deflection"}
     assert found.within["nominal"] > 50
