@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prup_pin.laws.deeds import Moved
-from prup_pin.laws.deeds.resistance import _balanced
+from prup_pin.laws.deeds.resistance import _balanced, _balanced_alone
 from prup_pin.spatial import rotation_exp, turn_between
 
 
@@ -19,11 +19,16 @@ def test_dry_joints_that_move_each_other_obey_their_own_law(joints):
         rng.uniform(0.05, 0.5, joints),
         np.full((9, joints), 3.0),
     )
-    torque, x = _balanced(free, influence, np.zeros_like(free), slid, last, stiffness, limit, viscous)
-    stretched = stiffness * (x - slid)
-    assert (np.abs(stretched) > limit).any()
-    assert torque == pytest.approx(viscous * (x - last) + np.clip(stretched, -limit, limit), abs=1e-9)
-    assert x == pytest.approx(free + (influence @ torque[..., None])[..., 0], abs=1e-12)
+    answers = [_balanced(np.zeros_like(free), slid, last, stiffness, limit, free, influence, viscous)]
+    if joints == 1:
+        own = influence[:, 0]
+        apart = 1 - own * (viscous + stiffness), 1 - own * viscous
+        answers.append(_balanced_alone(slid, last, stiffness[0], limit[0], free, own, viscous, *apart))
+    for torque, x in answers:
+        stretched = stiffness * (x - slid)
+        assert (np.abs(stretched) > limit).any()
+        assert torque == pytest.approx(viscous * (x - last) + np.clip(stretched, -limit, limit), abs=1e-9)
+        assert x == pytest.approx(free + (influence @ torque[..., None])[..., 0], abs=1e-12)
 
 
 def test_a_moved_frame_and_target_report_the_change_that_their_reports_differ_by():
