@@ -38,12 +38,21 @@ class YieldingBase(Deed):
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:
-        if setup.base is None and at.setup.base is None:
+        new, old = setup.base, at.setup.base
+        if new is None and old is None:
             return None
         found, structure = at.first.found, at.first.chain.structure
         placements = found.evaluation.placements
         before = at.first.once("base", partial(base_motion, at.setup, at.samples, structure, placements))
-        moved = base_motion(setup, at.samples, structure, placements) - before
+        if _pulled_alike(setup, at.setup):
+            load = at.first.once(
+                "base load",
+                lambda: _pull(at.setup, at.samples, structure, carried_along(before[:, None], placements)),
+            )
+            nothing = np.zeros((6, 6))
+            moved = load @ ((nothing if new is None else new) - (nothing if old is None else old)).T
+        else:
+            moved = base_motion(setup, at.samples, structure, placements) - before
         parts = []
         for frame in at.first.frames:
             point = (placements[:, frame.joint] @ frame.placement)[:, :3, 3]
@@ -54,17 +63,28 @@ class YieldingBase(Deed):
 def base_motion(setup: Setup, samples: np.ndarray, structure: Structure, placements: Array) -> Array:
     """Return how the base of a robot whose joints stand at (n, joints, 4, 4) has moved, (n, 6), about its origin."""
     motion = np.zeros((len(placements), 6))
-    if setup.base is None:
-        return motion
-    loads, usual = setup.loads(samples), np.zeros(6)
+    if setup.base is not None:
+        for _ in range(2):  # what pulls at the robot moves with it
+            moved = carried_along(motion[:, None], placements)
+            motion = _pull(setup, samples, structure, moved) @ setup.base.T
+    return np.asarray(motion)
+
+
+def _pull(setup: Setup, samples: np.ndarray, structure: Structure, placements: Array) -> Array:
+    """Return the wrench on the base about its origin beyond that of the weight at home, (n, 6)."""
+    loads = setup.loads(samples)
+    wrench = loads_on_bodies(structure, placements, loads).sum(axis=1)
     if loads.gravity is not None:
         down = np.nanmean(np.reshape(setup.gravity(), (-1, 3)), axis=0) * setup.weight
         rest = Conditions(np.zeros((1, 6)), gravity=down, mass_factors=loads.mass_factors)
-        usual = loads_on_bodies(structure, _home(setup.mechanism)[None], rest)[0].sum(axis=0)
-    for _ in range(2):  # what pulls at the robot moves with it
-        moved = carried_along(motion[:, None], placements)
-        motion = (loads_on_bodies(structure, moved, loads).sum(axis=1) - usual) @ setup.base.T
-    return np.asarray(motion)
+        wrench = wrench - loads_on_bodies(structure, _home(setup.mechanism)[None], rest)[0].sum(axis=0)
+    return np.asarray(wrench)
+
+
+def _pulled_alike(one: Setup, other: Setup) -> bool:
+    """Return whether the same acts on two robots."""
+    weights = one.weight == other.weight and one.mass_factors == other.mass_factors
+    return weights and one.springs == other.springs and np.array_equal(one.wrench, other.wrench, equal_nan=True)
 
 
 def carried_along(motion: Array, placements: Array) -> Array:
