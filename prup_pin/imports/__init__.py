@@ -1,9 +1,11 @@
 """Logs of other people's controllers as recordings: readers, the map between, and a first guess of it."""
 
 from .convert import Conversion, convert
-from .guess import Guess, guess
+from .guess import guess
 from .log import Log, Stream, read_log, read_logs
-from .map import LogMap, read_map, robot_named
+from .map import LogMap
+from .map_file import read_map, robot_named
+from .map_text import Guess
 
 __all__ = [
     "Conversion",

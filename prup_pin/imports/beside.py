@@ -15,12 +15,11 @@ from .draft import Guessing, Line, Seen, in_si
 from .log import Log, Stream
 from .map import Rotation
 from .named import NamedRobot
+from .time_column import Clocks
 from .units import UNITS, Unit
 
 #: With so many rests, poses of a robot that moved are left out.
 _RESTS = 10
-#: Column of a stream's time (None: stamps of the format, "": none), its unit, and what is not sure of it.
-Clocks = dict[str, tuple[str | None, str, str]]
 
 
 def set_beside(log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: NamedRobot | None) -> None:

@@ -46,7 +46,6 @@ class Guessing:
     """What has been guessed so far."""
 
     lines: list[Line] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
 
 
 def values_of(log: Log, line: Line) -> Array:
