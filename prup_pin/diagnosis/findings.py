@@ -43,7 +43,7 @@ __all__ = [
     "nothing_compared",
     "off_beyond_tolerance",
     "parameters_of",
-    "rms_of",
+    "rms_of_sum",
     "sensor_elsewhere",
     "told_alone",
     "too_few",
@@ -134,8 +134,8 @@ def off_beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Fi
     )
 
 
-def rms_of(chi2: float, count: int) -> float:
-    """Return the root mean square of `count` numbers; NaN where there is none."""
+def rms_of_sum(chi2: float, count: int) -> float:
+    """Return the root mean square of `count` numbers by the sum of their squares; NaN where there is none."""
     return float(np.sqrt(chi2 / count)) if count else float("nan")
 
 
@@ -154,8 +154,8 @@ def located_nowhere(problem: Problem, fit: Fit, selection: Selection, count: int
     most, size = max(parts, key=lambda part: part[1])
     share = size / max(float(squares.sum()), 1e-300)
     return unknown_at_robot(
-        f"what is left is {number(rms_of(fit.chi2, count), 3)} times the noise, and nothing takes it away: {tried}. "
-        f"It shows in the {most} ({100 * share:.0f} % of its square)"
+        f"what is left is {number(rms_of_sum(fit.chi2, count), 3)} times the noise, and nothing takes it away: "
+        f"{tried}. It shows in the {most} ({100 * share:.0f} % of its square)"
     )
 
 

@@ -46,7 +46,7 @@ from .findings import (
     nothing_compared,
     off_beyond_tolerance,
     parameters_of,
-    rms_of,
+    rms_of_sum,
     sensor_elsewhere,
     told_alone,
 )
@@ -98,8 +98,8 @@ def verdict_of(
         findings, located, final = _with_unknown(findings, problem, selection, blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
         unknown = [located or located_nowhere(problem, final, selection, count)]
-    white_before = rms_of(float((before**2).sum()), count)
-    white_after, white_held = rms_of(final.chi2, count), rms_of(held, count)
+    white_before = rms_of_sum(float((before**2).sum()), count)
+    white_after, white_held = rms_of_sum(final.chi2, count), rms_of_sum(held, count)
     if doubt is not None:
         white_before = white_after = white_held = float("nan")  # in multiples of a noise that nobody knows
     silent = not findings and not unknown and white_before > clean_bound(count)
@@ -190,7 +190,7 @@ def _within(problem: Problem, first: Fit, count: int) -> dict[str, float]:
     """Return the residual of the drawing, and of the drawing within its tolerances, in multiples of the noise."""
     if problem.tolerances is None or not len(first.x):
         return {}
-    return {"nominal": rms_of(problem.drawn.chi2, count), "calibrated": rms_of(first.chi2, count)}
+    return {"nominal": rms_of_sum(problem.drawn.chi2, count), "calibrated": rms_of_sum(first.chi2, count)}
 
 
 def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
@@ -204,7 +204,7 @@ def _unexplained(start: float, last: Fit, count: int, curves: Sequence[LocalCurv
     """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
     if not count:
         return False
-    rms, began = rms_of(last.chi2, count), rms_of(start, count)
+    rms, began = rms_of_sum(last.chi2, count), rms_of_sum(start, count)
     structured = bool(curves) and chi2_sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
     if rms <= clean_bound(count):
         shows = rms > chance_bound(count, CURVE_DEVIATIONS)
@@ -323,9 +323,9 @@ def _channels(
         if not count:
             continue
         out[name] = {
-            "before": rms_of(float((before[:, columns] ** 2)[here].sum()), count),
-            "after": rms_of(float((after[:, columns] ** 2)[here].sum()), count),
-            f"before_{unit}": 1e6 * rms_of(float((raw_before[:, columns] ** 2)[here].sum()), count),
-            f"after_{unit}": 1e6 * rms_of(float((raw_after[:, columns] ** 2)[here].sum()), count),
+            "before": rms_of_sum(float((before[:, columns] ** 2)[here].sum()), count),
+            "after": rms_of_sum(float((after[:, columns] ** 2)[here].sum()), count),
+            f"before_{unit}": 1e6 * rms_of_sum(float((raw_before[:, columns] ** 2)[here].sum()), count),
+            f"after_{unit}": 1e6 * rms_of_sum(float((raw_after[:, columns] ** 2)[here].sum()), count),
         }
     return out

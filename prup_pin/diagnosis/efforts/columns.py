@@ -19,6 +19,7 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...laws import Place
 from ...laws.efforts import EffortLaw
+from ...laws.efforts.free_curve import FreeCurve
 from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK
@@ -47,6 +48,11 @@ class EffortCandidate:
     def size(self) -> int:
         """How many columns it has."""
         return self.where.stop - self.where.start
+
+    @property
+    def is_of_time(self) -> bool:
+        """Whether it is a curve over this recording's time, which another one does not have."""
+        return isinstance(self.law, FreeCurve) and self.law.variable == "time"
 
 
 @dataclass(frozen=True, eq=False)

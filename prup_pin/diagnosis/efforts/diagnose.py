@@ -32,11 +32,13 @@ from .diagnosis import EffortDiagnosis
 from .gains import Gains, gains_of, in_newtons
 from .gather import Efforts
 from .likelier import likelier
+from .outcome import Outcome
 from .plausible import check_efforts
-from .relief import relieved, relieving, strain
+from .relief import relieved, relieving, squared_strain
+from .residuals import rms_of
 from .search import held_out, pruned, scores, searched, threshold, worth
 from .stretches import Stretch, stands_out, stretches_of
-from .verdict import Verdict, is_of_time, rms_of
+from .verdict import effort_diagnosis_of
 
 __all__ = ["diagnose_efforts"]
 
@@ -60,8 +62,8 @@ def diagnose_efforts(
     whole = _efforts(robot.mechanism, recording, (), held)
     stretches = stretches_of(whole.at, whole.every, whole.outlying)
     if not stretches:
-        return _said(robot, recording, whole, (), tell).whole()
-    found = _said(robot, recording, _efforts(robot.mechanism, recording, stretches, held), stretches, tell)
+        return effort_diagnosis_of(_outcome(robot, recording, whole, (), tell))
+    found = _outcome(robot, recording, _efforts(robot.mechanism, recording, stretches, held), stretches, tell)
     left = whole.left_by(found.chosen, fit(found.given, found.chosen)[0], found.scale)
     # what only rough values of laws could not follow is described by those that were settled
     kept = [
@@ -69,18 +71,18 @@ def diagnose_efforts(
     ]
     if len(kept) < len(stretches):
         others = _efforts(robot.mechanism, recording, kept, held) if kept else whole
-        found = _said(robot, recording, others, kept, tell)
-    return found.whole()
+        found = _outcome(robot, recording, others, kept, tell)
+    return effort_diagnosis_of(found)
 
 
-def _said(
+def _outcome(
     robot: Robot,
     recording: Recording,
     plainly: Efforts,
     stretches: Sequence[Stretch],
     tell: Callable[[str, float], None],
-) -> Verdict:
-    """Return the verdict on the efforts of a recording without some stretches."""
+) -> Outcome:
+    """Return what was fitted to the efforts of a recording without some stretches."""
     at, tolerances, declared = plainly.at, _tolerances(recording), recording.noise.effort
 
     def searched_by(gains: Gains | None, share: tuple[float, float]) -> tuple[list[str], Efforts, Gathered, Chosen]:
@@ -106,7 +108,7 @@ def _said(
     given, chosen = relieved(given, chosen, efforts.with_curves)
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
-    return Verdict(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
+    return Outcome(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
 
 
 def _efforts(
@@ -185,7 +187,7 @@ def _with_curves(
         here = _cost(given, chosen)
         shape = here - _cost(given, chosen.with_term(curve))
         for term in chosen.terms:
-            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or is_of_time(curve):
+            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or curve.is_of_time:
                 continue  # what changes with time is still what it is
             own = _cost(given, chosen.without(term)) - here
             if term.law.by_shape or shape > EFFORT_IMITATED * own:
@@ -200,4 +202,4 @@ def _with_curves(
 
 def _cost(given: Gathered, chosen: Chosen) -> float:
     """Return the squares that held-out blocks keep, and those of strained tolerances."""
-    return float(held_out(given, chosen).sum()) + float((strain(chosen, fit(given, chosen)[0]) ** 2).sum())
+    return float(held_out(given, chosen).sum()) + squared_strain(given, chosen)

@@ -18,7 +18,7 @@ from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .search import can_be, excluded, pruned, replaces, uncertainty
 
-__all__ = ["relieved", "relieving", "strain"]
+__all__ = ["relieved", "relieving", "squared_strain", "strain"]
 
 #: How much more strain than any law a curve of no law takes off, to be what is there.
 _FAR_MORE = 1.25
@@ -27,6 +27,11 @@ _FAR_MORE = 1.25
 def strain(chosen: Chosen, x: Array) -> Array:
     """Return by how many of its tolerances each parameter within tolerance is off, of a fit."""
     return np.abs(x[: len(chosen.base)])
+
+
+def squared_strain(given: Gathered, chosen: Chosen) -> float:
+    """Return the squared strain of what is within tolerance, in tolerances: it counts beside squares left over."""
+    return float((strain(chosen, fit(given, chosen)[0]) ** 2).sum())
 
 
 def relieved(

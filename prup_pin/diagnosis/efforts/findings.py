@@ -1,0 +1,216 @@
+"""Findings of efforts, one function for each kind: a law, all masses, gains of drives, what lies beyond tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ...dynamics import INERTIAL
+from ...laws.efforts.all_links import AllLinks
+from ...laws.efforts.inertial_parameters import InertialParameters
+from ...numbers import number
+from ...spatial import Array
+from ..chances import student_isf, student_ppf
+from ..criteria import (
+    EFFORT_ALONE,
+    FALSE_ALARM,
+    MOST_COMBINATIONS,
+    beyond_tolerance,
+)
+from ..diagnosis import Finding, FittedParameter
+from .beside import Beside
+from .chosen import fit
+from .columns import EffortCandidate
+from .likelier import is_body
+from .outcome import Outcome
+from .relief import squared_strain
+from .rivals import rivals_of
+from .search import held_out
+
+__all__ = ["beyond_found", "gains_found", "law_found"]
+
+#: Share of the most that one body takes away, from which another is as good.
+_AS_GOOD = 0.99
+
+
+def law_found(outcome: Outcome, term: EffortCandidate) -> Finding:
+    """Return the finding of a law: what it saves, its parameters, and what would explain as much."""
+    if isinstance(term.law, AllLinks):
+        return _of_all_links(outcome, term, term.law)
+    values = term.law.fitted(term.place, outcome.x_named[outcome.named.own(term)], term.values)
+    effect = outcome.effect(term, values)
+    rest = outcome.named.without(term)
+    without = held_out(outcome.given, rest)
+    left, before = (
+        float(outcome.held.sum()) + outcome.strained,
+        float(without.sum()) + squared_strain(outcome.given, rest),
+    )
+    gain = float(np.clip(1 - left / max(before, np.finfo(float).tiny), 0.0, 1.0))
+    places, laws = rivals_of(outcome, term, without)
+    parameters, statement = _parameters(outcome, term, values), effect.statement(outcome.mechanism)
+    if isinstance(term.law, InertialParameters):
+        low, high = parameters["mass"].interval
+        if low <= 0 <= high:
+            statement = (
+                f"{term.place.name} has another centre or inertia than in the robot file; of its mass this motion "
+                "tells nothing"
+            )
+    return Finding(
+        physics=term.law.physics,
+        location=term.place.name,
+        candidates=tuple(dict.fromkeys((term.place.name, *places))),
+        parameters=parameters,
+        heldout_gain=gain,
+        statement=statement,
+        effect=effect,
+        alternatives=tuple(dict.fromkeys(laws)),
+    )
+
+
+def gains_found(outcome: Outcome) -> Iterator[Finding]:
+    """Yield that the drives report in units of their own."""
+    if outcome.gains is None:
+        return
+    gains, factor = outcome.gains.gains, np.exp(1.96 * outcome.gains.deviation)
+    unit = {name: "N" if outcome.mechanism.joint(name).slides else "N m" for name in outcome.at.driven}
+    parameters = {
+        f"{name}.gain": FittedParameter(float(g - 1), "", (float(g / f - 1), float(g * f - 1)))
+        for name, g, f in zip(outcome.at.driven, gains, factor, strict=True)
+    }
+    told = ", ".join(
+        f"{name} {number(float(g), 3)} per {unit[name]}" for name, g in zip(outcome.at.driven, gains, strict=True)
+    )
+    yield Finding(
+        physics="effort_gain",
+        location="robot",
+        candidates=("robot", *outcome.at.driven),
+        parameters=parameters,
+        heldout_gain=_saved_by_gains(outcome),
+        statement=(
+            f"the drives report in units of their own: {told}; all gains together and all masses together are one "
+            "unknown, which the robot file's masses decide"
+        ),
+    )
+
+
+def _saved_by_gains(outcome: Outcome) -> float:
+    """Return the share that gains and all that is found take away of what the efforts leave as they are told."""
+    measured, rigid = (values[outcome.efforts.every] for values in (outcome.efforts.measured, outcome.efforts.rigid))
+    told = ((measured - rigid / outcome.scale)[outcome.efforts.good] ** 2).sum()
+    left = (outcome.efforts.held_out_residual(outcome.given, outcome.named)[outcome.efforts.good] ** 2).sum()
+    return float(np.clip(1 - left / max(told, np.finfo(float).tiny), 0.0, 1.0))
+
+
+def _of_all_links(outcome: Outcome, term: EffortCandidate, law: AllLinks) -> Finding:
+    """Return what the motion tells of all links' masses: the combinations that are not those of the robot file."""
+    told = outcome.efforts.combinations(law)
+    _, covariance, degrees = outcome.scatter
+    own = outcome.named.own(term)
+    change = told.matrix @ outcome.x_named[own]
+    deviation = np.sqrt(np.maximum(np.diag(told.matrix @ covariance[own, own] @ told.matrix.T), 0.0))
+    model = outcome.mechanism.model
+    bodies = [outcome.mechanism.frame(link.name).joint for link in law.links]
+    drawn = told.matrix @ np.concatenate([model.inertias[body].toDynamicParameters() for body in bodies])
+    sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
+    # one of so many that may differ by chance
+    differ = np.flatnonzero(sure > student_isf(FALSE_ALARM / (2 * max(len(change), 1)), degrees))
+    reach = student_ppf(0.975, degrees) * deviation
+    without = held_out(outcome.given, outcome.named.without(term))
+    units = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
+    parameters = {
+        told.names[i]: FittedParameter(
+            float(drawn[i] + change[i]),
+            units[law.linear[told.leads[i]].rpartition(".")[2]],
+            (float(drawn[i] + change[i] - reach[i]), float(drawn[i] + change[i] + reach[i])),
+        )
+        for i in differ[np.argsort(-sure[differ], kind="stable")][:MOST_COMBINATIONS]
+    }
+    return Finding(
+        physics=law.physics,
+        location="robot",
+        candidates=("robot", *(link.name for link in law.links)),
+        parameters=parameters,
+        heldout_gain=float(np.clip(1 - outcome.held.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0)),
+        statement=(
+            f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} "
+            f"combinations that this motion tells, {len(differ)} are surely others"
+            f"{_alone_of_all(outcome, term, without)}"
+        ),
+    )
+
+
+def _alone_of_all(outcome: Outcome, term: EffortCandidate, without: Array) -> str:
+    """Return what one body alone would take away of what all links do, in words, where that is most of it."""
+    rest, gain = outcome.named.without(term), float((without - outcome.held).sum())
+    single = [other for other in outcome.given.candidates if is_body(other) and other is not term]
+    single = [other for other in single if not isinstance(other.law, AllLinks)]
+    if not single:
+        return ""
+    saved_by = (without - Beside(outcome.given, rest).with_each(single)).sum(axis=1)
+    # the tool's load comes before the link that would be as good
+    best = min(
+        (one for one, own in zip(single, saved_by, strict=True) if own > _AS_GOOD * saved_by.max()),
+        key=lambda one: one.where.start,
+    )
+    with_it = rest.with_term(best)
+    x, _ = fit(outcome.given, with_it)
+    values = best.law.fitted(best.place, x[with_it.own(best)], best.values)
+    share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
+    drawn = sum(float(inertia.mass) for inertia in outcome.mechanism.model.inertias)
+    own = abs(values.get("mass", 0.0))
+    if share < EFFORT_ALONE or own > drawn or not best.law.plausible(best.place, values, outcome.mechanism):
+        return ""  # a robot file without masses lacks more than one body
+    told = best.law.statement(best.place, values, outcome.mechanism)
+    return f"; {100 * min(share, 1.0):.0f} % of that would be taken away by one body alone: {told}"
+
+
+def _parameters(outcome: Outcome, term: EffortCandidate, values: Mapping[str, float]) -> dict[str, FittedParameter]:
+    white, covariance, degrees = outcome.scatter
+    own = outcome.named.own(term)
+    x = outcome.x_named[own]
+    deviation = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
+    reach = student_ppf(0.975, degrees)
+    out = {}
+    quantities = {q.name: q for q in term.law.quantities_at(term.place, outcome.mechanism)}
+    # by the coefficients' own scatter, followed into what they stand for
+    spread = dict.fromkeys(quantities, 0.0)
+    for index, size in enumerate(deviation):
+        moved = x.copy()
+        moved[index] += reach * size
+        other = term.law.fitted(term.place, moved, term.values)
+        for name in quantities:
+            spread[name] = float(np.hypot(spread[name], other[name] - values[name]))
+    settled: Mapping[str, tuple[float, float]] = {}
+    if term.law.settled:
+        # as much more than white noise would scatter them
+        rise = reach**2 * float(np.median(deviation**2 / np.diag(white)[own]))
+        settled = outcome.efforts.told_between(outcome.given, outcome.named, term, rise)
+    for name, quantity in quantities.items():
+        low, high = settled.get(name, (values[name] - spread[name], values[name] + spread[name]))
+        out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))
+    return out
+
+
+def beyond_found(outcome: Outcome) -> Iterator[Finding]:
+    """Yield parameters that lie beyond their tolerances."""
+    _, covariance, degrees = outcome.scatter
+    limit = beyond_tolerance(len(outcome.efforts.bases))
+    for index in outcome.named.base:
+        base, amount = outcome.efforts.bases[index], float(outcome.x_named[index])
+        if abs(amount) <= limit:
+            continue
+        value = base.nominal + amount * base.tolerance
+        reach = student_ppf(0.975, degrees) * float(np.sqrt(covariance[index, index])) * base.tolerance
+        yield Finding(
+            physics=base.physics,
+            location=base.place,
+            candidates=(base.place,),
+            parameters={base.name: FittedParameter(value, base.unit, (value - reach, value + reach))},
+            heldout_gain=float(amount**2 / (amount**2 + outcome.held.sum())),
+            statement=(
+                f"{base.name} lies {number(abs(amount), 3)} tolerances beside the robot file: "
+                f"{number(value, 6)} {base.unit} "
+                f"instead of {number(base.nominal, 6)}"
+            ),
+        )

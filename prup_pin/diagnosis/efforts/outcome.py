@@ -1,0 +1,117 @@
+"""What was fitted to efforts, and which of it is a law by name: what imitates something else is not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from ...dynamics import Motion
+from ...laws import Effect
+from ...laws.efforts.free_curve import FreeCurve
+from ...laws.efforts.inertial_parameters import InertialParameters, is_impossible
+from ...recordings import Recording
+from ...robot import Robot
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_IMITATED,
+    EFFORT_SURE,
+)
+from .chosen import Chosen, fit
+from .columns import EffortCandidate, Gathered
+from .gains import Gains
+from .gather import Efforts
+from .normal import Normal
+from .relief import squared_strain
+from .search import held_out
+from .stretches import Stretch
+
+__all__ = ["Outcome"]
+
+
+class Outcome:
+    """A fit, and what everything that is told of it is read from.
+
+    `named`: what the corrected model holds, with its coefficients `x_named` and their normal matrix; `laws`: those of
+    its terms that are told by name; `impossible`: links whose parameters no body has; `free`: curves of no law; `scale`
+    (k,): of each effort in its recording's unit; `held` (B,): squares left of held-out blocks; `strained`: the squared
+    strain of what is within tolerance.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        recording: Recording,
+        efforts: Efforts,
+        given: Gathered,
+        chosen: Chosen,
+        free: Sequence[EffortCandidate],
+        imitating: Sequence[EffortCandidate],
+        gains: Gains | None = None,
+        stretches: Sequence[Stretch] = (),
+        doubts: Sequence[str] = (),
+    ):
+        self.gains, self.stretches, self.doubts = gains, stretches, doubts
+        # reported per true effort: all figures are in the recording's own unit
+        self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
+        self.robot, self.recording, self.efforts = robot, recording, efforts
+        self.given, self.chosen, self.free = given, chosen, list(free)
+        self.mechanism, self.at = robot.mechanism, efforts.at
+        self.motion: Motion = efforts.at.motion
+        # what the corrected model holds: another recording has its own time
+        self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not term.is_of_time))
+        kept = [term for term in self.named.terms if not isinstance(term.law, FreeCurve)]
+        self.laws = [term for term in kept if not any(term is other for other in imitating)]
+        self.x_named, self.matrix_named = fit(given, self.named)
+        self.held = held_out(given, self.named)
+        self.impossible = self._no_bodies()
+        self.laws = [term for term in self.laws if not self._stands_for_one(term)]
+        self.strained = squared_strain(given, self.named)
+
+    def _no_bodies(self) -> list[EffortCandidate]:
+        """Return links whose parameters no body has: what is told there is something else, which they imitate."""
+        bodies = [term for term in self.laws if isinstance(term.law, InertialParameters)]
+        if not bodies:
+            return []
+        _, covariance, _ = self.scatter
+        reach = EFFORT_SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        own = [self.named.own(term) for term in bodies]
+        return [
+            term
+            for term, at in zip(bodies, own, strict=True)
+            if is_impossible(term.place.name, self.x_named[at], reach[at], self.mechanism)
+        ]
+
+    def _stands_for_one(self, term: EffortCandidate) -> bool:
+        """Return whether a law is no body, or needs one beside it at its joint: it imitates what that imitates."""
+        if any(term is other for other in self.impossible):
+            return True
+        beside = [other for other in self.impossible if self.carries(other.place.name) == term.place.name]
+        return any(self.saves(other) > EFFORT_IMITATED * self.saves(term) for other in beside)
+
+    @cached_property
+    def scatter(self) -> tuple[Array, Array, int]:
+        """The coefficients' covariance by white noise of the whitened size alone, by the scatter of whole blocks beside
+        that, and the latter's degrees of freedom."""
+        where = self.named.where
+        gram = self.given.columns.gram[:, where][:, :, where]
+        pulls = self.given.columns.moment[:, where] - gram @ self.x_named
+        middle = pulls.T @ pulls
+        white = Normal.of(self.matrix_named, least=1e-12).solve(np.eye(len(self.matrix_named)))
+        count = self.given.columns.count
+        degrees = max(count - 1, 1)
+        return white, white @ middle @ white * count / degrees + white, degrees
+
+    def saves(self, term: EffortCandidate) -> float:
+        """Return the held-out squares that a term saves beside all others."""
+        return float((held_out(self.given, self.named.without(term)) - self.held).sum())
+
+    def carries(self, link: str) -> str:
+        """Return the joint that carries a link."""
+        return str(self.mechanism.model.names[self.mechanism.frame(link).joint])
+
+    def effect(self, term: EffortCandidate, values: Mapping[str, float]) -> Effect:
+        """Return a term's law with its parameters' values, as a simulation takes it."""
+        kept = {q.name: float(values[q.name]) for q in term.law.quantities_at(term.place, self.mechanism)}
+        return Effect(term.law, term.place, kept)

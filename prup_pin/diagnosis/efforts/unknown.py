@@ -1,0 +1,56 @@
+"""Findings of what no law of the library takes away: curves of no law, masses that no body has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...laws.efforts.free_curve import FreeCurve
+from ..diagnosis import Finding
+from .columns import EffortCandidate
+from .outcome import Outcome
+from .search import held_out
+
+__all__ = ["body_unknown", "curve_unknown", "unknown_at"]
+
+
+def curve_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
+    """Return the finding of a curve of no law."""
+    law = term.law
+    assert isinstance(law, FreeCurve)
+    without = held_out(outcome.given, outcome.chosen.without(term))
+    whole = held_out(outcome.given, outcome.chosen)
+    share = float(np.clip(1 - whole.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0))
+    return unknown_at(
+        term.place.name,
+        f"structure is left over at {term.place.name} that no law of the library takes away; "
+        f"{'friction' if law.friction else 'an effort'} that follows the joint's {law.variable} by a curve of its "
+        f"own would take away {100 * share:.0f} % of what is left"
+        + ("" if term.is_of_time else ", and the corrected model follows it"),
+        share,
+    )
+
+
+def body_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
+    """Return the finding of masses that no body has: of their link's joint."""
+    joint, link = outcome.carries(term.place.name), term.place.name
+    saved = outcome.saves(term)
+    share = float(np.clip(saved / max(saved + float(outcome.held.sum()), np.finfo(float).tiny), 0.0, 1.0))
+    text = (
+        f"structure is left over at {joint} that no law of the library takes away; masses of {link} that no body "
+        f"has would take away {100 * share:.0f} % of what is left, and the corrected model follows them"
+    )
+    return replace(unknown_at(joint, text, share), candidates=(joint, link))
+
+
+def unknown_at(where: str, statement: str, share: float = 0.0) -> Finding:
+    """Return the finding of something unknown at a place, which would take away a share of what is left."""
+    return Finding(
+        physics="unknown",
+        location=where,
+        candidates=(where,),
+        parameters={},
+        heldout_gain=share,
+        statement=statement,
+    )
