@@ -282,6 +282,23 @@ def test_a_rail_that_pinches_in_places_is_no_coulomb_friction(carriage):
     assert found.findings[0].heldout_gain > 0.5
 
 
+@pytest.mark.parametrize("force", [3.0, 8.0])
+def test_friction_that_comes_and_goes_is_no_noise_where_none_was_declared(carriage, force):
+    """Its mean is nothing, and no curve follows it: only that it keeps to the motion tells it from noise."""
+    recording = axis(3000)
+    speed = np.gradient(recording.positions["carriage"], recording.time)
+    comes = force * np.sign(speed) * (2 * (np.floor(recording.time / 2.2) % 2) - 1)
+    efforts = {"carriage": recording.efforts["carriage"] + comes}
+    found = diagnose(carriage, recording.with_measurements(efforts=efforts))
+    assert found.verdict == "unexplained"
+    (finding,) = found.findings
+    assert (finding.physics, finding.location) == ("unknown", "carriage")
+    assert "follows its direction by an amount that changes with time" in finding.statement
+    # the same efforts at other times are noise, however loud
+    late = {"carriage": recording.efforts["carriage"] + np.roll(comes, 1000)}
+    assert diagnose(carriage, recording.with_measurements(efforts=late)).verdict == "nothing_missing"
+
+
 def test_the_same_recording_gives_the_same_verdict_whatever_was_asked_before(carriage):
     first = diagnose(carriage, axis(limit=20.0))
     diagnose(carriage, axis(drag=2500.0, seed=5))

@@ -1,18 +1,23 @@
-"""Findings of what no law of the library takes away: curves of no law, masses that no body has."""
+"""Findings of what no law of the library takes away: curves of no law, masses that no body has, friction that comes and goes."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from ...laws.efforts.free_curve import FreeCurve
+from ...numbers import number
+from ...spatial import Array
 from ..diagnosis import Finding
+from .changing import changing
 from .columns import EffortCandidate
+from .gather import Efforts
 from .outcome import Outcome
 from .search import held_out
 
-__all__ = ["body_unknown", "curve_unknown", "unknown_at"]
+__all__ = ["body_unknown", "changing_unknown", "curve_unknown", "unknown_at"]
 
 
 def curve_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
@@ -42,6 +47,18 @@ def body_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
         f"has would take away {100 * share:.0f} % of what is left, and the corrected model follows them"
     )
     return replace(unknown_at(joint, text, share), candidates=(joint, link))
+
+
+def changing_unknown(efforts: Efforts, left: Array) -> Iterator[Finding]:
+    """Yield that what is left (n, k), which no noise was declared for, is none: it follows the motion now and then."""
+    change = changing(efforts, left)
+    if change is not None:
+        text = (
+            f"what is left at {change.joint} follows its {change.variable} by an amount that changes with time, "
+            f"which would take away {number(100 * change.share, 2)} % of it: it is no noise, and no law of the "
+            "library takes it away"
+        )
+        yield unknown_at(change.joint, text, change.share)
 
 
 def unknown_at(where: str, statement: str, share: float = 0.0) -> Finding:

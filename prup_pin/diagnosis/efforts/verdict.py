@@ -22,7 +22,7 @@ from .effects import effects_of
 from .findings import beyond_found, gains_found, law_found
 from .outcome import Outcome
 from .residuals import noise_of, residuals_of, rms_of, shares_of
-from .unknown import body_unknown, curve_unknown, unknown_at
+from .unknown import body_unknown, changing_unknown, curve_unknown, unknown_at
 
 __all__ = ["effort_diagnosis_of"]
 
@@ -77,6 +77,8 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
             "the library takes it away; no noise was declared that it could be"
         )
         unknown = [unknown_at(worst, text)]
+    elif not unknown and not declared:
+        unknown = list(changing_unknown(efforts, measured - predicted))
     doubtful = _doubtful(outcome, unknown)
     remarks += [
         f"what {name} needs by its position is held beyond the travel that was seen: no law for it was found that "
