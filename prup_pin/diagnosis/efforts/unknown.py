@@ -1,4 +1,4 @@
-"""Findings of what no law of the library takes away: curves of no law, masses that no body has, friction that comes and goes."""
+"""Findings of what no law takes away: curves of no law, masses that no body has, friction that comes and goes."""
 
 from __future__ import annotations
 
