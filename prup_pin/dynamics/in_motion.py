@@ -74,6 +74,7 @@ class InMotion:
         """Return another view of the same motion with what was computed of it."""
         if "regressor" in self.__dict__:
             other.__dict__["regressor"] = self.regressor
+        other.__dict__["_shifts"] = self._shifts
         return other
 
     @property
@@ -85,6 +86,13 @@ class InMotion:
     def borne(self) -> Array:
         """The efforts (N, k) of all bodies, as far as they are known: those of the robot file, and other ones."""
         return self.rigid if self.bodies is None else self.rigid + self.bodies
+
+    @property
+    def unborne(self) -> Array:
+        """The known efforts (N, k) that no body asks for: friction, springs and the like, each of its own joint."""
+        if self.known is None:
+            return np.zeros_like(self.rigid)
+        return self.known if self.bodies is None else self.known - self.bodies
 
     @cached_property
     def regressor(self) -> Array:
@@ -223,10 +231,17 @@ class InMotion:
 
     def shifted(self, joint: str) -> Array:
         """Return d(rigid efforts)/dt (N, k) by the motion of one joint alone, as if its encoder were early."""
-        motion = self.motion
-        column = motion.names.index(joint)
-        jerk = self.rate(motion.acceleration[:, column])
-        return self._derivative(column, motion.speed[:, column], motion.acceleration[:, column], jerk) / _STEP
+        if joint not in self._shifts:
+            motion = self.motion
+            column = motion.names.index(joint)
+            jerk = self.rate(motion.acceleration[:, column])
+            change = self._derivative(column, motion.speed[:, column], motion.acceleration[:, column], jerk)
+            self._shifts[joint] = change / _STEP
+        return self._shifts[joint]
+
+    @cached_property
+    def _shifts(self) -> dict[str, Array]:
+        return {}
 
     def displaced(self, joint: str) -> Array:
         """Return d(rigid efforts)/dq (N, k) by the position of one joint."""

@@ -299,6 +299,23 @@ def test_friction_that_comes_and_goes_is_no_noise_where_none_was_declared(carria
     assert diagnose(carriage, recording.with_measurements(efforts=late)).verdict == "nothing_missing"
 
 
+def test_a_late_encoder_is_told_where_its_joint_rubs_hard(carriage):
+    """Friction turns round before the encoder says so: without that, a rotor's inertia would stand for the delay."""
+    whole, late = axis(3000, limit=60.0, damping=400.0), 2
+    recording = Recording(
+        time=whole.time[:-late],
+        positions={"carriage": np.asarray(whole.positions["carriage"])[:-late]},
+        efforts={"carriage": np.asarray(whole.efforts["carriage"])[late:]},
+    )
+    found = diagnose(carriage, recording)
+    assert found.verdict == "explained"
+    words = ("coulomb_friction", "viscous_friction", "encoder_delay")
+    assert named(found) == {(word, "carriage") for word in words}
+    delay = next(finding for finding in found.findings if finding.physics == "encoder_delay").parameters["delay"]
+    assert delay.value == pytest.approx(late * 0.004, abs=1.5e-3)
+    assert found.efforts.shares["carriage"]["heldout"] < 0.015
+
+
 def test_the_same_recording_gives_the_same_verdict_whatever_was_asked_before(carriage):
     first = diagnose(carriage, axis(limit=20.0))
     diagnose(carriage, axis(drag=2500.0, seed=5))

@@ -5,7 +5,7 @@ import pytest
 
 from prup_pin import load
 from prup_pin.dynamics import InMotion
-from prup_pin.laws import Effect
+from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.simulation import CorrectedModel, read_model, write_model
 from tests.dynamics.test_inverse import motion_along
@@ -83,6 +83,17 @@ def test_a_delay_is_the_effort_of_a_little_ago(at):
     late = law.efforts(law.places(at.mechanism)[0], {"delay": 0.02}, at)
     # one sample of 20 ms
     assert (at.predicted + late)[1:] == pytest.approx(at.predicted[:-1], abs=1e-9)
+
+
+def test_a_late_encoder_shifts_the_friction_of_its_joint_alone(at):
+    law = next(law for law in EFFORT_LAWS if law.physics == "encoder_delay" and law.variant == "effort")
+    place = Place("elbow_joint", law.variant)
+    rubs = 3.0 * np.column_stack([at.speed(name) for name in at.driven])
+    bare, rubbing = (law.efforts(place, {"delay": 0.02}, at.knowing(known, at.left)) for known in (0 * rubs, rubs))
+    more, column = rubbing - bare, at.driven.index("elbow_joint")
+    # one sample of 20 ms
+    assert (rubs[:, column] + more[:, column])[:-1] == pytest.approx(rubs[1:, column], abs=1e-9)
+    assert not np.delete(more, column, axis=1).any()
 
 
 def test_a_load_makes_friction_grow(at):

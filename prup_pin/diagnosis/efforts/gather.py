@@ -12,8 +12,9 @@ from ...dynamics import INERTIAL, InMotion
 from ...laws import Effect, Place
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...laws.efforts.all_links import AllLinks
+from ...laws.efforts.effort_law import usual_way
 from ...laws.efforts.effort_sensor import EffortGain, EffortOffset
-from ...laws.efforts.encoder import OffsetEncoder
+from ...laws.efforts.encoder import DelayedEncoder, OffsetEncoder
 from ...laws.efforts.free_curve import CURVES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
 from ...mechanism import Mechanism
@@ -127,7 +128,10 @@ class Efforts:
         spread = np.nanstd(np.where(self.good, (self.measured - self.rigid)[self.every], np.nan), axis=0)
         flat[:, 0] = 1 / np.where(spread > 0, spread, 1.0)
         plain = Whitening(flat, usable(self.good, self.piece, 0))
-        given, _ = self.with_curves(self._gathered(plain), plain, _ROUGH)
+        given = self._gathered(plain)
+        _, more = self._beside(given.columns, plain, self._ahead())
+        given = self._given(given.columns, given.candidates, np.concatenate((given.prior, more)))
+        given, _ = self.with_curves(given, plain, _ROUGH)
         everything = Chosen(tuple(range(given.columns.size)))
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         scale = np.diag(given.columns.total)
@@ -142,6 +146,18 @@ class Efforts:
             for order in orders
         )
         return white, plain
+
+    def _ahead(self) -> Iterator[_Seen]:
+        """Yield what late encoders may add before any law is known: with bodies alone, and with dry friction too."""
+        nothing = np.zeros_like(self.at.rigid)
+        for law, place in self._moving:
+            if not (isinstance(law, DelayedEncoder) and place.name in self.at.driven):
+                continue
+            dry = self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name)))
+            for known in (nothing, dry):
+                at = self._knowing(known, nothing)
+                values = law.scanned(place, at)[0]
+                yield law, place, values, self.seen(law.efforts_per(place, values, at))
 
     def plainly(self) -> Efforts:
         """Return the same efforts, each joint weighed by the size of what is left there, and nothing whitened."""

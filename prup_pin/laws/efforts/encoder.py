@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from ...dynamics import InMotion
@@ -11,8 +11,11 @@ from ...numbers import number, quantity
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .delay import DelayOfAll, Late
+from .delay import Delay, DelayOfAll
 from .effort_law import DrivenEffortLaw, in_units, way_unit
+
+#: Ages among which the best is looked for [s].
+_AGES = (8e-3, 28e-3)
 
 
 class OffsetEncoder(DrivenEffortLaw):
@@ -38,8 +41,8 @@ class OffsetEncoder(DrivenEffortLaw):
         return f"the encoder of {place.name} is off by {off}"
 
 
-class DelayedEncoder(Late, DrivenEffortLaw):
-    """The encoder reports where the joint was a little ago."""
+class DelayedEncoder(Delay, DrivenEffortLaw):
+    """The encoder reports where the joint was a little ago: bodies and the joint's own friction are that much ahead."""
 
     physics = "encoder_delay"
     summary = "an encoder that reports late"
@@ -48,8 +51,15 @@ class DelayedEncoder(Late, DrivenEffortLaw):
     def acts(self, place: Place, at: InMotion) -> bool:
         return place.name in at.motion.names and at.moves(place.name)
 
-    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.shifted(place.name)[..., None]
+    def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
+        # what bodies ask for is taken in proportion; what is filtered afterwards nearly is
+        ages = _AGES if at.effort_of(place.name, at.unborne).any() else _AGES[:1]
+        return [{"age": age} for age in ages]
+
+    def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        own = at.effort_of(place.name, at.unborne)
+        ahead = at.along(place.name, at.later(own, -values["delay"])) if own.any() else 0.0
+        return values["delay"] * at.shifted(place.name) + ahead
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"the encoder of {place.name} reports {number(1e3 * values['delay'], 3)} ms late"
