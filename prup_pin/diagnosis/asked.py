@@ -21,7 +21,7 @@ from .calibrate import (
     toleranced_of,
     within_tolerances,
 )
-from .candidates import Candidate, candidates
+from .candidates import Candidate, candidates, under_load
 from .criteria import (
     FEWEST_BLOCKS,
     MOST_SAMPLES,
@@ -123,6 +123,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     noise = Noise.of_several(noises, together.which)
     problem = Problem.of(simulator, stack, noise, nominal)
     library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups, together.alone)
+    library = under_load(library, problem.nominal)
     tell("what is off all over", 0.01)
     spread = _spread(problem, together, library)
     if spread is not None:

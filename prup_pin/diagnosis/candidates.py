@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..laws import LAWS, Effect, Everywhere, Inputs, Law, Place
-from ..laws.deeds import Deed
+from ..laws.deeds import Along, Deed, ExtraStrain
 from ..laws.deviations import Sharing
 from ..laws.in_recording import in_groups
 from ..laws.target import of_markers
@@ -17,8 +17,9 @@ from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
 from .criteria import LEAST_WARMING, TAIL, USUAL_MULTIPLE
+from .influence import Influence
 
-__all__ = ["Candidate", "Term", "candidates"]
+__all__ = ["Candidate", "Term", "candidates", "under_load"]
 
 
 #: Decades from a usual load to one that others do not come near.
@@ -27,17 +28,21 @@ _FAR_LOAD = 1.5
 
 @dataclass(frozen=True)
 class Candidate:
-    """A law at a place, as something to fit. Positive parameters are fitted by their logarithms."""
+    """A law at a place, as something to fit. Positive parameters are fitted by their logarithms.
+
+    load: the largest that these data have where it acts [N or N m].
+    """
 
     law: Law
     place: Place
     mechanism: Mechanism
     sample_interval: float = 0.0
+    load: float = 0.0
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         """The law's parameters; what is over within a sample is no history but another stiffness."""
-        found = self.law.quantities_at(self.place, self.mechanism)
+        found = self.law.seen_at(self.place, self.mechanism, self.load)
         return tuple(
             replace(q, lower=max(q.lower, self.sample_interval)) if q.name == "time_constant" else q for q in found
         )
@@ -239,3 +244,18 @@ def candidates(
         if all(has[need] for need in law.needs)
         for place in law.places(mechanism)
     ]
+
+
+def under_load(library: Sequence[Candidate], nominal: Influence) -> list[Candidate]:
+    """Return candidates that know the largest load of these data where they act."""
+    return [replace(item, load=max((_largest(deed, nominal) for deed in item.deeds), default=0.0)) for item in library]
+
+
+def _largest(deed: Deed, nominal: Influence) -> float:
+    """Return the largest load along which a deed strains a module [N or N m]; 0 of other deeds."""
+    if not isinstance(deed, ExtraStrain) or not isinstance(deed.strain.function, Along):
+        return 0.0
+    if deed.module not in nominal.rows:
+        return 0.0
+    load = nominal.loads(deed.module)[:, deed.strain.function.direction].reshape(len(nominal), -1)
+    return float(np.linalg.norm(load, axis=1).max(initial=0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import ClassVar
 
@@ -31,9 +32,7 @@ class Backlash(Law):
     likely = ("ball_nut", "preloaded_ball_nut")
     quantities = (
         Quantity("half_gap", "m", "play to each side of the middle", 2e-5, upper=5e-3),
-        Quantity(
-            "closing_load", "N", "load at which three quarters of the gap are closed", 1.0, lower=0.02, upper=10.0
-        ),
+        Quantity("closing_load", "N", "load at which three quarters of the gap are closed", 1.0, lower=0.02),
     )
 
     neutral: ClassVar = {"half_gap": 0.0}
@@ -47,15 +46,11 @@ class Backlash(Law):
             return self.quantities
         return (
             Quantity("half_gap", "rad", "play to each side of the middle", 1e-3, upper=0.2),
-            Quantity(
-                "closing_load",
-                "N m",
-                "torque at which three quarters of the gap are closed",
-                0.01,
-                lower=1e-5,
-                upper=1.0,
-            ),
+            Quantity("closing_load", "N m", "torque at which three quarters of the gap are closed", 0.01, lower=1e-5),
         )
+
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
+        return _told_by(self.quantities_at(place, mechanism), load)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         direction = ASPECTS[place.aspect] if place.aspect else slice(0, 1)
@@ -91,6 +86,9 @@ class BacklashByAxis(Law):
         load = float(self.quantities[2].default)  # type: ignore[arg-type]
         return [{"half_gap_x": gap, "half_gap_y": gap, "closing_load": load} for gap in (2e-5, 2e-4)]
 
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
+        return _told_by(self.quantities, load)
+
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         for component, gap in enumerate((values["half_gap_x"], values["half_gap_y"])):
             play = partial(_play, gap=gap, load=values["closing_load"])
@@ -99,6 +97,19 @@ class BacklashByAxis(Law):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         x, y = (quantity(values[name], "m") for name in ("half_gap_x", "half_gap_y"))
         return f"{place.name} has a play of ±{x} along its x and of ±{y} along its y, each for itself"
+
+
+#: Multiple of the largest load up to which data tell an open gap from a spring: its tanh bends by 8 % there.
+_TOLD = 2.0
+#: Where no load comes near, a gap is a spring: the least ends of a fit, as multiples of where it starts, by unit.
+_LEAST_ENDS = {"N": 10.0, "N m": 100.0}
+
+
+def _told_by(quantities: tuple[Quantity, ...], load: float) -> tuple[Quantity, ...]:
+    """Return a gap's parameters, the load that closes it no larger than loads up to `load` can tell."""
+    *gaps, closing = quantities
+    least = _LEAST_ENDS[closing.unit] * float(closing.default)  # type: ignore[arg-type]
+    return (*gaps, replace(closing, upper=max(least, _TOLD * load)))
 
 
 def _play(force: Array, gap: float, load: float) -> tuple[Array, Array]:

@@ -104,6 +104,10 @@ class Law(ABC):
         """Return the parameters at a place, with units and starts that fit it."""
         return self.quantities
 
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
+        """Return the parameters with the bounds of a fit to data whose loads at the place reach `load` [N or N m]."""
+        return self.quantities_at(place, mechanism)
+
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         """Return parameter values from which a fit starts; several where it may have several minima."""
         return [{quantity.name: float(quantity.default) for quantity in self.quantities_at(place, mechanism)}]  # type: ignore[arg-type]

@@ -37,6 +37,9 @@ class OfAnother(Law):
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return self.law.quantities_at(self.inner(place, mechanism), mechanism)
 
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
+        return self.law.seen_at(self.inner(place, mechanism), mechanism, load)
+
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return self.law.starts(self.inner(place, mechanism), mechanism)
 
