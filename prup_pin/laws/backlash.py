@@ -23,7 +23,7 @@ class Backlash(Law):
     """Play that is taken up by the load: e = half_gap tanh(F / F_0) along the load, on top of the elastic part.
 
     Across a bearing the gap is round: play in any direction. A loaded joint rests on one side of its gap; F_0 is the
-    load that takes it there, small against the others. The play has no memory: friction or weight that hold it on one
+    load that takes it there, within reach of the others. The play has no memory: friction or weight that hold it on one
     side are laws of their own.
     """
 
@@ -32,7 +32,7 @@ class Backlash(Law):
     likely = ("ball_nut", "preloaded_ball_nut")
     quantities = (
         Quantity("half_gap", "m", "play to each side of the middle", 2e-5, upper=5e-3),
-        Quantity("closing_load", "N", "load at which three quarters of the gap are closed", 1.0, lower=0.02),
+        Quantity("closing_load", "N", "load at which three quarters of the gap are closed", 1.0, lower=0.02, upper=1e6),
     )
 
     neutral: ClassVar = {"half_gap": 0.0}
@@ -46,7 +46,14 @@ class Backlash(Law):
             return self.quantities
         return (
             Quantity("half_gap", "rad", "play to each side of the middle", 1e-3, upper=0.2),
-            Quantity("closing_load", "N m", "torque at which three quarters of the gap are closed", 0.01, lower=1e-5),
+            Quantity(
+                "closing_load",
+                "N m",
+                "torque at which three quarters of the gap are closed",
+                0.01,
+                lower=1e-5,
+                upper=1e5,
+            ),
         )
 
     def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
@@ -109,7 +116,7 @@ def _told_by(quantities: tuple[Quantity, ...], load: float) -> tuple[Quantity, .
     """Return a gap's parameters, the load that closes it no larger than loads up to `load` can tell."""
     *gaps, closing = quantities
     least = _LEAST_ENDS[closing.unit] * float(closing.default)  # type: ignore[arg-type]
-    return (*gaps, replace(closing, upper=max(least, _TOLD * load)))
+    return (*gaps, replace(closing, upper=min(max(least, _TOLD * load), closing.upper)))
 
 
 def _play(force: Array, gap: float, load: float) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ import pytest
 
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack, channels_of, whitening
-from prup_pin.diagnosis.candidates import candidates
+from prup_pin.diagnosis.candidates import candidates, under_load
 from prup_pin.diagnosis.fit import Problem, Term
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.locate import least_left, locate, yieldings
@@ -98,6 +98,28 @@ def test_no_law_of_a_module_beats_its_bound(simulator, library):
     own = least_left(problem, first, "leg2/ball_nut", first.residual)
     other = least_left(problem, first, "leg1/ball_nut", first.residual)
     assert own < 0.8 * other
+
+
+def test_a_gap_may_close_at_twice_the_load_that_its_module_sees(simulator, library):
+    """A bearing's by the resultant across it, one along each axis by the larger of both, like places by the largest."""
+    truth = replace(
+        term(library, "backlash at leg2/ball_nut", 3e-5, 1.0).effect, values={"half_gap": 3e-5, "closing_load": 20.0}
+    )
+    problem = problem_of(simulator, [truth], scatter=0.1)
+    seen = {candidate.name: candidate for candidate in under_load(list(library.values()), problem.nominal)}
+    across = np.abs(problem.nominal.loads("leg1/R_phi")[:, :2])
+    nuts = [np.abs(problem.nominal.loads(f"leg{leg}/ball_nut")).max() for leg in (1, 2, 3)]
+    for name, load in (
+        ("leg2/ball_nut", nuts[1]),
+        ("robot (ball_nut)", max(nuts)),
+        ("leg1/R_phi (radial)", np.hypot(*across.T).max()),
+        ("leg1/R_phi (radial by axis)", across.max()),
+    ):
+        assert seen[f"backlash at {name}"].quantities[-1].upper == pytest.approx(2 * load, rel=1e-9)
+    candidate = seen["backlash at leg2/ball_nut"]
+    _, found, _ = problem.quick(problem.fit_at(()), (), candidate)
+    assert found.effect.values["closing_load"] == pytest.approx(20.0, rel=0.1)
+    assert found.effect.values["half_gap"] == pytest.approx(3e-5, rel=0.1)
 
 
 def test_what_acts_otherwise_has_no_bound(simulator, library):
