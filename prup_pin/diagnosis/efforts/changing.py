@@ -21,8 +21,8 @@ from .gather import Efforts
 
 __all__ = ["Changing", "changing"]
 
-#: What a block may follow beside the direction in which the joint moves.
-_VARIABLES = ("speed", "position", "load")
+#: What a block may follow.
+_VARIABLES = ("direction", "speed", "position", "load")
 #: Share of the recording by which it is shifted at least.
 _NEAR = 0.05
 #: Of the largest block's, below which a block tells nothing.
@@ -57,9 +57,9 @@ def changing(efforts: Efforts, left: Array) -> Changing | None:
         whole = float(rest @ rest)
         if not (whole > 0 and efforts.at.moves(joint)):
             continue
-        turned = np.stack([np.roll(rest, lag) for lag in (0, *lags)])
-        for variable in ("direction", *_VARIABLES):
-            saved = _saved(turned, white.of_joint(column, _followed(efforts, joint, variable)), starts)
+        followed = [_Followed(white.of_joint(column, _followed(efforts, joint, name)), starts) for name in _VARIABLES]
+        by_lag = np.array([[each.saved(np.roll(rest, lag)) for each in followed] for lag in (0, *lags)])
+        for variable, saved in zip(_VARIABLES, by_lag.T, strict=True):
             mean, spread = saved[1:].mean(), max(saved[1:].std(), np.finfo(float).tiny)
             found.append(Changing(joint, variable, float((saved[0] - mean) / whole)))
             own.append((saved[0] - mean) / spread)
@@ -80,9 +80,16 @@ def _followed(efforts: Efforts, joint: str, variable: str) -> Array:
     return efforts.kept((values - values.mean())[:, None])[:, 0]
 
 
-def _saved(turned: Array, column: Array, starts: np.ndarray) -> Array:
-    """Return the squares (m,) of residuals (m, n) that a column with an amount for each block takes away."""
-    sizes = np.add.reduceat(column**2, starts)
-    pulls = np.add.reduceat(turned * column, starts, axis=1)
-    told = sizes > _TELLS * sizes.max(initial=0.0)
-    return (pulls[:, told] ** 2 / sizes[told]).sum(axis=1)
+class _Followed:
+    """What may be followed by an amount for each block: a column (n,), and where blocks start (b,)."""
+
+    def __init__(self, column: Array, starts: np.ndarray):
+        self._column, self._starts = column, starts
+        sizes = np.add.reduceat(column**2, starts)
+        self._told = sizes > _TELLS * sizes.max(initial=0.0)
+        self._sizes = sizes[self._told]
+
+    def saved(self, residual: Array) -> float:
+        """Return the squares of a residual (n,) that the column takes away."""
+        pulls = np.add.reduceat(residual * self._column, self._starts)[self._told]
+        return float((pulls**2 / self._sizes).sum())
