@@ -140,6 +140,7 @@ class LoopKinematics:
     def _matrix(self, at: Passing, wanted_rows: Callable[[Array], Array]) -> Array:
         """Return the Jacobian of gaps and what is wanted (c + t, nv), where this thread's last passing was."""
         if isinstance(wanted_rows, TaskRows):
+            # Copied, as Pinocchio's comes by columns: two plain matrices are multiplied in half the time.
             matrix = self._tree.wrenches(at, wanted_rows.in_line).dot(at.jacobian.copy())
             matrix *= self._signs
             return matrix

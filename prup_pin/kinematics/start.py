@@ -17,11 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from eigenpy import PartialPivLU
 from numpy.typing import NDArray
 
 from ..errors import PrupPinError
-from ..kernel import Expression, LoopedTree
+from ..kernel import Expression, Factors, LoopedTree
 from ..spatial import Array
 
 __all__ = ["NoPlaceError", "PolynomialStart"]
@@ -75,7 +74,7 @@ class _Polynomial:
     """
 
     def __init__(self, factor: Array, exponents: NDArray[np.int_], coefficients: Array):
-        self.factor, self._exponents, self._coefficients = factor, exponents, coefficients
+        self.factor, self._exponents, self._coefficients = factor, exponents, np.asfortranarray(coefficients)
         self._factors: list[float] = factor.tolist()
         # T_k of each coordinate in one row, cosines of these multiples of the angles arccos x ...
         orders = np.arange(exponents.max() + 1.0)
@@ -85,7 +84,6 @@ class _Polynomial:
         depth = max(1, int(nonzero.sum(axis=0).max()))
         first = np.argsort(~nonzero, axis=0, kind="stable")[:depth]
         self._chosen = first * len(orders) + np.take_along_axis(exponents, first, axis=0)
-        self._by_term = np.asfortranarray(coefficients)
 
     def __call__(self, away: Sequence[float]) -> Array | None:
         """Return the motion (nv,) from home to coordinates (t,) from home's, or None where they lie outside."""
@@ -96,7 +94,7 @@ class _Polynomial:
         terms = factors[0]
         for index in range(1, len(factors)):
             terms *= factors[index]
-        return terms.dot(self._by_term)
+        return terms.dot(self._coefficients)
 
     def of_many(self, away: Array) -> tuple[Array, Mask]:
         """Return the motions (n, nv) to coordinates (n, t), and which of them lie inside, (n,)."""
@@ -104,7 +102,7 @@ class _Polynomial:
         within = np.sqrt((x * x).sum(axis=-1)) <= 1.0
         angles = np.arccos(np.where(within[:, None], x, 0.0))
         factors = np.cos(angles[:, None] @ self._orders)[:, 0, self._chosen]
-        return (factors.prod(axis=1)[:, None] @ self._by_term)[:, 0], within
+        return (factors.prod(axis=1)[:, None] @ self._coefficients)[:, 0], within
 
     def written(self, away: Array) -> tuple[Array, Expression]:
         """Return the motion (nv,) to coordinates (t,), expressions, and the square of their distance in the ball."""
@@ -275,6 +273,6 @@ def _fitted(
     for first in range(0, len(equations), step):
         some = equations[first : first + step]
         normal += some[:, :terms].T @ some
-    coefficients = PartialPivLU(normal[:, :terms]).solve(normal[:, terms:])
+    coefficients = Factors().solver(normal[:, :terms])(normal[:, terms:])
     polynomial = _Polynomial(factor / scale, exponents, coefficients)
     return polynomial, float(np.abs(rows[0] @ coefficients - motions).max())

@@ -225,11 +225,9 @@ def compliances(layout: StaticsLayout, geometries, loads, lead: tuple[int, ...] 
 
 def _varying(layout: StaticsLayout, geometries, loads) -> list[Array]:
     """Return the compliances (..., n, k, k) of the groups that pose or load change."""
-    if loads is None:
-        return [group.kind.compliance(group.values, geometries[index], None) for index, group in layout.varying]
     found = []
     for index, group in layout.varying:
-        load = loads[int(index >= len(layout.wrench_groups))][group.slots]
+        load = None if loads is None else loads[int(index >= len(layout.wrench_groups))][group.slots]
         found.append(group.kind.compliance(group.values, geometries[index], load))
     return found
 

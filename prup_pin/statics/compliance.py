@@ -83,7 +83,7 @@ def yielding_stiffness(compliance: Array, scaling: Array) -> Array:
     yields = values > NEGLIGIBLE_ENERGY * np.maximum(values[..., -1:], 0.0)
     inverse = np.where(yields, 1 / np.where(yields, values, 1.0), 0.0)
     stiffness = (vectors * inverse[..., None, :]) @ vectors.mT * scaling
-    return (stiffness + stiffness.mT) / 2
+    return symmetric(stiffness)
 
 
 def natural_basis(space: Array, axes: Array) -> Array:

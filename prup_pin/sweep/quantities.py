@@ -16,7 +16,7 @@ from ..kernel import NEGLIGIBLE_ENERGY, largest
 from ..kinematics import ClosedPose
 from ..loaded import chain_of, find_loaded_pose
 from ..mechanism import Mechanism
-from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array
+from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, symmetric
 from ..statics import Compliance, Statics, StaticsLayout, solve_statics, yielding_stiffness
 from ..statics.vibration import vibration_modes
 from .indices import along, homogenised, principal_stiffnesses, softest
@@ -101,7 +101,7 @@ class Solved:
             values = np.linalg.eigvalsh(scaled)
             sure |= values[:, 0] > NEGLIGIBLE_ENERGY * values[:, -1]
         k[sure] = (inverse * self.scaling)[sure]
-        return (k + k.mT) / 2
+        return symmetric(k)
 
     @cached_property
     def stiff(self) -> NDArray[np.bool_]:
