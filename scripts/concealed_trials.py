@@ -2,9 +2,9 @@
 
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
         [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0] [--markers 0]
-        [--loop 0]
+        [--elastic 0] [--json DIR] [--loop 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
-    python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40
+    python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40 | --elastic 40
     python scripts/concealed_trials.py --score DIR
 
 A separate simulator (tests/reference/concealed, another formulation that shares no code with the package) draws a
@@ -12,11 +12,12 @@ device, its effects, places, sizes, loads and noise from a seed. The answer is s
 recording alone; the answer is opened only to score. Finished trials are kept in OUT/trials.jsonl, so a stopped run goes
 on. `--scattered` draws so many devices of each robot whose parameters are all a little off (OUT/scattered.jsonl);
 `--today` lets plain least squares and stepwise regression answer beside. `--efforts` draws so many robots in motion in
-all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl), `--markers` so many arms under their own
-weight that a camera sees (OUT/markers.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so many
-of each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes
+all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl), `--elastic` so many arms whose gears
+yield and whose motors vibrate (OUT/elastic.jsonl; `--json`: and a file for each), `--markers` so many arms under their
+own weight that a camera sees (OUT/markers.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so
+many of each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes
 (OUT/loop.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
-docs/effort_trials.md, docs/marker_trials.md and docs/loop_trials.md.
+docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md and docs/loop_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -41,6 +42,7 @@ from functools import partial
 from pathlib import Path
 
 import _efforts
+import _elastic
 import _loop
 import _markers
 import _motion
@@ -58,6 +60,7 @@ from prup_pin.simulation import simulate
 from prup_pin.spatial import rotation_exp, rotation_log
 from tests.reference.concealed.draw import NOISE, PHYSICS, RARE, draw, write
 from tests.reference.concealed.efforts import KINDS as MOVING
+from tests.reference.concealed.elastic import KINDS as YIELDING
 from tests.reference.concealed.markers import CAMERAS
 from tests.reference.concealed.scattered import KINDS
 
@@ -369,6 +372,8 @@ def main() -> None:
     parser.add_argument("--scattered", type=int, default=0, help="devices of each robot whose parameters scatter")
     parser.add_argument("--robot", action="append", choices=list(KINDS), help="of these robots; default: all")
     parser.add_argument("--efforts", type=int, default=0, help="robots in motion, seen by their efforts")
+    parser.add_argument("--elastic", type=int, default=0, help="arms in motion whose gears yield")
+    parser.add_argument("--json", type=Path, metavar="DIR", help="write each --elastic trial as a file of its own")
     parser.add_argument("--markers", type=int, default=0, help="arms under their own weight, seen by markers")
     parser.add_argument("--loop", type=int, default=0, help="devices whose next experiment is carried out")
     parser.add_argument("--today", action="store_true", help="what people do today, beside, on scattered devices")
@@ -384,6 +389,7 @@ def main() -> None:
     scattered = [(robot, first + index) for robot in robots for index in range(options.scattered)]
     drawn = {
         "efforts": (_efforts, _turns(MOVING, options.efforts, first)),
+        "elastic": (_elastic, _turns(YIELDING, options.elastic, first)),
         "markers": (_markers, _turns(CAMERAS, options.markers, first)),
     }
     if options.export and any(devices for _, devices in drawn.values()):
@@ -421,9 +427,16 @@ def main() -> None:
     for name, (kind, devices) in drawn.items():
         if devices:
             jobs = {(robot, seed): (kind.trial, seed, robot) for robot, seed in devices}
-            done = run(jobs, options.out / f"{name}.jsonl", options.workers, _motion.told)
+            tell, summarise = _motion.told, None
+            if kind is _elastic:
+                tell, summarise = _elastic.told, partial(_elastic.summary, share=wilson)
+            done = run(jobs, options.out / f"{name}.jsonl", options.workers, tell)
             command = f"python scripts/concealed_trials.py --count 0 --{name} {len(devices)}"
-            text = counted(partial(_motion.summary, share=wilson, before=kind.BEFORE, after=kind.AFTER), done, jobs)
+            if kind is _elastic and options.json:
+                _elastic.dump(done, options.json)
+            if summarise is None:
+                summarise = partial(_motion.summary, share=wilson, before=kind.BEFORE, after=kind.AFTER)
+            text = counted(summarise, done, jobs)
             print("\n" + text)
             page = f"{name.removesuffix('s')}_trials.md"
             pages[page] = kind.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
