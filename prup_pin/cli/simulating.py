@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -129,7 +129,7 @@ def predict(
     if known:
         read = replace(read, noise=replace(read.noise, **known))
         notes.append(f"The noise of {', '.join(known)} is that with which the model was found.")
-    _predict(loaded, read, corrected.effects, out, workers, stop, notes)
+    _predict(loaded, read, corrected.effects, out, workers, stop, notes, band=corrected.band)
 
 
 def _predict(
@@ -141,10 +141,11 @@ def _predict(
     stop: bool,
     notes: Sequence[str],
     markers: Sequence[str] = (),
+    band: Mapping[str, float] | None = None,
 ) -> None:
     """Write what the robot would have measured, and print how it compares."""
     try:
-        prediction = _simulated(robot, recording, effects, workers, stop, markers)
+        prediction = _simulated(robot, recording, effects, workers, stop, markers, band)
     except SimulationStoppedError as error:
         if len(error.prediction):
             _write_prediction(out, recording.select(slice(0, error.row)), error.prediction)
@@ -156,12 +157,18 @@ def _predict(
 
 
 def _simulated(
-    robot: Robot, recording: Recording, effects: Sequence[Effect], workers: int, stop: bool, markers: Sequence[str] = ()
+    robot: Robot,
+    recording: Recording,
+    effects: Sequence[Effect],
+    workers: int,
+    stop: bool,
+    markers: Sequence[str] = (),
+    band: Mapping[str, float] | None = None,
 ) -> Prediction:
     """Return the simulation, with a bar on stderr where it takes longer. Raises where no row has an answer."""
     with progress.rows() as show:
         prediction = simulation.simulate(
-            robot, recording, effects, markers=markers, workers=workers, stop=stop, progress=show
+            robot, recording, effects, markers=markers, band=band, workers=workers, stop=stop, progress=show
         )
     if len(prediction) and "ok" not in prediction.status:
         reasons = "\n".join(f"  {word}: {text}" for word, text in prediction.reasons.items())

@@ -9,10 +9,11 @@ from .in_motion import InMotion
 from .inertial import INERTIAL, in_frame
 from .inverse import InverseDynamics, Trajectory
 from .motion import Motion, is_standing, motion_of
-from .smoothing import LowPass, bandwidth
+from .smoothing import Band, LowPass, bandwidth
 
 __all__ = [
     "INERTIAL",
+    "Band",
     "EvenClock",
     "InMotion",
     "InverseDynamics",

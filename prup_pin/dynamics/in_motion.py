@@ -254,7 +254,7 @@ class InMotion:
         At as many samples as the band of the efforts needs, and smoothly between them.
         """
         motion = self.motion
-        every = 1 if motion.standing else max(1, int(motion.rate / (_SAMPLES * motion.low_pass.cutoff)))
+        every = 1 if motion.standing else max(1, int(motion.rate / (_SAMPLES * motion.band.highest)))
         parts = [np.unique(np.append(np.arange(w.start, w.stop, every), w.stop - 1)) for w in pieces(motion.piece)]
         rows = np.concatenate(parts)
         few, values = motion.select(rows), []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..recordings.thinning import PIECES, Thinning
 from ..spatial import Array
 from .clock import EvenClock, even_clock
 from .rates import one_rate
-from .smoothing import LowPass, bandwidth, differences, floor_of, pieces, spectrum
+from .smoothing import Band, LowPass, bandwidth, differences, floor_of, pieces, spectrum
 
 __all__ = ["Motion", "is_standing", "motion_of"]
 
@@ -53,7 +53,7 @@ class Motion:
     time (N,) [s]; piece (N,) labels of pieces without a break; position, speed, acceleration (N, j) [m or rad and s];
     still (N, j): where a joint stands; efforts (N, k) of the joints `driven` [N or N m], not filtered; wrench (N, 6)
     and gravity (N, 3) where they were recorded; rows (N,): the row of the recording nearest to each sample.
-    `low_pass` is what measured and predicted efforts are both to be filtered with; remarks: sentences for a person.
+    `band` is what measured and predicted efforts are both to be filtered with; remarks: sentences for a person.
     """
 
     names: tuple[str, ...]
@@ -70,7 +70,7 @@ class Motion:
     wrench: Array | None
     gravity: Array | None
     rows: np.ndarray
-    low_pass: LowPass
+    band: Band
     remarks: tuple[str, ...] = ()
     standing: bool = False  # postures one after the other: nothing is known of the ways between them
 
@@ -116,11 +116,13 @@ def motion_of(
     mechanism: Mechanism,
     driven: Sequence[str] | None = None,
     without: Sequence[tuple[int, int]] = (),
+    band: Mapping[str, float] | None = None,
 ) -> Motion:
     """Return the motion that a recording tells of a mechanism's joints.
 
     driven: the joints whose efforts are asked for, be they recorded or not; None: those that were recorded. without:
-    stretches of rows, the first and the last of each, that are left out: the joints are followed through them.
+    stretches of rows, the first and the last of each, that are left out: the joints are followed through them. band:
+    frequency [Hz] by joint up to which its efforts are compared; None: up to where the motion stands above its noise.
 
     Raises InputError where no joint has a position, or nothing lasts long enough to tell a speed.
     """
@@ -177,12 +179,16 @@ def motion_of(
     moving = [band for band in bands if band > 0]
     compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]
     slowest = rate / max(rates.every.get(name, 1) for name in compared)
-    cutoff = min(float(np.clip(max(moving, default=_SLOWEST), _SLOWEST, 0.4 * rate)), 0.4 * slowest)
-    wide = LowPass(min(_WIDER * cutoff, 0.45 * rate), rate)
-    smooth = wide(position, clock.piece)
-    speed, acceleration = np.empty_like(smooth), np.empty_like(smooth)
+    stands_out, told = max(_SLOWEST, *moving), band or {}
+    cutoffs = [min(told.get(name, stands_out), 0.4 * slowest) for name in drives]
+    cutoff = max(cutoffs, default=_SLOWEST)
+    # a motion whose band is known is followed by that where nothing is compared with it
+    wider = _WIDER if driven is None or band is None else 1.0
+    smooth, speed, acceleration = (np.empty_like(position) for _ in range(3))
     noise = np.empty(len(names))
     for column, name in enumerate(names):
+        wide = LowPass(min(wider * told.get(name, cutoff), 0.45 * rate), rate)
+        smooth[:, column] = wide(position[:, column], clock.piece)
         if name in logged_speed:
             speed[:, column] = wide(logged_speed[name], clock.piece)
             noise[column] = np.std(logged_speed[name] - speed[:, column])
@@ -194,14 +200,13 @@ def motion_of(
             acceleration[:, column] = wide(logged_acceleration[name], clock.piece)
         else:
             acceleration[:, column] = differences(speed[:, column], clock.piece, clock.step)
-    noise *= np.sqrt(wide.cutoff / (rate / 2))  # what the filter leaves of it
+        noise[column] *= np.sqrt(wide.cutoff / (rate / 2))  # what the filter leaves of it
     slow = np.maximum(_STILL * noise, _STILL_SHARE * np.sqrt(np.mean(speed**2, axis=0)))
     slow = np.maximum(slow, np.finfo(float).tiny)
     still = _standing(np.abs(speed) < slow, clock.piece, rate, cutoff)
-    remarks.append(
-        f"efforts, measured and predicted, are compared up to {number(cutoff, 3)} Hz, where the motion stands above "
-        "its noise" + ("" if speeds else "; speeds and accelerations are those of the positions")
-    )
+    remarks.append(_compared(drives, cutoffs, band is not None))
+    if not speeds:
+        remarks.append("speeds and accelerations are those of the positions")
     every = max(1, int(rate / (_KEPT * cutoff)), min(len(clock) // _LONG, int(rate / (4 * cutoff))))
     keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(parts)])
     if every > 1:
@@ -224,9 +229,18 @@ def motion_of(
         wrench=None if wrench is None else np.nan_to_num(clock.sampled(np.asarray(wrench)))[keep],
         gravity=None if recording.gravity is None else clock.sampled(np.asarray(recording.gravity))[keep],
         rows=rows[keep],
-        low_pass=LowPass(cutoff, rate),
+        band=Band(tuple(cutoffs), rate),
         remarks=tuple(remarks),
     )
+
+
+def _compared(drives: Sequence[str], cutoffs: Sequence[float], rigid: bool) -> str:
+    """Return up to where efforts are compared, in words; rigid: that was told by the efforts, not the positions."""
+    why = "where the rigid robot's efforts are in those that were measured" if rigid else "above its sensors' noise"
+    if len(set(cutoffs)) < 2:
+        return f"efforts are compared up to {number(max(cutoffs, default=0.0), 3)} Hz, {why}"
+    each = ", ".join(f"{name} {number(cutoff, 3)}" for name, cutoff in zip(drives, cutoffs, strict=True))
+    return f"efforts are compared up to so many Hz, {why}: {each}"
 
 
 def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple[str, ...]) -> Motion:
@@ -255,7 +269,7 @@ def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple
         wrench=np.nan_to_num(np.asarray(recording.wrench))[rows] if recording.has_wrench else None,
         gravity=None if recording.gravity is None else np.asarray(recording.gravity)[rows],
         rows=rows,
-        low_pass=LowPass(1.0, 1.0),
+        band=Band((1.0,) * len(driven), 1.0),
         remarks=tuple(remarks),
         standing=True,
     )

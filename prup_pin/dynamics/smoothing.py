@@ -10,7 +10,7 @@ import numpy as np
 
 from ..spatial import Array
 
-__all__ = ["LowPass", "bandwidth", "differences", "pieces"]
+__all__ = ["Band", "LowPass", "bandwidth", "differences", "pieces"]
 
 _ORDER = 4
 #: Power above that of the sensor's noise at which a motion still counts.
@@ -37,37 +37,51 @@ class LowPass:
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
+        from scipy.signal import sosfiltfilt  # heavy; not needed to load a robot
+
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
+        sections = _butterworth(self.cutoff, self.rate)
         table = np.reshape(values, (len(values), -1))
         there = np.flatnonzero(table.any(axis=0))  # what is nothing throughout stays so
         rows, out = np.ascontiguousarray(table[:, there].T), np.zeros(table.shape)
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
         for where in pieces(piece):
-            rows[:, where] = self._both_ways(rows[:, where], min(longest, where.stop - where.start - 1))
+            padding = min(longest, where.stop - where.start - 1)
+            rows[:, where] = sosfiltfilt(sections, rows[:, where], axis=1, padlen=padding)
         out[:, there] = rows.T
         return out.reshape(np.shape(values))
 
-    def _both_ways(self, rows: Array, more: int) -> Array:
-        """Return signals (m, n) filtered to and fro, continued by `more` samples turned about their ends."""
-        from scipy.signal import sosfilt  # heavy; not needed to load a robot
 
-        sections, settled = _butterworth(self.cutoff, self.rate)
-        first, last = rows[:, :1], rows[:, -1:]
-        before, after = rows[:, more:0:-1], rows[:, -2 : -2 - more : -1]
-        out = np.concatenate((2 * first - before, rows, 2 * last - after), axis=1)
-        for _ in range(2):
-            out = sosfilt(sections, out, axis=1, zi=settled * out[:, :1])[0][:, ::-1]
-        return out[:, more : more + rows.shape[1]]
+@lru_cache(maxsize=64)
+def _butterworth(cutoff: float, rate: float) -> Array:
+    """Return a filter's sections (s, 6)."""
+    from scipy.signal import butter
+
+    return butter(_ORDER, cutoff, fs=rate, output="sos")
 
 
-@lru_cache(maxsize=16)
-def _butterworth(cutoff: float, rate: float) -> tuple[Array, Array]:
-    """Return a filter's sections (s, 6), and the state (s, 1, 2) that a signal of ones leaves them in."""
-    from scipy.signal import butter, sosfilt_zi
+@dataclass(frozen=True)
+class Band:
+    """Up to where the efforts of each driven joint are compared: `cutoffs` (k,) and `rate` in Hz."""
 
-    sections = butter(_ORDER, cutoff, fs=rate, output="sos")
-    return sections, sosfilt_zi(sections)[:, None, :]
+    cutoffs: tuple[float, ...]
+    rate: float
+
+    @property
+    def highest(self) -> float:
+        """The highest cut-off [Hz] of all joints."""
+        return max(self.cutoffs)
+
+    def of_joint(self, joint: int) -> LowPass:
+        """Return the filter of one joint's efforts."""
+        return LowPass(self.cutoffs[joint], self.rate)
+
+    def __call__(self, values: Array, piece: np.ndarray) -> Array:
+        """Return efforts (N, k, ...) filtered, measured and predicted ones alike, each piece for itself."""
+        if len(set(self.cutoffs)) == 1:
+            return self.of_joint(0)(values, piece)
+        return np.stack([self.of_joint(joint)(values[:, joint], piece) for joint in range(len(self.cutoffs))], axis=1)
 
 
 def differences(values: Array, piece: np.ndarray, step: float) -> Array:

@@ -45,7 +45,7 @@ _KNOWN: tuple[Law, ...] = (*EVERY_LAW, *CURVES)
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
-_KEYS = ("format", "version", "robot", "variant", "reading", "finite_deflection", "effects", "noise", "notes")
+_KEYS = ("format", "version", "robot", "variant", "reading", "finite_deflection", "effects", "noise", "band", "notes")
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
 _EFFECT_KEYS = ("physics", "location", "aspect", "parameters")
 
@@ -55,7 +55,8 @@ class CorrectedModel:
     """A robot, by a name or a path that `load` takes and a variant of its file, and the effects added to it.
 
     reading: how its file is read beyond what it says, but for the variant.
-    noise: that of the sensors with which they were found, as far as it is known.
+    noise: that of the sensors with which they were found, as far as it is known. band: by driven joint, the frequency
+    [Hz] up to which its motion is the rigid robot's; beyond it lie the encoder's noise and motors that vibrate.
     """
 
     robot: str
@@ -64,6 +65,7 @@ class CorrectedModel:
     notes: str = ""
     reading: Reading = field(default_factory=Reading)
     noise: Noise = field(default_factory=Noise)
+    band: Mapping[str, float] = field(default_factory=dict)
 
     def load(self) -> Robot:
         """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
@@ -163,6 +165,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
     known = {key: float(getattr(model.noise, name) or 0.0) for key, name in NOISE_KEYS.items()}
     if any(known.values()):
         value["noise"] = {key: size for key, size in known.items() if size}
+    if model.band:
+        value["band"] = {name: {"value": float(cutoff), "unit": "Hz"} for name, cutoff in model.band.items()}
     if model.notes:
         value["notes"] = model.notes
     return value
@@ -261,7 +265,20 @@ class _Reader:
                 effect = self.effect(entry, f"effects[{index}]", mechanism)
                 if effect is not None:
                     effects.append(effect)
-        return CorrectedModel(name, tuple(effects), variant, notes, reading, self.noise(values.get("noise")))
+        noise, band = self.noise(values.get("noise")), self.band(values.get("band"), mechanism)
+        return CorrectedModel(name, tuple(effects), variant, notes, reading, noise, band)
+
+    def band(self, value: object, mechanism: Mechanism | None) -> dict[str, float]:
+        """Return up to which frequency [Hz] each joint's motion is the rigid robot's."""
+        known = () if mechanism is None else tuple(mechanism.actuated)
+        found = {}
+        for name, item in self.entries({} if value is None else value, "band", known).items():
+            cutoff = self.number(item, f"band.{shown(name)}", "Hz")
+            if cutoff is not None and not cutoff > 0:
+                self.wrong(f"band.{shown(name)}.value", f"is {cutoff:g}; expected a number [Hz] above 0")
+            elif cutoff is not None:
+                found[name] = cutoff
+        return found
 
     def noise(self, value: object) -> Noise:
         """Return the declared noise; what is wrong with it is reported and left out."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,17 +33,22 @@ def is_of_efforts(recording: Recording, robot: Robot, effects: Sequence[Effect] 
     return bool(driven and there) and (told or not is_standing(recording, there))
 
 
-def efforts_in_motion(robot: Robot, recording: Recording, effects: Sequence[Effect] = ()) -> dict[str, Array]:
+def efforts_in_motion(
+    robot: Robot,
+    recording: Recording,
+    effects: Sequence[Effect] = (),
+    band: Mapping[str, float] | None = None,
+) -> dict[str, Array]:
     """Return the efforts (N,) [N or N m] of each driven joint that has a column tau, at every row.
 
-    What speeds and accelerations need is filtered as in a diagnosis; rows without an answer are NaN. Raises InputError
-    where the motion cannot be told.
+    Speeds and accelerations are those of the motion below `band` [Hz] by joint, where a diagnosis told it; rows without
+    an answer are NaN. Raises InputError where the motion cannot be told.
     """
     mechanism = robot.mechanism
     driven = [name for name in mechanism.actuated if name in recording.efforts]
     if not driven:
         raise InputError("no column tau.<joint> of an actuated joint says which efforts are asked for")
-    motion = motion_of(recording, mechanism, driven)
+    motion = motion_of(recording, mechanism, driven, band=band or None)
     at = InMotion.of(mechanism, motion)
     total = at.rigid + _added(at, effects)
     out = np.full((len(recording), len(driven)), np.nan)

@@ -110,13 +110,15 @@ def simulate(
     effects: Sequence[Effect] = (),
     *,
     markers: Sequence[str] = (),
+    band: Mapping[str, float] | None = None,
     workers: int = 1,
     stop: bool = False,
     progress: Progress | None = None,
 ) -> Prediction:
     """Return what the robot does under a recording's actuator positions and loads, in its deformed position.
 
-    effects: physics added to what the robot file says. markers: frames whose pose is predicted besides.
+    effects: physics added to what the robot file says. markers: frames whose pose is predicted besides. band: by driven
+    joint, the frequency [Hz] up to which a recorded motion is followed where efforts are predicted (`CorrectedModel`).
     workers: processes to compute in; the numbers do not depend on it. A script that uses several needs
     `if __name__ == "__main__":`. stop: raise at the first row without an answer. progress: called with the rows done
     and all rows.
@@ -134,7 +136,7 @@ def simulate(
     robot, recording = adapted.robot, adapted.recordings[0]
     mechanism = robot.mechanism
     if is_of_efforts(recording, robot, effects) and not markers:
-        return _in_motion(robot, recording, tuple(effect.checked(mechanism) for effect in effects))
+        return _in_motion(robot, recording, tuple(effect.checked(mechanism) for effect in effects), band)
     mechanism.need_tool()
     effects = tuple(effect.checked(mechanism) for effect in effects)
     inputs = inputs_of(recording, robot)
@@ -214,9 +216,11 @@ def simulate(
     return result(slice(None))
 
 
-def _in_motion(robot: Robot, recording: Recording, effects: Sequence[Effect]) -> Prediction:
+def _in_motion(
+    robot: Robot, recording: Recording, effects: Sequence[Effect], band: Mapping[str, float] | None
+) -> Prediction:
     """Return the efforts of a motion; nothing deforms, and no pose was asked for."""
-    efforts = efforts_in_motion(robot, recording, effects)
+    efforts = efforts_in_motion(robot, recording, effects, band)
     known = np.all([np.isfinite(values) for values in efforts.values()], axis=0)
     status = np.where(known, "ok", "no input")
     reasons = {} if known.all() else {"no input": "no position, or a motion too short to tell a speed"}

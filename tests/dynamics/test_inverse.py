@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from prup_pin import load
-from prup_pin.dynamics import INERTIAL, InMotion, LowPass, Motion, in_frame
+from prup_pin.dynamics import INERTIAL, Band, InMotion, Motion, in_frame
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 
@@ -31,7 +31,7 @@ def motion_along(names, q, qd, qdd, wrench=None):
         wrench=wrench,
         gravity=None,
         rows=np.arange(n),
-        low_pass=LowPass(20.0, 50.0),
+        band=Band((20.0,) * len(names), 50.0),
     )
 
 
@@ -133,7 +133,7 @@ def test_an_encoder_that_is_late_or_off_shows_by_its_slope(ur5):
         np.sin(rate * time[:, None] + order * np.pi / 2) * rate**order * 0.5 for order in range(3)
     )  # fmt: skip
     names = ur5.mechanism.actuated
-    motion = replace(motion_along(names, q, qd, qdd), time=time, rate=100.0, low_pass=LowPass(10.0, 100.0))
+    motion = replace(motion_along(names, q, qd, qdd), time=time, rate=100.0, band=Band((10.0,) * len(names), 100.0))
     at = InMotion.of(ur5.mechanism, motion)
     step = 1e-5
     for name, column in (("elbow_joint", 2), ("wrist_1_joint", 3)):

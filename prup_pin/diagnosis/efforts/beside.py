@@ -91,7 +91,7 @@ class Beside:
         for fold in self.folds:
             cross = self._others(fold.number, new, fold.where)
             across = fold.solve(cross.T)
-            own = self._others(fold.number, new, new) + np.diag(prior[new])
+            own = self._others(fold.number, new, new) + self.given.precision(new)
             whole, rest = np.diag(self._total)[new] + prior[new], own - cross @ across
             pull = self._pulls(fold.number, new) - cross @ fold.x
             steps = np.zeros((columns.size, len(candidates)))
@@ -132,7 +132,7 @@ class Beside:
         )
 
     def _solved(self, number: int, where: np.ndarray) -> _Fold:
-        own = self._others(number, where, where) + np.diag(self.given.prior[where])
+        own = self._others(number, where, where) + self.given.precision(where)
         # by what all blocks say: a column may live in this fold alone
         scale = unit_lengths(np.diag(self._total)[where] + self.given.prior[where])
         scaled = own * scale[:, None] * scale

@@ -57,7 +57,7 @@ def changing(efforts: Efforts, left: Array) -> Changing | None:
         whole = float(rest @ rest)
         if not (whole > 0 and efforts.at.moves(joint)):
             continue
-        followed = [_Followed(white.of_joint(column, _followed(efforts, joint, name)), starts) for name in _VARIABLES]
+        followed = [_Followed(white.of_joint(column, _followed(efforts, column, name)), starts) for name in _VARIABLES]
         by_lag = np.array([[each.saved(np.roll(rest, lag)) for each in followed] for lag in (0, *lags)])
         for variable, saved in zip(_VARIABLES, by_lag.T, strict=True):
             mean, spread = saved[1:].mean(), max(saved[1:].std(), np.finfo(float).tiny)
@@ -71,13 +71,13 @@ def changing(efforts: Efforts, left: Array) -> Changing | None:
     return found[best] if by_chance < EFFORT_CHANCE and found[best].share > EFFORT_CURVE_OWN else None
 
 
-def _followed(efforts: Efforts, joint: str, variable: str) -> Array:
-    """Return what is followed (n,), as it is compared."""
+def _followed(efforts: Efforts, column: int, variable: str) -> Array:
+    """Return what is followed (n,) of a driven joint, as its efforts are compared."""
     at: InMotion = efforts.at
-    if variable == "direction":
-        return efforts.kept(at.dragged(joint, usual_way(at, joint))[:, None])[:, 0]
-    values = variable_of(at, joint, variable)
-    return efforts.kept((values - values.mean())[:, None])[:, 0]
+    joint = at.driven[column]
+    values = at.dragged(joint, usual_way(at, joint)) if variable == "direction" else variable_of(at, joint, variable)
+    low_pass = at.motion.band.of_joint(column)
+    return low_pass(values - values.mean(), at.motion.piece)[efforts.every]
 
 
 class _Followed:

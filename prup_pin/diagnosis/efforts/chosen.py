@@ -60,7 +60,7 @@ def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> 
         blocks = np.setdiff1d(np.arange(columns.count), left_out)
         matrix = np.sum([columns.gram[block][at] for block in blocks], axis=0)
         moment = columns.moment[np.ix_(blocks, where)].sum(axis=0)
-    matrix = matrix + np.diag(given.prior[where])
+    matrix = matrix + given.precision(where)
     normal = Normal.of(matrix)
     x = normal.solve(moment)
     bounded = np.zeros(len(where), bool)

@@ -115,7 +115,7 @@ def column_blocks(every: np.ndarray, count: int = EFFORT_BLOCKS) -> np.ndarray:
 
 def kept_samples(at: InMotion) -> np.ndarray:
     """Return the samples (n,) that the filter leaves anything to: some two and a half a period of its cut-off."""
-    every = max(1, int(at.motion.rate / (2.5 * at.motion.low_pass.cutoff)))
+    every = max(1, int(at.motion.rate / (2.5 * at.motion.band.highest)))
     return np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(at.motion.piece)])
 
 
@@ -331,15 +331,28 @@ class Columns:
 class Gathered:
     """Everything that competes, with its columns.
 
-    `prior` (P,): inverse variances of the coefficients, in the unit of the whitened noise; `links`: the links whose
-    tolerances some columns are.
+    `prior` (P,): inverse variances of the coefficients, in the unit of the whitened noise; `bodies`: by the first of
+    ten columns that are a body's parameters, their inverse covariance (10, 10), whose diagonal is `prior`; `links`: the
+    links whose tolerances some columns are.
     """
 
     mechanism: Mechanism
     columns: Columns
     candidates: tuple[EffortCandidate, ...]
     prior: Array
+    bodies: Mapping[int, Array] = field(default_factory=dict)
     links: Mapping[int, str] = field(default_factory=dict)
+
+    def precision(self, where: Sequence[int] | np.ndarray | None = None) -> Array:
+        """Return the inverse covariance (p, p) of the coefficients of some columns; None: of all."""
+        chosen = np.arange(self.columns.size) if where is None else np.asarray(where, int)
+        out = np.diag(self.prior[chosen])
+        for first, block in self.bodies.items():
+            here = np.flatnonzero((chosen >= first) & (chosen < first + len(block)))
+            if len(here):
+                own = chosen[here] - first
+                out[np.ix_(here, here)] = block[np.ix_(own, own)]
+        return out
 
     def only(self, candidates: Sequence[EffortCandidate]) -> Gathered:
         """Return the same columns with some candidates alone."""

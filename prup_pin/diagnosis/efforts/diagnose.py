@@ -25,6 +25,7 @@ from ..criteria import (
     EFFORT_PLAINLY,
     EFFORT_SURE,
 )
+from .band import coherent_band
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
@@ -59,19 +60,25 @@ def diagnose_efforts(
     Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
     """
     tell("the motion", 0.02)
-    whole = _efforts(robot.mechanism, recording, (), held)
+    seen = _in_motion(robot.mechanism, recording)
+    band = None if seen.motion.standing else coherent_band(seen)
+
+    def efforts_without(stretches: Sequence[Stretch]) -> Efforts:
+        at = _in_motion(robot.mechanism, recording, stretches, band)
+        return _efforts(recording, at if held is None else _holding(at, held))
+
+    whole = efforts_without(())
     stretches = stretches_of(whole.at, whole.every, whole.outlying)
     if not stretches:
         return effort_diagnosis_of(_outcome(robot, recording, whole, (), tell))
-    found = _outcome(robot, recording, _efforts(robot.mechanism, recording, stretches, held), stretches, tell)
+    found = _outcome(robot, recording, efforts_without(stretches), stretches, tell)
     left = whole.left_by(found.chosen, fit(found.given, found.chosen)[0], found.scale)
     # what only rough values of laws could not follow is described by those that were settled
     kept = [
         stretch for stretch in stretches if stands_out(stretch, whole.at.motion.rows[whole.every], left, whole.good)
     ]
     if len(kept) < len(stretches):
-        others = _efforts(robot.mechanism, recording, kept, held) if kept else whole
-        found = _outcome(robot, recording, others, kept, tell)
+        found = _outcome(robot, recording, efforts_without(kept) if kept else whole, kept, tell)
     return effort_diagnosis_of(found)
 
 
@@ -111,17 +118,26 @@ def _outcome(
     return Outcome(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
 
 
-def _efforts(
-    mechanism: Mechanism, recording: Recording, found: Sequence[Stretch], held: Mapping[str, Array] | None
-) -> Efforts:
-    """Return the efforts of a recording without stretches of it."""
-    motion = motion_of(recording, mechanism, without=[stretch.rows for stretch in found])
+def _in_motion(
+    mechanism: Mechanism,
+    recording: Recording,
+    without: Sequence[Stretch] = (),
+    band: Mapping[str, float] | None = None,
+) -> InMotion:
+    """Return the robot in a recorded motion, without stretches of it."""
+    motion = motion_of(recording, mechanism, without=[stretch.rows for stretch in without], band=band)
     if not motion.driven:
         raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
-    at = InMotion.of(mechanism, motion)
-    if held is not None:
-        known = np.column_stack([held[name][motion.rows] for name in at.driven])
-        at = replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
+    return InMotion.of(mechanism, motion)
+
+
+def _holding(at: InMotion, held: Mapping[str, Array]) -> InMotion:
+    """Return the same postures with what drives hold in them, where more is known than of a rigid robot."""
+    known = np.column_stack([held[name][at.motion.rows] for name in at.driven])
+    return replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
+
+
+def _efforts(recording: Recording, at: InMotion) -> Efforts:
     noise = recording.noise.effort
     return Efforts(at, _tolerances(recording), np.full(len(at.driven), noise) if noise else None)
 
@@ -137,7 +153,7 @@ def _found(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tupl
     and not where the efforts are large: then plain weights leave less of the efforts on held-out blocks.
     """
     given = efforts.gathered()
-    start = efforts.start(given if freed else None)
+    start = efforts.start(given, freed)
     white, own = searched(given, start, efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
     if efforts.noise is not None:
         left = efforts.held_out_residual(white, own) / efforts.noise
@@ -145,7 +161,7 @@ def _found(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tupl
             return efforts, white, own
     plainly = efforts.plainly()
     given = plainly.gathered()
-    start = plainly.start(given if freed else None)
+    start = plainly.start(given, freed)
     given, chosen = searched(given, start, plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s))
     before, after = efforts.held_out_plainly(white, own), plainly.held_out_plainly(given, chosen)
     share, sure = worth(before, after)

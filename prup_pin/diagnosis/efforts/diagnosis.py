@@ -47,8 +47,8 @@ class EffortCurve:
 class EffortDiagnosis:
     """What the efforts say.
 
-    joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `cutoff` [Hz], with speed,
-    position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of it:
+    joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `band` [Hz] by joint, with
+    speed, position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of it:
     'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m]; before, after: of the residual in
     multiples of it, each {'fit', 'heldout'}. curves: by the place of a finding.
     """
@@ -62,7 +62,7 @@ class EffortDiagnosis:
     speed: Array
     position: Array
     good: np.ndarray
-    cutoff: float
+    band: Mapping[str, float]
     noise: Array
     declared: bool
     before: Mapping[str, float]

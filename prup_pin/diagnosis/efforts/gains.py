@@ -125,7 +125,7 @@ def _products(at: InMotion) -> _Products | None:
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
     if len(rows) < EFFORT_FEWEST:
         return None
-    measured = motion.low_pass(motion.efforts, motion.piece)[rows]
+    measured = motion.band(motion.efforts, motion.piece)[rows]
     if not np.isfinite(measured).all():
         return None
     whole = at.regressor.reshape(len(at), len(at.driven), -1)
@@ -137,13 +137,14 @@ def _products(at: InMotion) -> _Products | None:
     moment, power = np.zeros(columns.shape[:3]), np.zeros(columns.shape[:2])
     total = 0.0
     for joint, name in enumerate(at.driven):
-        inertial = motion.low_pass(whole[:, joint], motion.piece)[rows]
+        low_pass = motion.band.of_joint(joint)
+        inertial = low_pass(whole[:, joint], motion.piece)[rows]
         good = np.ones(len(rows), bool)
         if name in motion.names:
             good = ~motion.still[rows, motion.names.index(name)]
         if good.sum() < EFFORT_FEWEST:
             continue
-        own = motion.low_pass(_own(at, name), motion.piece)[rows]
+        own = low_pass(_own(at, name), motion.piece)[rows]
         values = np.column_stack((measured[:, joint], inertial))
         values[good] -= own[good] @ np.linalg.lstsq(own[good], values[good], rcond=1e-9)[0]
         values[~good] = 0.0

@@ -75,7 +75,7 @@ class Efforts:
         self.at = at
         self.noise = noise
         motion = at.motion
-        self.filter = lambda values: motion.low_pass(values, motion.piece)
+        self.filter = lambda values: motion.band(values, motion.piece)
         self.every = kept_samples(at)
         self.piece = motion.piece[self.every]
         self.blocks = column_blocks(self.every)
@@ -102,13 +102,8 @@ class Efforts:
         return ByJoint.of(self.kept(efforts))
 
     def kept(self, values: Array) -> Array:
-        """Return efforts (N, k, p) filtered, at the kept samples (n, k, p); most columns act in one joint alone."""
-        flat = values.reshape(len(values), -1)
-        there = flat.any(axis=0)
-        out = np.zeros((len(self.every), flat.shape[1]))
-        if there.any():
-            out[:, there] = self.filter(flat[:, there])[self.every]
-        return out.reshape(len(self.every), *values.shape[1:])
+        """Return efforts (N, k, p) filtered, at the kept samples (n, k, p)."""
+        return self.filter(values)[self.every]
 
     def _good(self) -> np.ndarray:
         """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit."""
@@ -337,7 +332,8 @@ class Efforts:
 
     def _given(self, columns: Columns, candidates: Sequence[EffortCandidate], prior: Array) -> Gathered:
         links = {index: base.place for index, base in enumerate(self.bases) if base.inertial is not None}
-        return Gathered(self.at.mechanism, columns, tuple(candidates), prior, links)
+        bodies = {c.where.start: c.law.covariance_inverse(c.place, self.at.mechanism) for c in candidates if isinstance(c.law, InertialParameters)}
+        return Gathered(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
 
     def renewed(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
         """Return the columns with those that depend on what is known made anew; chosen ones stay, side by side."""
@@ -480,11 +476,18 @@ class Efforts:
 
         return cost
 
-    def start(self, freed: Gathered | None = None) -> Chosen:
-        """Return what is there before any law: parameters within tolerance, and all masses where they are `freed`."""
-        candidates = () if freed is None else freed.candidates
-        every = [candidate for candidate in candidates if isinstance(candidate.law, AllLinks)]
-        return Chosen(tuple(range(len(self.bases))), tuple(every))
+    def start(self, given: Gathered, freed: bool) -> Chosen:
+        """Return what is there before single laws compete: parameters within tolerance, and what every drive has.
+
+        The masses of all links are free where no tolerance is declared for them, or where they are `freed`.
+        """
+        weighed = any(base.inertial is not None for base in self.bases) and not freed
+        common = [
+            candidate
+            for candidate in given.candidates
+            if candidate.law.everywhere and not (isinstance(candidate.law, AllLinks) and weighed)
+        ]
+        return Chosen(tuple(range(len(self.bases))), tuple(common))
 
 
 def _scaled(term: EffortCandidate, step: Array) -> Mapping[str, float]:

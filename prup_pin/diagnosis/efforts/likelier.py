@@ -157,7 +157,7 @@ def _among_bodies(
 ) -> dict[int, float]:
     """Return the logarithm of how likely the efforts are by each of some bodies, by its id."""
     mechanism = given.mechanism
-    information, asked = (left - np.diag(given.prior)) / apart, pull / apart
+    information, asked = (left - given.precision()) / apart, pull / apart
     every = [other for other in given.candidates if isinstance(other.law, InertialParameters)]
     out: dict[int, float] = {}
     links: dict[int, tuple[float, float]] = {}

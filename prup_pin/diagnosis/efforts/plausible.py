@@ -55,7 +55,7 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     """
     rows = np.unique(np.linspace(0, len(at) - 1, _SAMPLES).astype(int))
     motion = at.motion.select(rows)
-    efforts = at.motion.low_pass(at.motion.efforts, at.motion.piece)[rows]
+    efforts = at.motion.band(at.motion.efforts, at.motion.piece)[rows]
     if len(rows) < EFFORT_FEWEST or not np.isfinite(efforts).all() or not efforts.any():
         return []
     rigid = at.rigid[rows]

@@ -77,8 +77,8 @@ def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
     pull = given.columns.moment - gram[:, :, where] @ x
     cross = Normal.of(matrix).solve(total[where])  # (p, P)
     pull = pull - pull[:, where] @ cross
-    rest = total - total[:, where] @ cross + np.diag(given.prior)
-    return pull, rest, pull.sum(axis=0) + (given.prior[where] * x) @ cross
+    rest = total - total[:, where] @ cross + given.precision()
+    return pull, rest, pull.sum(axis=0) + (given.precision(where) @ x) @ cross
 
 
 def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
@@ -115,6 +115,7 @@ def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
         if possible:
             values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
             possible = candidate.law.one_sided or candidate.law.plausible(candidate.place, values_here, given.mechanism)
+        possible = possible and candidate.law.agrees(coefficients, candidate.values)
         found.append((candidate, gain, coefficients, possible))
         freedoms.append(2 * mean**2 / spread)
         chances.append(np.append(chance, gain) * freedoms[-1] / mean)
@@ -184,6 +185,7 @@ def searched(
             break
         given, chosen = _with_new(given, chosen, new, refused, closer)
         fresh = False
+    chosen = pruned(given, chosen, chosen.terms)
     # bodies first: what follows from what is known acts on them
     chosen = Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
     if closer is not None and chosen.terms:
@@ -258,7 +260,8 @@ def _with_new(
         given, chosen = wider, after
     chosen = _all_links(given, chosen)
     while True:
-        worse = _needless(given, chosen, chosen.terms[: len(chosen.terms) - len(new)])
+        old = chosen.terms[: len(chosen.terms) - len(new)]
+        worse = _needless(given, chosen, [term for term in old if not (new and term.law.everywhere)])
         if worse is None:
             return given, chosen
         refused[_key(worse)] += 1
@@ -431,12 +434,13 @@ def _joints(given: Gathered, term: EffortCandidate) -> frozenset[int]:
 def can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
     """Return whether a term's values can be, fitted together with all others."""
     x, _ = fit(given, chosen)
-    values = term.law.fitted(term.place, x[chosen.own(term)], term.values)
-    return term.law.plausible(term.place, values, given.mechanism)
+    own = x[chosen.own(term)]
+    values = term.law.fitted(term.place, own, term.values)
+    return term.law.plausible(term.place, values, given.mechanism) and term.law.agrees(own, term.values)
 
 
 def excluded(term: EffortCandidate, other: EffortCandidate) -> bool:
-    """Return whether one is the other with other values, or the same delay told by another signal."""
+    """Return whether one is the other with other values, or told plainer."""
     if _key(term) == _key(other):
         return term.law.is_same(term.values, other.values)
     if term.name == other.name and term.law.physics == "cogging":
@@ -445,8 +449,7 @@ def excluded(term: EffortCandidate, other: EffortCandidate) -> bool:
         return True
     if term.law.family == other.law.family != "" and term.place.name == other.place.name:
         return other.size < term.size  # a richer one may take its place
-    late = {"effort_delay", "encoder_delay"}
-    return term.place == other.place and {term.law.physics, other.law.physics} <= late
+    return False
 
 
 def _key(candidate: EffortCandidate) -> tuple[str, str, str]:

@@ -84,7 +84,7 @@ class Stretch:
 def stretches_of(at: InMotion, every: np.ndarray, found: Sequence[Outlying]) -> list[Stretch]:
     """Return stretches of a recording; `every` (n,): which samples of the motion were kept."""
     motion, out = at.motion, []
-    spread = _SPREAD / motion.low_pass.cutoff
+    spread = _SPREAD / motion.band.highest
     for one in found:
         begin, end = (float(motion.time[every[place]]) for place in (one.first, one.last))
         near = motion.piece == motion.piece[every[one.first]]
@@ -146,7 +146,7 @@ class _Rest:
     def __init__(self, given: Gathered, x: Array, good: np.ndarray):
         columns = given.columns
         self._columns, self._every, self._good = columns, range(columns.size), good
-        self._matrix, self._pull = columns.total + np.diag(given.prior), columns.moment.sum(axis=0)
+        self._matrix, self._pull = columns.total + given.precision(), columns.moment.sum(axis=0)
         self.out = np.zeros(len(good), bool)
         self._leave(x)
 

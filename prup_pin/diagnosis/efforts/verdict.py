@@ -98,7 +98,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         speed=np.column_stack([outcome.at.speed(name)[every] for name in outcome.at.driven]),
         position=np.column_stack([outcome.at.position(name)[every] for name in outcome.at.driven]),
         good=efforts.good,
-        cutoff=motion.low_pass.cutoff,
+        band=dict(zip(outcome.at.driven, motion.band.cutoffs, strict=True)),
         noise=noise * outcome.scale,
         declared=declared,
         before=before,

@@ -27,6 +27,7 @@ class AllLinks(EffortLaw):
     summary: ClassVar[str] = "the masses of all links, their centres and their inertia"
     variant: ClassVar[str] = f"{EFFORT} of all links"
     of_bodies: ClassVar[bool] = True
+    everywhere: ClassVar[bool] = True
     quantities = ()
     neutral: ClassVar = {}
 

@@ -37,6 +37,7 @@ class SlidingFriction(JointEffortLaw):
 
     physics = "coulomb_friction"
     summary = "dry friction"
+    everywhere = True
     family = "dry friction"
     linear = ("limit",)
     settled = ("presliding",)

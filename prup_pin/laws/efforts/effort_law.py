@@ -50,6 +50,8 @@ class EffortLaw(Law):
     looked_at: ClassVar[float] = 1.0
     #: True where the shape of a curve alone tells it: it is not named where that shape is not all.
     by_shape: ClassVar[bool] = False
+    #: True where every drive has it: it is there at all joints before single laws compete, and goes where it is needless.
+    everywhere: ClassVar[bool] = False
     #: Scanned parameters that are settled between scanned values, by their logarithms.
     settled: ClassVar[tuple[str, ...]] = ()
 
@@ -95,6 +97,10 @@ class EffortLaw(Law):
         For coefficients of which data tell some combinations only: the others stay near what is drawn.
         """
         return np.zeros(len(self.linear))
+
+    def agrees(self, coefficients: Array, values: Mapping[str, float]) -> bool:
+        """Return whether coefficients (p,) of a fit belong to the scanned values of its columns; most are free."""
+        return True
 
     def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
         """Return whether such values can be: within their bounds, unless a law knows better."""

@@ -22,6 +22,7 @@ class EffortOffset(DrivenEffortLaw):
 
     physics = "effort_offset"
     summary = "an offset of the reported effort"
+    everywhere = True
     linear = ("offset",)
     quantities = (Quantity("offset", "N m", "reported less true effort", 1.0, positive=False, lower=-1e6),)
     neutral: ClassVar = {"offset": 0.0}

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...dynamics import INERTIAL, InMotion
+from ...dynamics.inertial import pseudo_inertia
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
@@ -15,6 +16,9 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EFFORT, EffortLaw
 
+#: By which share a link's mass and moments are off where nothing is declared, a standard deviation; and the share of the
+#: robot that every link may hold beyond what is drawn: where nothing is drawn, that is all.
+BODIES_OFF, SOME_BODY = 0.3, 2e-3
 _UNITS = ("kg", *3 * ("kg m",), *6 * ("kg m^2",))
 
 
@@ -42,6 +46,26 @@ def usual_inertia(mechanism: Mechanism) -> Array:
     return 1 / np.array([mass, *3 * [mass * lever], *6 * [mass * lever**2]]) ** 2
 
 
+def near_body(joint: int, mechanism: Mechanism) -> Array:
+    """Return the inverse covariance (10, 10) of a body's inertial parameters about the drawn ones.
+
+    To second order that of the entropic divergence of pseudo-inertias, tr((P^-1 dP)^2) / (2 w^2): the same in all
+    frames and units, and growing without bound towards a body that cannot be (Lee, Wensing and Park 2019, Eq. 17).
+    """
+    drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
+    inverse = np.linalg.inv(drawn + SOME_BODY * _some_body(mechanism))
+    units = [inverse @ pseudo_inertia(unit) for unit in np.eye(10)]
+    return np.array([[np.trace(a @ b) for a in units] for b in units]) / (2 * BODIES_OFF**2)
+
+
+def _some_body(mechanism: Mechanism) -> Array:
+    """Return the pseudo-inertia (4, 4) of a body as heavy as the robot and as large as a link, at its joint."""
+    mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
+    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
+    radius = 0.3 * reach / max(mechanism.model.njoints - 1, 1)
+    return mass * np.diag([*3 * [radius**2], 1.0])
+
+
 class InertialParameters(EffortLaw):
     """Another mass, other first moments and moments of inertia of one link, added about its joint's frame."""
 
@@ -62,7 +86,11 @@ class InertialParameters(EffortLaw):
         return link_places(mechanism, self.variant)
 
     def prior(self, place: Place, mechanism: Mechanism) -> Array:
-        return usual_inertia(mechanism)
+        return np.diag(self.covariance_inverse(place, mechanism))
+
+    def covariance_inverse(self, place: Place, mechanism: Mechanism) -> Array:
+        """Return the inverse covariance (10, 10) of what a link's parameters are beyond the robot file's."""
+        return near_body(body_of(place, mechanism) + 1, mechanism)
 
     def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
         return parts_of(mechanism.frame(place.name).joint, mechanism)

@@ -19,6 +19,7 @@ class RotorInertia(MovingEffortLaw):
 
     physics = "rotor_inertia"
     summary = "the inertia of rotor and gears"
+    everywhere = True
     of_motion = True
     linear = ("inertia",)
     one_sided = True

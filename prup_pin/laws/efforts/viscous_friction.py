@@ -21,6 +21,7 @@ class Damping(JointEffortLaw):
 
     physics = "viscous_friction"
     summary = "friction that grows with speed"
+    everywhere = True
     family = "viscous friction"
     linear = ("damping",)
     one_sided = True

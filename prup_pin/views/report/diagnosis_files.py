@@ -98,7 +98,9 @@ def write_diagnosis(
     names = ", ".join(Path(item.path).name for item in recordings)
     notes = text_of(f"diagnosis of {names}: {verdict_text(diagnosis)}")
     effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
-    made = CorrectedModel(robot_name, effects, understood.variant, notes, understood, _noise(diagnosis))
+    efforts = diagnosis.efforts
+    band = {} if efforts is None or efforts.standing else efforts.band
+    made = CorrectedModel(robot_name, effects, understood.variant, notes, understood, _noise(diagnosis), band)
     corrected = model_document(made, model)
     plan = _plan(diagnosis, recordings[0], corrected["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)

@@ -1,0 +1,137 @@
+"""Up to which frequency a joint's efforts can be compared with a rigid robot's.
+
+What encoders see is the rigid robot's motion plus an error of its own: noise, counts and jitter at all frequencies, and
+motors that vibrate against gears that yield above some. Inverse dynamics differentiate it twice, so that the predicted
+effort holds more and more of it, and efforts may have passed a filter that nobody logged. Let S_m, S_p and S_mp be the
+spectral densities of the measured effort, of the predicted one, and of both together (Bendat and Piersol 2010, ch. 6).
+At the phase that suits it best, for signals may come late, the prediction leaves
+
+    S_m + S_p - 2 |S_mp|
+
+of S_m: where that is more than there was to begin with, the motion says nothing of this effort, and it is compared below
+that frequency alone. The prediction is the best that bodies, friction, offset and rotor give up to where it counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...dynamics import InMotion, LowPass
+from ...dynamics.smoothing import pieces
+from ...laws.efforts.effort_law import usual_way
+from ...spatial import Array
+
+__all__ = ["Spectra", "coherent_band", "spectra_of"]
+
+#: Share of the speeds' power below a motion's own frequency, and up to how many times that all efforts are compared.
+_OWN, _OWN_TIMES = 0.99, 4.0
+#: Share of the measured power by which a prediction must be worse than none, over a third of an octave or more.
+_WORSE = 0.5
+#: The prediction is fitted again up to the frequencies that the one before found.
+_ROUNDS = 3
+#: Weight of columns of length one staying at nothing: bodies are told in part only.
+_RIDGE = 1e-5
+#: Periods of the motion's own frequency in a stretch whose spectrum is taken, and fewest stretches.
+_PERIODS, _STRETCHES = 4.0, 6
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Power densities (k, f) of the measured and the predicted efforts, and of both together, at `frequency` (f,) [Hz].
+
+    Averaged over a third of an octave about each frequency.
+    """
+
+    frequency: Array
+    measured: Array
+    predicted: Array
+    both: Array  # the size of the complex cross-spectrum
+
+    @property
+    def explained(self) -> Array:
+        """Share (k, f) of the measured power that the prediction takes away at its best phase; negative: it adds."""
+        return (2 * self.both - self.predicted) / np.maximum(self.measured, np.finfo(float).tiny)
+
+
+def coherent_band(at: InMotion) -> dict[str, float]:
+    """Return by driven joint the frequency [Hz] up to which its efforts are compared."""
+    motion = at.motion
+    highest = motion.band.highest
+    lowest = min(_OWN_TIMES * _own_frequency(at), highest)
+    columns = [_background(at, joint) for joint in range(len(at.driven))]
+    cutoffs = np.full(len(at.driven), lowest)
+    for _ in range(_ROUNDS):
+        predicted = np.column_stack(
+            [
+                _fitted(own, motion.efforts[:, joint], LowPass(cutoffs[joint], motion.rate), motion.piece)
+                for joint, own in enumerate(columns)
+            ]
+        )
+        before, cutoffs = cutoffs, _cutoffs(spectra_of(at, predicted, lowest / _OWN_TIMES), lowest, highest)
+        if (cutoffs == before).all():
+            break
+    return dict(zip(at.driven, cutoffs.tolist(), strict=True))
+
+
+def spectra_of(at: InMotion, predicted: Array, own: float) -> Spectra:
+    """Return the spectra of the measured efforts and of predicted ones (N, k); own: the motion's frequency [Hz]."""
+    from scipy.signal import csd, welch  # heavy; not needed to load a robot
+
+    motion = at.motion
+    longest = max(pieces(motion.piece), key=lambda where: where.stop - where.start)
+    length = longest.stop - longest.start
+    stretch = int(min(max(_PERIODS * motion.rate / max(own, 1e-9), 64), max(length // _STRETCHES, 16)))
+    settings = {"fs": motion.rate, "nperseg": stretch, "detrend": "constant", "axis": 0}
+    measured, predicted = motion.efforts[longest], predicted[longest]
+    frequency, power = welch(measured, **settings)
+    parts = [power, welch(predicted, **settings)[1], csd(measured, predicted, **settings)[1]]
+    m, p, both = (_by_bands(frequency, part).T for part in parts)
+    return Spectra(frequency, m, p, np.abs(both))
+
+
+def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
+    """Return (k,) the lowest frequency [Hz] above which a prediction adds more than there was."""
+    worse = (spectra.explained < -_WORSE) & (spectra.frequency > lowest) & (spectra.frequency < highest)
+    first = np.argmax(worse, axis=1)
+    return np.where(worse.any(axis=1), spectra.frequency[first], highest)
+
+
+def _own_frequency(at: InMotion) -> float:
+    """Return the frequency [Hz] below which most of every speed's power lies."""
+    from scipy.signal import welch
+
+    motion = at.motion
+    longest = max(pieces(motion.piece), key=lambda where: where.stop - where.start)
+    speed = motion.speed[longest]
+    frequency, power = welch(speed, motion.rate, nperseg=max(len(speed) // 2, 16), detrend="constant", axis=0)
+    share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+    return float(frequency[np.argmax(share > _OWN, axis=0)].max())
+
+
+def _background(at: InMotion, joint: int) -> Array:
+    """Return columns (N, p) of what every drive has: bodies, friction, an offset and a rotor; each of length one."""
+    name = at.driven[joint]
+    parts = [at.regressor[:, joint].reshape(len(at), -1), np.ones((len(at), 1))]
+    if name in at.motion.names and at.moves(name):
+        dry = at.dragged(name, usual_way(at, name))
+        parts.append(np.column_stack([dry, at.speed(name), at.acceleration(name)]))
+    table = np.concatenate(parts, axis=1)
+    sizes = np.sqrt((table**2).sum(axis=0))
+    return table[:, sizes > 0] / sizes[sizes > 0]
+
+
+def _fitted(columns: Array, effort: Array, low_pass: LowPass, piece: np.ndarray) -> Array:
+    """Return the best sum (N,) of columns (N, p) for an effort (N,) below a frequency."""
+    low, given = low_pass(columns, piece), low_pass(effort, piece)
+    size = max(float((low**2).sum(axis=0).max(initial=0.0)), np.finfo(float).tiny)
+    return columns @ np.linalg.solve(low.T @ low + _RIDGE * size * np.eye(low.shape[1]), low.T @ given)
+
+
+def _by_bands(frequency: Array, power: Array) -> Array:
+    """Return spectra (f, k) averaged over a third of an octave about each frequency."""
+    total = np.concatenate((np.zeros((1, power.shape[1])), np.cumsum(power, axis=0)))
+    low = np.searchsorted(frequency, frequency / 2 ** (1 / 6))
+    high = np.maximum(np.searchsorted(frequency, frequency * 2 ** (1 / 6), side="right"), low + 1)
+    return (total[high] - total[low]) / (high - low)[:, None]
