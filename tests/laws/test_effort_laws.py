@@ -1,4 +1,9 @@
-"""Every law of the effort channel, one contract: neutral means nothing, proportion, fit gives back what was put in."""
+"""Every law of the effort channel, one contract: neutral means nothing, proportion, fit gives back what was put in.
+
+`effort_contract.py` holds the checks that a wrong law must not pass; `test_wrong_laws_are_refused` shows it of each.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,8 +12,26 @@ from prup_pin import load
 from prup_pin.dynamics import InMotion
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts import EFFORT_LAWS
+from prup_pin.laws.efforts.delay import Lagging
+from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter, low_passed
+from prup_pin.laws.efforts.effort_law import EFFORT
+from prup_pin.laws.efforts.effort_sensor import EffortDelay
+from prup_pin.laws.efforts.joint_coupling import FeltMotion, FeltPosition, SpringAcross
+from prup_pin.laws.efforts.smooth_friction import SmoothFriction
+from prup_pin.laws.efforts.viscous_friction import Damping
+from prup_pin.parameters import Quantity
 from prup_pin.simulation import CorrectedModel, read_model, write_model
 from tests.dynamics.test_inverse import motion_along
+
+from .effort_contract import (
+    check_nothing,
+    check_proportion,
+    check_refit,
+    check_resists,
+    check_units,
+    resisting,
+    scales,
+)
 
 RNG = np.random.default_rng(11)
 TIME = np.arange(200) * 0.02
@@ -43,9 +66,21 @@ class TestEveryLaw:
         assert place.aspect.startswith("effort")
 
     def test_nothing_adds_nothing(self, law, at):
-        place, values = somewhere(law, at)
-        nothing = law.fitted(place, np.zeros(len(law.linear)), values)
-        assert np.abs(law.efforts(place, {**values, **nothing}, at)).max() < 1e-12
+        check_nothing(law, *somewhere(law, at), at)
+
+    def test_it_is_in_proportion_to_its_linear_parameters(self, law, at):
+        check_proportion(law, *somewhere(law, at), at)
+
+    def test_a_refit_without_noise_gives_back_all_parameters(self, law, at):
+        check_refit(law, *somewhere(law, at), at)
+
+    def test_friction_takes_power(self, law, at):
+        if resisting(law):
+            check_resists(law, *somewhere(law, at), at)
+
+    def test_its_units_are_those_of_its_columns(self, law, at):
+        if scales(law):
+            check_units(law, *somewhere(law, at), at)
 
     def test_a_fit_gives_back_what_was_put_in(self, law, at):
         place, values = somewhere(law, at)
@@ -112,3 +147,192 @@ def test_a_coupled_motor_acts_on_both_joints_with_the_power_of_one(at):
     speed = at.speed(place.name) - at.speed(other)
     power = sum(damping[:, at.driven.index(name)] * at.speed(name) for name in (place.name, other))
     assert power == pytest.approx(speed**2)
+
+
+class Drag(Damping):
+    """tau = d |v| v, right as it is: no law of the library, here to be got wrong."""
+
+    linear = ("drag",)
+    quantities = (Quantity("drag", "N m s^2/rad^2", "effort per speed squared", 1.0, upper=1e9),)
+    neutral = {"drag": 0.0}  # noqa: RUF012
+    power = 1
+
+    def quantities_at(self, place, mechanism):
+        return self.quantities
+
+    def efforts_per(self, place, values, at):
+        speed = at.speed(place.name)
+        return at.along(place.name, np.abs(speed) * speed**self.power)[..., None]
+
+
+class SteepDrag(Drag):
+    """tau = d |v| v^3 under the same unit."""
+
+    power = 3
+
+
+class PushingDamping(Damping):
+    """tau = -d v."""
+
+    def efforts_per(self, place, values, at):
+        return -super().efforts_per(place, values, at)
+
+
+class RestlessDamping(Damping):
+    """Five is said to be nothing."""
+
+    neutral = {"damping": 5.0}  # noqa: RUF012
+
+
+class SquaredDamping(Damping):
+    """tau = d^2 v."""
+
+    def efforts(self, place, values, at):
+        return self.efforts_per(place, values, at)[..., 0] * values["damping"] ** 2
+
+
+class ShiftedDamping(Damping):
+    """tau = d (v + 0.1): by no speed there is an effort."""
+
+    def efforts_per(self, place, values, at):
+        return super().efforts_per(place, values, at) + at.along(place.name, np.full(len(at), 0.1))[..., None]
+
+
+class ForgetfulFriction(SmoothFriction):
+    """Its speed does nothing, so no fit tells it."""
+
+    def efforts_per(self, place, values, at):
+        return super().efforts_per(place, {"speed": 0.5}, at)
+
+
+@pytest.mark.parametrize("check", [check_nothing, check_proportion, check_refit, check_resists, check_units])
+def test_a_right_law_passes_every_check(check, at):
+    for law in (Drag(), Damping(), SmoothFriction()):
+        check(law, *somewhere(law, at), at)
+
+
+@pytest.mark.parametrize(
+    ("law", "check"),
+    [
+        (RestlessDamping(), check_nothing),
+        (SquaredDamping(), check_proportion),
+        (PushingDamping(), check_resists),
+        (ShiftedDamping(), check_units),
+        (SteepDrag(), check_units),
+        (SquaredDamping(), check_refit),
+        (ForgetfulFriction(), check_refit),
+    ],
+    ids=lambda given: getattr(given, "__name__", type(given).__name__),
+)
+def test_wrong_laws_are_refused(law, check, at):
+    with pytest.raises(AssertionError):
+        check(law, *somewhere(law, at), at)
+
+
+def filtered_cosine(time, rate, time_constant):
+    """Return cos(rate t) behind a filter that is settled at its start, in closed form."""
+    share = 1 / (1 + (rate * time_constant) ** 2)
+    steady = share * (np.cos(rate * time) + rate * time_constant * np.sin(rate * time))
+    return steady + (1 - share) * np.exp(-time / time_constant)
+
+
+@pytest.mark.parametrize("time_constant", [1e-3, 5e-3, 2e-2, 0.15])
+def test_a_filter_answers_a_wave_by_its_closed_form(at, time_constant):
+    wave = np.cos(4.0 * TIME)
+    known = at.knowing(np.tile(wave[:, None], 6) - at.rigid, at.left)
+    law = EffortsFilter()
+    added = law.efforts(law.places(at.mechanism)[0], {"time_constant": time_constant}, known)
+    truth = filtered_cosine(TIME, 4.0, time_constant)
+    assert wave[:, None] + added == pytest.approx(np.tile(truth[:, None], 6), abs=2e-6)
+
+
+def test_a_filter_settles_anew_in_each_piece(at):
+    halves = replace(at.motion, piece=np.repeat([0, 1], 100))
+    broken = InMotion.of(at.mechanism, halves)
+    law, place = EffortFilter(), Place("elbow_joint", EFFORT)
+    added = law.efforts(place, {"time_constant": 0.05}, broken)
+    column = broken.driven.index("elbow_joint")
+    assert not added[[0, 100]].any()
+    assert not np.delete(added, column, axis=1).any()
+    alone = low_passed(broken.rigid[100:, column], 0.05, 0.02) - broken.rigid[100:, column]
+    assert added[100:, column] == pytest.approx(alone, abs=1e-12)
+
+
+def test_slow_efforts_are_as_late_by_a_filter_as_by_a_delay(at):
+    """They differ by T^2 / 2 times the second derivative: of a wave by (w T)^2 / 2."""
+    wave, lag = np.sin(0.5 * TIME), 0.004
+    known = at.knowing(np.tile(wave[:, None], 6) - at.rigid, at.left)
+    place = Place("elbow_joint", EFFORT)
+    behind = EffortFilter().efforts(place, {"time_constant": lag}, known)[10:, 2]
+    late = EffortDelay().efforts(place, {"delay": lag}, known)[10:, 2]
+    assert np.abs(behind).max() > 1.9e-3
+    assert behind == pytest.approx(late, abs=1.01 * (0.5 * lag) ** 2 / 2)
+
+
+def test_one_signal_lags_in_one_way():
+    lagging = [law for law in EFFORT_LAWS if isinstance(law, Lagging)]
+    assert {law.physics for law in lagging} == {"effort_delay", "encoder_delay", "effort_filter"}
+    assert len({law.family for law in lagging}) == 1
+
+
+def test_a_lag_agrees_with_the_chord_it_was_fitted_by():
+    law = EffortDelay()
+    assert law.agrees(np.array([0.012]), {"age": 0.016})
+    assert not law.agrees(np.array([0.012]), {"age": 0.04})  # three times the curvature of its own
+
+
+def test_a_cable_acts_on_one_joint_alone_by_the_motion_of_its_neighbour(at):
+    law = FeltMotion()
+    place = next(place for place in law.places(at.mechanism) if place.name == "elbow_joint")
+    assert place == ("elbow_joint", "effort of shoulder_lift_joint")
+    values = {"limit": 0.0, "damping": -1.5, "inertia": 0.3, "presliding": 1e-5}
+    added = law.efforts(place, values, at)
+    motion = at.motion
+    assert added[:, 2] == pytest.approx(-1.5 * motion.speed[:, 1] + 0.3 * motion.acceleration[:, 1], abs=1e-12)
+    assert not np.delete(added, 2, axis=1).any()
+    dry = law.efforts(place, {**values, "limit": 2.0}, at) - added
+    fast = np.abs(motion.speed[:, 1]) > 0.3
+    assert dry[fast, 2] == pytest.approx(2.0 * np.sign(motion.speed[fast, 1]), abs=1e-9)
+
+
+def test_a_neighbours_position_is_felt_both_ways_round(at):
+    law = FeltPosition()
+    pairs = {(place.name, law.other(place)) for place in law.places(at.mechanism)}
+    assert pairs == {pair for a, b in zip(at.driven[:-1], at.driven[1:], strict=True) for pair in ((a, b), (b, a))}
+    place = Place("shoulder_lift_joint", "effort by the position of elbow_joint")
+    added = law.efforts(place, {"stiffness": -2.0, "preload": 0.5}, at)
+    assert added[:, 1] == pytest.approx(0.5 - 2.0 * at.motion.position[:, 2], abs=1e-12)
+
+
+def test_a_spring_across_two_joints_gives_the_derivatives_of_its_energy(at):
+    law = SpringAcross()
+    place = next(place for place in law.places(at.mechanism) if place.name == "elbow_joint")
+    k, rest, ratio = 3.0, 0.4, -0.7
+    added = law.efforts(place, {"stiffness": k, "preload": -k * rest, "ratio": ratio}, at)
+
+    def energy(own, other):
+        return 0.5 * k * (own + ratio * other - rest) ** 2
+
+    own, other, step = at.motion.position[:, 2], at.motion.position[:, 1], 1e-4
+    slope = (energy(own + step, other) - energy(own - step, other)) / (2 * step)
+    cross = (energy(own, other + step) - energy(own, other - step)) / (2 * step)
+    assert added[:, 2] == pytest.approx(slope, abs=1e-9)
+    assert added[:, 1] == pytest.approx(cross, abs=1e-9)
+    assert not np.delete(added, [1, 2], axis=1).any()
+
+
+def test_a_spring_of_a_negative_ratio_is_settled_upwards_too():
+    law = SpringAcross()
+    assert law.scaled({"ratio": 2.0}, [1.5]) == {"ratio": 3.0}
+    assert law.scaled({"ratio": -2.0}, [1.5])["ratio"] == pytest.approx(-2.0 / 1.5)
+
+
+def test_friction_without_a_step_is_viscous_when_slow_and_dry_when_fast(at):
+    law, place = SmoothFriction(), Place("elbow_joint", SmoothFriction.variant)
+    speed = at.motion.speed[:, 2]
+    added = law.efforts(place, {"limit": 3.0, "speed": 0.4}, at)[:, 2]
+    assert added == pytest.approx(3.0 * (2 / (1 + np.exp(-2 * speed / 0.4)) - 1), abs=1e-12)
+    slow = law.efforts(place, {"limit": 3.0, "speed": 1e3}, at)[:, 2]
+    assert slow == pytest.approx(3e-3 * speed, rel=1e-4)
+    fast = law.efforts(place, {"limit": 3.0, "speed": 1e-9}, at)[:, 2]
+    assert fast == pytest.approx(3.0 * np.sign(speed))

@@ -8,13 +8,16 @@ from .backlash import LostLoad
 from .cogging import Cogging, CoggingOfFewPeriods
 from .coulomb_friction import ColdFriction, LoadedFriction, SlidingFriction
 from .counterbalance import Counterbalance, CounterbalanceSpring
+from .effort_filter import EffortFilter, EffortsFilter
 from .effort_law import EFFORT, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
 from .inertial_parameters import InertialParameters, ScaledInertia
+from .joint_coupling import FeltMotion, FeltPosition, SpringAcross
 from .mounting import Mounting
 from .payload import HeldBody
 from .rotor_inertia import RotorInertia
+from .smooth_friction import SmoothFriction
 from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
 from .viscous_friction import Damping, DirectedViscousFriction
@@ -25,9 +28,13 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     SlidingFriction(),
     LoadedFriction(),
     ColdFriction(),
+    SmoothFriction(),
     StribeckFriction(),
     RotorInertia(),
     TransmissionCoupling(),
+    FeltMotion(),
+    FeltPosition(),
+    SpringAcross(),
     HeldBody(),
     ScaledInertia(),
     InertialParameters(),
@@ -42,6 +49,8 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     OffsetEncoder(),
     DelayedEncoder(),
     DelayedEncoders(),
+    EffortFilter(),
+    EffortsFilter(),
     Cogging(),
     CoggingOfFewPeriods(),
     LostLoad(),

@@ -1,7 +1,8 @@
-"""Signals that come late, one law for whatever they are: efforts of one drive, of all, or all positions."""
+"""Signals that lag, one law for whatever they are: efforts of one drive, of all, or all positions."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
@@ -12,42 +13,58 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw
 
-__all__ = ["Delay", "DelayOfAll", "Late"]
+__all__ = ["Delay", "DelayOfAll", "Lagging", "of_all_drives"]
 
 #: A delay imitates a little of whatever is wrong with accelerations: it must save this share of the squares.
 LATE = 0.1
 #: Ages of a signal among which the best is looked for [s]; between them its effect is nearly in proportion.
 _AGES = (2e-3, 8e-3, 16e-3, 28e-3, 40e-3, 60e-3)
 _YOUNGEST = 1e-5
+#: How far a lag may be from where the chord ends by which it is fitted: [s], and as a share of it.
+_NEAR, _NEAR_SHARE = 4e-3, 0.3
 
 
-class Late(EffortLaw):
-    """A signal of a little ago, by one coefficient, which is its age."""
+class Lagging(EffortLaw):
+    """A signal that lags, by one coefficient [s]: what is slow comes late by so much, whatever makes it lag.
+
+    `efforts` is exact; its chord from no lag to the scanned `age` is the column of a fit, drawn anew at what is fitted.
+    """
 
     of_motion = True
-    linear = ("delay",)
+    of_what_is_known = True
     least_gain = LATE
     one_sided = True
-    quantities = (Quantity("delay", "s", "age of the reported signal", 1e-3, upper=0.2),)
-    neutral: ClassVar = {"delay": 0.0}
-
-
-class Delay(Late):
-    """A signal of a little ago: `efforts` shifts what is known in time, and its chord is the column of a fit."""
-
-    of_what_is_known = True
+    #: To first order all of them are tau - lag dtau/dt: of one signal there is one of them.
+    family = "late signal"
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         return [{"age": age} for age in _AGES]
 
+    @abstractmethod
+    def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        """Return the efforts (N, k) [N or N m] of the lagging signal less those of the present one."""
+
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return self.efforts(place, {"delay": values["age"]}, at)[..., None] / values["age"]
+        return self.efforts(place, {self.linear[0]: values["age"]}, at)[..., None] / values["age"]
 
     def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
-        return {"delay": float(coefficients[0])}
+        return {self.linear[0]: float(coefficients[0])}
+
+    def agrees(self, coefficients: Array, values: Mapping[str, float]) -> bool:
+        # a short lag by a long chord is none of this law: its curvature is another signal's
+        lag, age = float(coefficients[0]), values["age"]
+        return abs(lag - age) < _NEAR + _NEAR_SHARE * age or lag > age >= _AGES[-1]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"age": max(values["delay"], _YOUNGEST)}]
+        return [{"age": max(values[self.linear[0]], _YOUNGEST)}]
+
+
+class Delay(Lagging):
+    """A signal of a little ago."""
+
+    linear = ("delay",)
+    quantities = (Quantity("delay", "s", "age of the reported signal", 1e-3, upper=0.2),)
+    neutral: ClassVar = {"delay": 0.0}
 
 
 class DelayOfAll(Delay):
@@ -56,7 +73,12 @@ class DelayOfAll(Delay):
     sign: ClassVar[float]
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("robot", self.variant)] if len(mechanism.actuated) > 1 else []
+        return of_all_drives(mechanism, self.variant)
 
     def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.predicted_later(self.sign * values["delay"])
+
+
+def of_all_drives(mechanism: Mechanism, variant: str) -> list[Place]:
+    """Return the place of what is one thing of all drives: `robot`, where there are several."""
+    return [Place("robot", variant)] if len(mechanism.actuated) > 1 else []

@@ -56,6 +56,9 @@ class DelayedEncoder(Delay, DrivenEffortLaw):
         ages = _AGES if at.effort_of(place.name, at.unborne).any() else _AGES[:1]
         return [{"age": age} for age in ages]
 
+    def agrees(self, coefficients: Array, values: Mapping[str, float]) -> bool:
+        return True  # bodies are in proportion whatever the age
+
     def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         own = at.effort_of(place.name, at.unborne)
         ahead = at.along(place.name, at.later(own, -values["delay"])) if own.any() else 0.0
