@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.signal import butter, sosfiltfilt
 
 from prup_pin.recordings import read_recording
 from tests.reference.concealed.chain import GRAVITY, Chain, Joint, Link
@@ -252,6 +253,28 @@ def test_where_everything_is_off_the_truth_tells_it_joint_by_joint_and_a_faultle
     assert max(clean["truth"]["left_by_the_file"][1:3]) < 0.2  # where weight is most of it
 
 
+def test_a_textbook_fit_that_knows_masses_and_lateness_finds_the_friction_and_rotors_of_the_truth():
+    """Atkeson, An and Hollerbach 1986, joint by joint, both sides low-passed at 8 Hz: from the log as it is written."""
+    drawn = draw_elastic(5, "ur5", "everywhere", 16.0)
+    arm, kept, told = drawn["arm"], drawn["log"], drawn["fit"]
+    even = np.arange(told["time"][0], told["time"][-1] - 0.1, 1 / kept.rate)
+    q = np.stack([np.interp(even, told["time"], x) for x in told["q"].T], -1)
+    tau = np.stack([np.interp(even + kept.late[0], told["time"], x) for x in told["tau"].T], -1)
+    low = butter(4, 8.0, fs=kept.rate, output="sos")
+    slow = make_interp_spline(even, sosfiltfilt(low, q, axis=0), 5)
+    speed, pull = slow(even, 1), slow(even, 2)
+    left = tau - arm.links.rigid(arm.links.chain.closed(slow(even), speed, pull))
+    inner = slice(300, -300)
+    for j, name in enumerate(arm.drives.names):
+        columns = np.stack([np.tanh(speed[:, j] / 0.01), speed[:, j], pull[:, j], np.ones_like(even)], -1)
+        basis, y = (sosfiltfilt(low, x, axis=0)[inner] for x in (columns, left[:, j]))
+        dry, damping, rotor, offset = np.linalg.lstsq(basis, y, rcond=None)[0]
+        true = {key: values[name] for key, values in drawn["truth"]["values"].items()}
+        assert dry + 0.6 * damping == pytest.approx(true["coulomb_friction"] + 0.6 * true["viscous_friction"], rel=0.03)
+        assert rotor == pytest.approx(true["rotor_inertia"], rel=0.06)
+        assert offset == pytest.approx(true["effort_offset"], abs=0.05 * np.abs(y).max())
+
+
 @pytest.mark.parametrize("physics", SINGLE)
 def test_a_single_effect_is_in_the_device_and_has_its_size(physics):
     drawn = draw_elastic(8, "ur5", physics, 2.0)
@@ -296,7 +319,7 @@ def truth(group="one", effects=(), **more):
     device = {"shake": [1.0, 2.5], "order": 1, "jitter": 0.0, "velocity": None, "counts": None}
     return {"seed": 1, "robot": "ur5", "group": group, "declared": True, "late": False,
             "everywhere": group == "everywhere", "joints": ["a", "b"], "effects": list(effects), "values": {},
-            "device": device, "left_by_the_file": [0.4, 0.2]} | more  # fmt: skip
+            "yielding": [0.2, 0.4], "device": device, "left_by_the_file": [0.4, 0.2]} | more  # fmt: skip
 
 
 def finding(physics, location, parameters=None, candidates=(), **more):

@@ -40,6 +40,8 @@ BEFORE, AFTER = 2.0, 0.1
 STEPS = 60
 #: Slower than this a joint stands still [rad/s].
 STANDING = 1e-3
+#: Rotors that the drawing need not have add so much of the efforts' noise: thousands of samples do not show it.
+UNSEEN = 0.01
 BAND = (15.0, 60.0)  # Hz
 
 _UR10 = example_file("ur_description/urdf/ur10_robot.urdf")
@@ -447,7 +449,7 @@ def draw_elastic(seed: int, robot: str, what: str | None = None, longest: float 
     for physics, size in BACKGROUND.items():
         for e in here.get(physics, ()):
             own[physics][names.index(e["location"])] += e[size]
-    light = 0.3 * log.noise / np.sqrt((qdd**2).mean(0))  # rotors that nobody would miss
+    light = UNSEEN * log.noise / np.sqrt((qdd**2).mean(0))
     carried = np.abs(links.rigid(chain.closed(q, qd, qdd))).max(0)
     stiffness = np.maximum(mass * (2 * np.pi * rng.uniform(*BAND, len(names))) ** 2, carried / 0.008)
     drives = Drives(
@@ -504,12 +506,24 @@ def draw_elastic(seed: int, robot: str, what: str | None = None, longest: float 
             "values": _values(truths, group, log, names),
             "late": bool(log.late.max() > 0),
             "size": "multiples of the efforts' noise below 8 Hz: RMS by joint (strength), of single effects also of "
-            "what is left after the best fit of masses within 5 %, in the strongest joint (size)",
+            "what is left after the best fit of masses within 5 %, in the strongest joint (size); yielding: by how "
+            "much rigid bodies at the motors' positions need other efforts than at the links', by joint",
             "left_by_the_file": before.tolist(),
+            "yielding": _yielding(arm, fit, duration, log.spread).tolist(),
             "scatter": scatter,
             "device": {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in about.items()},
         },
     }
+
+
+def _yielding(arm: ElasticArm, motion: Excitation, duration: float, noise: np.ndarray) -> np.ndarray:
+    """Return RMS (n,), over the noise, by which efforts at the motors' positions differ from those at the links'."""
+    t = np.arange(0.0, min(duration, 25.0), 0.01)
+    own, chain = motion.at(t), arm.links.chain
+    load = arm.links.rigid(chain.closed(*own))
+    delta = deflected(t, load, arm.drives)
+    seen = arm.links.rigid(chain.closed(*(values + delta(t, order) for order, values in enumerate(own))))
+    return np.sqrt(np.mean((seen - load)[20:-20] ** 2, axis=0)) / noise
 
 
 def _single_truth(e: Mapping[str, Any], chain: Chain, kind: Kind, yardstick: Yardstick) -> dict[str, Any]:
