@@ -15,8 +15,8 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EFFORT, JointEffortLaw, effort_unit, in_units, speed_unit
 
-#: Shares of the usual speed among which the speed is looked for.
-_SHARES = (0.06, 0.2, 0.6)
+#: Share of the usual speed from which the speed is looked for. One is enough: `closer` and a fit do the rest.
+_SHARE = 0.2
 
 
 class SmoothFriction(JointEffortLaw):
@@ -50,7 +50,7 @@ class SmoothFriction(JointEffortLaw):
         usual = float(np.sqrt(np.mean(at.speed(place.name) ** 2)))
         # where the sensors tell no direction yet, a step is as smooth
         least = 2 * at.slow(place.name)
-        return [{"speed": share * usual} for share in _SHARES if share * usual > least]
+        return [{"speed": _SHARE * usual}] if _SHARE * usual > least else []
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return [{"speed": values["speed"] * factor} for factor in (0.5, 0.7, 0.85, 1.2, 1.4, 2.0)]
