@@ -28,6 +28,8 @@ _KEPT, _LONG = 10.0, 40_000
 _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
 _STILL, _STILL_SHARE = 4.0, 2e-3
+#: A joint that is slow for no longer than this [s] turns round and does not rest.
+_TURNING = 0.2
 #: Fewest samples between two stretches that are left out, for any of them to count.
 _SHORTEST = 16
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
@@ -366,8 +368,9 @@ def _strange_speeds(names: tuple[str, ...], position: Array, logged: dict[str, A
 
 
 def _standing(slow: np.ndarray, piece: np.ndarray, rate: float, cutoff: float) -> np.ndarray:
-    """Return where a joint really stands (N, j): slow for longer than the filter's memory, and a little around."""
-    least = max(3, round(rate / cutoff))
+    """Return where a joint really stands (N, j): slow for longer than it takes to turn round, and a little around."""
+    least = max(3, round(rate / cutoff), round(_TURNING * rate))
+    around = max(1, round(0.5 * rate / cutoff))
     out = np.zeros_like(slow)
     for where in pieces(piece):
         for column in range(slow.shape[1]):
@@ -375,6 +378,6 @@ def _standing(slow: np.ndarray, piece: np.ndarray, rate: float, cutoff: float) -
             edges = np.flatnonzero(np.diff(np.concatenate(([0], part.astype(np.int8), [0]))))
             for start, end in edges.reshape(-1, 2):
                 if end - start >= least:
-                    begin = where.start + max(start - least // 2, 0)
-                    out[begin : min(where.start + end + least // 2, where.stop), column] = True
+                    begin = where.start + max(start - around, 0)
+                    out[begin : min(where.start + end + around, where.stop), column] = True
     return out

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,9 +21,7 @@ from ..criteria import (
     EFFORT_CURVE_OWN,
     EFFORT_GAINS_SAVE,
     EFFORT_IMITATED,
-    EFFORT_LOUD,
     EFFORT_MATERIAL,
-    EFFORT_PLAINLY,
     EFFORT_SURE,
 )
 from .band import coherent_band
@@ -36,7 +35,6 @@ from .likelier import likelier
 from .outcome import Outcome
 from .plausible import check_efforts
 from .relief import relieved, relieving, squared_strain
-from .residuals import rms_of
 from .search import held_out, pruned, scores, searched, threshold, worth
 from .stretches import Stretch, stands_out, stretches_of
 from .verdict import effort_diagnosis_of
@@ -99,7 +97,10 @@ def _outcome(
         if gains is not None:
             efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
         first, last = share
-        return doubts, *_found(efforts, gains is not None, lambda s: tell(_LAWS, first + (last - first) * s))
+        given = efforts.gathered()
+        start = efforts.start(given, freed=gains is not None)
+        progress = partial(_between, tell, first, last)
+        return doubts, efforts, *searched(given, start, efforts.renewed, efforts.closer, progress)
 
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
@@ -116,6 +117,10 @@ def _outcome(
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
     return Outcome(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
+
+
+def _between(tell: Callable[[str, float], None], first: float, last: float, share: float) -> None:
+    tell(_LAWS, first + (last - first) * share)
 
 
 def _in_motion(
@@ -144,30 +149,6 @@ def _efforts(recording: Recording, at: InMotion) -> Efforts:
 
 def _tolerances(recording: Recording) -> dict[str, float]:
     return {key: float(value) for key, value in recording.tolerances.declared.items()}
-
-
-def _found(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
-    """Return the laws that the efforts ask for, with the weights that they were found by; `freed`: beside free masses.
-
-    Whitened where what is left is noise. Where it is what the laws lack, a whitened fit is good where that is least
-    and not where the efforts are large: then plain weights leave less of the efforts on held-out blocks.
-    """
-    given = efforts.gathered()
-    start = efforts.start(given, freed)
-    white, own = searched(given, start, efforts.renewed, efforts.closer, lambda s: tell(0.5 * s))
-    if efforts.noise is not None:
-        left = efforts.held_out_residual(white, own) / efforts.noise
-        if rms_of(left[efforts.good]) < EFFORT_LOUD:
-            return efforts, white, own
-    plainly = efforts.plainly()
-    given = plainly.gathered()
-    start = plainly.start(given, freed)
-    given, chosen = searched(given, start, plainly.renewed, plainly.closer, lambda s: tell(0.5 + 0.5 * s))
-    before, after = efforts.held_out_plainly(white, own), plainly.held_out_plainly(given, chosen)
-    share, sure = worth(before, after)
-    if sure > EFFORT_SURE and share > EFFORT_PLAINLY:
-        return plainly, given, chosen
-    return efforts, white, own
 
 
 def _with_curves(

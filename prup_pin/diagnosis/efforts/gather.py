@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -153,12 +152,6 @@ class Efforts:
                 at = self._knowing(known, nothing)
                 values = law.scanned(place, at)[0]
                 yield law, place, values, self.seen(law.efforts_per(place, values, at))
-
-    def plainly(self) -> Efforts:
-        """Return the same efforts, each joint weighed by the size of what is left there, and nothing whitened."""
-        other = copy(self)
-        other.whitening = self._plain
-        return other
 
     def columns_of(self, given: Gathered, chosen: Chosen) -> Array:
         """Return what each coefficient of what is chosen adds (n, k, p) to the efforts at the kept samples."""
@@ -332,7 +325,11 @@ class Efforts:
 
     def _given(self, columns: Columns, candidates: Sequence[EffortCandidate], prior: Array) -> Gathered:
         links = {index: base.place for index, base in enumerate(self.bases) if base.inertial is not None}
-        bodies = {c.where.start: c.law.covariance_inverse(c.place, self.at.mechanism) for c in candidates if isinstance(c.law, InertialParameters)}
+        bodies = {
+            c.where.start: c.law.covariance_inverse(c.place, self.at.mechanism)
+            for c in candidates
+            if isinstance(c.law, InertialParameters)
+        }
         return Gathered(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
 
     def renewed(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
