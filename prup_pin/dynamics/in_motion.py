@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -127,6 +128,16 @@ class InMotion:
     def dragged(self, joint: str, way: float) -> Array:
         """Return the direction of a joint's dry friction (N,), which turns round on some way [m or rad]."""
         return self.dragging(self.position(joint), way)
+
+    def rubbing(self, joint: str, values: Mapping[str, float]) -> Array:
+        """Return how much of a joint's dry friction acts, and which way (N,): it turns round on a way, 'presliding', and
+        sets in with the speed, below 'smoothing'."""
+        return self.dragged(joint, values["presliding"]) * self.set_in(self.speed(joint), values.get("smoothing", 0.0))
+
+    @staticmethod
+    def set_in(speed: Array, smoothing: float) -> Array:
+        """Return the share of dry friction (N,) that acts at a speed (N,): all of it where nothing smooths its step."""
+        return np.tanh(np.abs(speed) / smoothing) if smoothing > 0 else np.ones_like(speed)
 
     def dragging(self, position: Array, way: float) -> Array:
         """Return the direction of dry friction (N,) of something at `position` (N,): dz = (sign(dq) - z) |dq| / way.

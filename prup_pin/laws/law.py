@@ -61,6 +61,8 @@ class Law(ABC):
     lasts: ClassVar[bool] = True
     #: True where parameters that are not given stand at their defaults.
     partial: ClassVar[bool] = False
+    #: Parameters that stand at their defaults where they are not given.
+    optional: ClassVar[tuple[str, ...]] = ()
     #: Kinds of modules where it is most often found; decides between places that data cannot tell apart.
     likely: ClassVar[tuple[str, ...]] = ()
     #: Size of its first parameter at which it is strong: data that could not show even that could not show the law.
@@ -170,7 +172,7 @@ class Effect:
         for name in self.values:
             if name not in quantities:
                 raise UnknownNameError(f"parameter of {self.law.physics}", name, list(quantities))
-        missing = [name for name in quantities if name not in self.values]
+        missing = [name for name in quantities if name not in self.values and name not in self.law.optional]
         if missing and not self.law.partial:
             raise InputError(f"{self.law.physics} at {self.place}: no value for {', '.join(missing)}")
         for name, value in self.values.items():

@@ -382,7 +382,7 @@ class _Reader:
             except ParameterError:
                 self.wrong(f"{at}.value", f"is the number {number:g}; expected {quantity.expected()}")
         for name, quantity in quantities.items():
-            if name not in given and not law.partial:
+            if name not in given and name not in law.optional and not law.partial:
                 self.wrong(f"{key}.{name}", f"is missing; expected a number {quantity.expected()}")
         return values
 

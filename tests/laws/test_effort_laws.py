@@ -12,12 +12,12 @@ from prup_pin import load
 from prup_pin.dynamics import InMotion
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts import EFFORT_LAWS
+from prup_pin.laws.efforts.coulomb_friction import SlidingFriction
 from prup_pin.laws.efforts.delay import Lagging
 from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter, low_passed
 from prup_pin.laws.efforts.effort_law import EFFORT
 from prup_pin.laws.efforts.effort_sensor import EffortDelay
 from prup_pin.laws.efforts.joint_coupling import FeltMotion, FeltPosition, SpringAcross
-from prup_pin.laws.efforts.smooth_friction import SmoothFriction
 from prup_pin.laws.efforts.viscous_friction import Damping
 from prup_pin.parameters import Quantity
 from prup_pin.simulation import CorrectedModel, read_model, write_model
@@ -198,16 +198,16 @@ class ShiftedDamping(Damping):
         return super().efforts_per(place, values, at) + at.along(place.name, np.full(len(at), 0.1))[..., None]
 
 
-class ForgetfulFriction(SmoothFriction):
-    """Its speed does nothing, so no fit tells it."""
+class ForgetfulFriction(SlidingFriction):
+    """Its smoothing does nothing, so no fit tells it."""
 
     def efforts_per(self, place, values, at):
-        return super().efforts_per(place, {"speed": 0.5}, at)
+        return super().efforts_per(place, {**values, "smoothing": 0.5}, at)
 
 
 @pytest.mark.parametrize("check", [check_nothing, check_proportion, check_refit, check_resists, check_units])
 def test_a_right_law_passes_every_check(check, at):
-    for law in (Drag(), Damping(), SmoothFriction()):
+    for law in (Drag(), Damping(), SlidingFriction()):
         check(law, *somewhere(law, at), at)
 
 
@@ -328,11 +328,13 @@ def test_a_spring_of_a_negative_ratio_is_settled_upwards_too():
 
 
 def test_friction_without_a_step_is_viscous_when_slow_and_dry_when_fast(at):
-    law, place = SmoothFriction(), Place("elbow_joint", SmoothFriction.variant)
+    law, place = SlidingFriction(), Place("elbow_joint", SlidingFriction.variant)
     speed = at.motion.speed[:, 2]
-    added = law.efforts(place, {"limit": 3.0, "speed": 0.4}, at)[:, 2]
-    assert added == pytest.approx(3.0 * (2 / (1 + np.exp(-2 * speed / 0.4)) - 1), abs=1e-12)
-    slow = law.efforts(place, {"limit": 3.0, "speed": 1e3}, at)[:, 2]
-    assert slow == pytest.approx(3e-3 * speed, rel=1e-4)
-    fast = law.efforts(place, {"limit": 3.0, "speed": 1e-9}, at)[:, 2]
-    assert fast == pytest.approx(3.0 * np.sign(speed))
+    step = law.efforts(place, {"limit": 3.0, "presliding": 0.0}, at)[:, 2]
+    assert np.abs(step) == pytest.approx(3.0)
+    smooth = law.efforts(place, {"limit": 3.0, "presliding": 0.0, "smoothing": 0.4}, at)[:, 2]
+    assert smooth == pytest.approx(step * (2 / (1 + np.exp(-2 * np.abs(speed) / 0.4)) - 1), abs=1e-12)
+    slow = law.efforts(place, {"limit": 3.0, "presliding": 0.0, "smoothing": 1e3}, at)[:, 2]
+    assert np.abs(slow) == pytest.approx(3e-3 * np.abs(speed), rel=1e-4)
+    fast = law.efforts(place, {"limit": 3.0, "presliding": 0.0, "smoothing": 1e-9}, at)[:, 2]
+    assert fast == pytest.approx(step)

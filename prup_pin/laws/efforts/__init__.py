@@ -17,7 +17,6 @@ from .joint_coupling import FeltMotion, FeltPosition, SpringAcross
 from .mounting import Mounting
 from .payload import HeldBody
 from .rotor_inertia import RotorInertia
-from .smooth_friction import SmoothFriction
 from .stribeck_friction import StribeckFriction
 from .transmission_coupling import TransmissionCoupling
 from .viscous_friction import Damping, DirectedViscousFriction
@@ -28,7 +27,6 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     SlidingFriction(),
     LoadedFriction(),
     ColdFriction(),
-    SmoothFriction(),
     StribeckFriction(),
     RotorInertia(),
     TransmissionCoupling(),

@@ -16,11 +16,14 @@ from ..law import Place
 from .effort_law import (
     EFFORT,
     PRESLIDING,
+    SMOOTHING,
     JointEffortLaw,
     MovingEffortLaw,
     effort_unit,
     in_units,
     other_ways,
+    speed_unit,
+    usual_smoothing,
     usual_way,
     way_unit,
 )
@@ -30,9 +33,10 @@ _WARMING = (0.15, 0.4, 1.0)
 
 
 class SlidingFriction(JointEffortLaw):
-    """tau = f z, z = sign(v) while the joint moves; at rest friction takes any value up to f, and nothing is said.
+    """tau = f z tanh(|v| / v0), z = sign(v) while the joint moves; at rest friction takes any value up to f.
 
-    After a reversal it turns round on a short way s: dz/dq = (sign(v) - z) / s (Dahl 1968).
+    After a reversal it turns round on a short way s: dz/dq = (sign(v) - z) / s (Dahl 1968). Far below v0 a film shears
+    and it is viscous, with f / v0 (Andersson, Söderberg and Björklund 2007); v0 = 0 is dry friction with a step.
     """
 
     physics = "coulomb_friction"
@@ -40,25 +44,29 @@ class SlidingFriction(JointEffortLaw):
     everywhere = True
     family = "dry friction"
     linear = ("limit",)
-    settled = ("presliding",)
+    settled = ("presliding", "smoothing")
+    optional = ("smoothing",)
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide", 1.0, upper=1e6),
         PRESLIDING,
+        SMOOTHING,
     )
     neutral: ClassVar = {"limit": 0.0}
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, [effort_unit(place, mechanism), way_unit(place, mechanism)])
+        return in_units(
+            self.quantities, [effort_unit(place, mechanism), way_unit(place, mechanism), speed_unit(place, mechanism)]
+        )
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"presliding": usual_way(at, place.name)}]
+        return [{"presliding": usual_way(at, place.name), "smoothing": usual_smoothing(at, place.name)}]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return other_ways(at, place.name, values, ())
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        return at.along(place.name, at.dragged(place.name, values["presliding"]))[..., None]
+        return at.along(place.name, at.rubbing(place.name, values))[..., None]
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return f"{place.name} rubs: it takes {number(values['limit'], 3)} {effort_unit(place, mechanism)} to slide"
@@ -73,26 +81,29 @@ class LoadedFriction(MovingEffortLaw):
     variant = f"{EFFORT} by load"
     of_motion = True
     linear = ("limit", "share_of_load")
-    settled = ("presliding",)
+    settled = ("presliding", "smoothing")
+    optional = ("smoothing",)
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "effort that it takes to slide without load", 1.0, positive=False, upper=1e6),
         Quantity("share_of_load", "", "of the effort that the drive passes on", 0.05, upper=10.0),
         PRESLIDING,
+        SMOOTHING,
     )
     neutral: ClassVar = {"limit": 0.0, "share_of_load": 0.0}
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
-        return in_units(self.quantities, [effort_unit(place, mechanism), "", way_unit(place, mechanism)])
+        effort, way, speed = (unit(place, mechanism) for unit in (effort_unit, way_unit, speed_unit))
+        return in_units(self.quantities, [effort, "", way, speed])
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"presliding": usual_way(at, place.name)}]
+        return [{"presliding": usual_way(at, place.name), "smoothing": usual_smoothing(at, place.name)}]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return other_ways(at, place.name, values, ())
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
-        direction = at.dragged(place.name, values["presliding"])
+        direction = at.rubbing(place.name, values)
         load = np.abs(at.effort_of(place.name, at.rigid))
         return np.stack([at.along(place.name, direction), at.along(place.name, load * direction)], axis=-1)
 

@@ -122,8 +122,22 @@ class EffortLaw(Law):
 #: Shares of a joint's travel on which its friction may turn round; the first is where a search begins.
 _WAYS = (3e-5, 1e-5, 1e-4, 3e-4, 1e-3)
 
+#: Shares of its usual speed below which it may be smooth; the first is where a search begins.
+_SPEEDS = (1e-3, 0.03, 0.1, 0.3)
+
 PRESLIDING = Quantity(
     "presliding", "rad", "way on which friction turns round after the motion has", 1e-4, positive=False, upper=10.0
+)
+
+
+SMOOTHING = Quantity(
+    "smoothing",
+    "rad/s",
+    "speed at which it has come to 76 %: without a step",
+    0.0,
+    positive=False,
+    lower=0.0,
+    upper=1e3,
 )
 
 
@@ -137,11 +151,19 @@ def usual_way(at: InMotion, joint: str) -> float:
     return _WAYS[0] * float(np.ptp(at.position(joint)))
 
 
+def usual_smoothing(at: InMotion, joint: str) -> float:
+    """Return the speed below which a joint's friction is smooth, where a search begins: none to speak of."""
+    return _SPEEDS[0] * float(np.sqrt(np.mean(at.speed(joint) ** 2)))
+
+
 def other_ways(at: InMotion, joint: str, values: Mapping[str, float], scanned: Sequence[str]) -> list[dict[str, float]]:
-    """Return scanned values with other ways of friction."""
+    """Return scanned values with other ways and speeds on which friction turns round."""
     travel = float(np.ptp(at.position(joint)))
-    kept = {name: values[name] for name in scanned}
-    return [{**kept, "presliding": share * travel} for share in _WAYS[1:]]
+    kept = {name: values[name] for name in (*scanned, "presliding", "smoothing") if name in values}
+    ways = [{**kept, "presliding": share * travel} for share in _WAYS[1:]]
+    usual = usual_smoothing(at, joint) / _SPEEDS[0]
+    speeds = [{**kept, "smoothing": share * usual} for share in _SPEEDS[1:] if "smoothing" in values]
+    return [*ways, *speeds]
 
 
 def moving_places(mechanism: Mechanism, variant: str) -> list[Place]:

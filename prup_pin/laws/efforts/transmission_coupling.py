@@ -13,7 +13,16 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EFFORT, PRESLIDING, EffortLaw, driven_places, other_ways, usual_way
+from .effort_law import (
+    EFFORT,
+    PRESLIDING,
+    SMOOTHING,
+    EffortLaw,
+    driven_places,
+    other_ways,
+    usual_smoothing,
+    usual_way,
+)
 
 _WITH = f"{EFFORT} with "
 
@@ -28,7 +37,8 @@ class TransmissionCoupling(EffortLaw):
     physics = "transmission_coupling"
     summary = "a motor that moves with two joints"
     of_motion = True
-    settled = ("presliding",)
+    settled = ("presliding", "smoothing")
+    optional = ("smoothing",)
     linear = ("limit", "damping", "inertia")
     one_sided = True
     quantities = (
@@ -39,6 +49,7 @@ class TransmissionCoupling(EffortLaw):
             "ratio", "", "turns of the motor per turn of the other joint", 1.0, positive=False, lower=-10, upper=10
         ),
         PRESLIDING,
+        SMOOTHING,
     )
     neutral: ClassVar = {"limit": 0.0, "damping": 0.0, "inertia": 0.0}
 
@@ -70,7 +81,8 @@ class TransmissionCoupling(EffortLaw):
         return {place.name, other} <= set(at.driven) and at.moves(place.name) and at.moves(other)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"ratio": ratio, "presliding": usual_way(at, place.name)} for ratio in (1.0, -1.0)]
+        turning = {"presliding": usual_way(at, place.name), "smoothing": usual_smoothing(at, place.name)}
+        return [{"ratio": ratio, **turning} for ratio in (1.0, -1.0)]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return other_ways(at, place.name, values, ("ratio",))
@@ -80,7 +92,8 @@ class TransmissionCoupling(EffortLaw):
         speed = at.speed(place.name) + ratio * at.speed(other)
         acceleration = at.acceleration(place.name) + ratio * at.acceleration(other)
         motor = at.position(place.name) + ratio * at.position(other)
-        parts = [at.dragging(motor, values["presliding"]), speed, acceleration]
+        dry = at.dragging(motor, values["presliding"]) * at.set_in(speed, values.get("smoothing", 0.0))
+        parts = [dry, speed, acceleration]
         return np.stack([at.along(place.name, part) + at.along(other, ratio * part) for part in parts], axis=-1)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
