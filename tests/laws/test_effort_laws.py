@@ -331,7 +331,7 @@ def test_friction_without_a_step_is_viscous_when_slow_and_dry_when_fast(at):
     law, place = SlidingFriction(), Place("elbow_joint", SlidingFriction.variant)
     speed = at.motion.speed[:, 2]
     step = law.efforts(place, {"limit": 3.0, "presliding": 0.0}, at)[:, 2]
-    assert np.abs(step) == pytest.approx(3.0)
+    assert np.abs(step[np.abs(speed) > 0.1]) == pytest.approx(3.0)
     smooth = law.efforts(place, {"limit": 3.0, "presliding": 0.0, "smoothing": 0.4}, at)[:, 2]
     assert smooth == pytest.approx(step * (2 / (1 + np.exp(-2 * np.abs(speed) / 0.4)) - 1), abs=1e-12)
     slow = law.efforts(place, {"limit": 3.0, "presliding": 0.0, "smoothing": 1e3}, at)[:, 2]

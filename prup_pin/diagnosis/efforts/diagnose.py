@@ -98,7 +98,7 @@ def _outcome(
             efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
         first, last = share
         given = efforts.gathered()
-        start = efforts.start(given, freed=gains is not None)
+        start = efforts.background(given, freed=gains is not None)
         progress = partial(_between, tell, first, last)
         return doubts, efforts, *searched(given, start, efforts.renewed, efforts.closer, progress)
 

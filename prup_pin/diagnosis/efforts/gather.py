@@ -18,7 +18,7 @@ from ...laws.efforts.free_curve import CURVES, FreeCurve
 from ...laws.efforts.inertial_parameters import InertialParameters
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..criteria import AR_ORDER, EFFORT_INDISTINCT, EFFORT_TOLD
+from ..criteria import AR_ORDER, EFFORT_INDISTINCT, EFFORT_SURE, EFFORT_TOLD
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import (
@@ -34,7 +34,7 @@ from .columns import (
 )
 from .combinations import Combinations
 from .normal import Normal
-from .search import pulls
+from .search import pulls, worth
 from .stretches import Outlying, outlying
 
 __all__ = ["Base", "Efforts"]
@@ -385,9 +385,11 @@ class Efforts:
                 EffortCandidate(term.law, term.place, other, own) for own, other in zip(places, others, strict=True)
             ]
             wider = self._given(columns, (*given.candidates, *tried), np.array(prior))
-            left = Beside(wider, best.without(term)).with_each([term, *tried]).sum(axis=1)
-            taken = int(np.argmin(left))
-            if taken == 0 or not left[taken] < left[0]:
+            left = Beside(wider, best.without(term)).with_each([term, *tried])
+            taken = int(np.argmin(left.sum(axis=1)))
+            # what is nothing so far must surely be something
+            more = taken > 0 and len(term.law.free(tried[taken - 1].values)) > len(term.law.free(term.values))
+            if taken == 0 or worth(left[0], left[taken])[1] <= (EFFORT_SURE if more else 0.0):
                 columns.cut(size)
                 continue
             best = best.replaced(place, tried[taken - 1])
@@ -407,7 +409,7 @@ class Efforts:
         columns = given.columns
         for place in which:
             term = chosen.terms[place]
-            law, count = term.law, len(term.law.settled)
+            law, count = term.law, len(term.law.free(term.values))
             if not count:
                 continue
             at = self._seen_by(given, chosen, place)
@@ -444,15 +446,21 @@ class Efforts:
         """
         place = next(index for index, other in enumerate(chosen.terms) if other is term)
         cost = self._cost(given, chosen, place, self._seen_by(given, chosen, place))
-        law, out = term.law, {}
+        law, out, free = term.law, {}, term.law.free(term.values)
         quantities = {q.name: q for q in law.quantities_at(term.place, self.at.mechanism)}
-        least = cost(np.zeros(len(law.settled)))
-        for name, axis in zip(law.settled, np.eye(len(law.settled)), strict=True):
+        least = cost(np.zeros(len(free)))
+        for name, axis in zip(free, np.eye(len(free)), strict=True):
             down, up = (_edge(cost, way, least + rise, law.near(term.values)) for way in (-axis, axis))
             out[name] = (
                 quantities[name].lower if down is None else float(_scaled(term, -down * axis)[name]),
                 quantities[name].upper if up is None else float(_scaled(term, up * axis)[name]),
             )
+        others = law.closer(term.place, term.values, self.at)
+        for name in set(law.settled) - set(free):
+            # what is nothing may be as much as the first size of it that the data refuse
+            sizes = sorted(values[name] for values in others if values.get(name))
+            refused = (size for size in sizes if cost.of({**term.values, name: size}) > least + rise)
+            out[name] = (quantities[name].lower, next(refused, quantities[name].upper))
         return out
 
     def _seen_by(self, given: Gathered, chosen: Chosen, place: int) -> InMotion:
@@ -462,18 +470,17 @@ class Efforts:
         before = Chosen(chosen.base, chosen.terms[:place])
         return self._knowing(*self._known(before, fit(given, before)[0]))
 
-    def _cost(self, given: Gathered, chosen: Chosen, place: int, at: InMotion) -> Callable[[Array], float]:
-        """Return the squares left, less a constant, by the logarithms of a term's settled values over what they are."""
+    def _cost(self, given: Gathered, chosen: Chosen, place: int, at: InMotion) -> _Cost:
+        """Return the squares left, less a constant, by a term's scanned values."""
         term = chosen.terms[place]
         left = _Left(given, chosen.without(term), term.law.prior(term.place, self.at.mechanism))
+        return _Cost(self, left, term, at)
 
-        def cost(step: Array) -> float:
-            own = term.law.efforts_per(term.place, _scaled(term, step), at)
-            return -left.saved_by(self.whitening(self.seen(own)))
+    def start(self) -> Chosen:
+        """Return what is there before any law: parameters within tolerance."""
+        return Chosen(tuple(range(len(self.bases))))
 
-        return cost
-
-    def start(self, given: Gathered, freed: bool) -> Chosen:
+    def background(self, given: Gathered, freed: bool) -> Chosen:
         """Return what is there before single laws compete: parameters within tolerance, and what every drive has.
 
         The masses of all links are free where no tolerance is declared for them, or where they are `freed`.
@@ -484,7 +491,7 @@ class Efforts:
             for candidate in given.candidates
             if candidate.law.everywhere and not (isinstance(candidate.law, AllLinks) and weighed)
         ]
-        return Chosen(tuple(range(len(self.bases))), tuple(common))
+        return Chosen(self.start().base, tuple(common))
 
 
 def _scaled(term: EffortCandidate, step: Array) -> Mapping[str, float]:
@@ -502,6 +509,25 @@ def _edge(cost: Callable[[Array], float], way: Array, most: float, first: float)
         if outer > _NEVER:
             return None
     return float(brentq(lambda size: cost(size * way) - most, inner, outer, xtol=0.02 * outer))
+
+
+@dataclass(frozen=True, eq=False)
+class _Cost:
+    """The squares left, less a constant, by scanned values of a term, all coefficients free."""
+
+    efforts: Efforts
+    left: _Left
+    term: EffortCandidate
+    at: InMotion
+
+    def of(self, values: Mapping[str, float]) -> float:
+        """Return it for other scanned values."""
+        own = self.term.law.efforts_per(self.term.place, values, self.at)
+        return -self.left.saved_by(self.efforts.whitening(self.efforts.seen(own)))
+
+    def __call__(self, step: Array) -> float:
+        """Return it for the logarithms of free values over what they are."""
+        return self.of(_scaled(self.term, step))
 
 
 class _Left:

@@ -185,7 +185,7 @@ def searched(
             break
         given, chosen = _with_new(given, chosen, new, refused, closer)
         fresh = False
-    chosen = pruned(given, chosen, chosen.terms)
+    chosen = _beyond_chance(given, pruned(given, chosen, chosen.terms))
     # bodies first: what follows from what is known acts on them
     chosen = Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
     if closer is not None and chosen.terms:
@@ -194,6 +194,21 @@ def searched(
         given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
         chosen = _fewer(given, chosen)
     return given, chosen
+
+
+def _beyond_chance(given: Gathered, chosen: Chosen) -> Chosen:
+    """Return what is chosen without terms that chance does as well: what was there from the start never had to enter."""
+    limit = threshold(scores(given, chosen)[1])
+    while chosen.terms:
+        chances = []
+        for term in chosen.terms:
+            found, _ = scores(given.only([term]), chosen.without(term))
+            chances.append(found[0].log_chance if found else 0.0)
+        worst = int(np.argmax(chances))
+        if chances[worst] < limit:
+            break
+        chosen = chosen.without(chosen.terms[worst])
+    return chosen
 
 
 def _entering(

@@ -23,7 +23,7 @@ from .effort_law import (
     in_units,
     other_ways,
     speed_unit,
-    usual_smoothing,
+    turning,
     usual_way,
     way_unit,
 )
@@ -60,7 +60,7 @@ class SlidingFriction(JointEffortLaw):
         )
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"presliding": usual_way(at, place.name), "smoothing": usual_smoothing(at, place.name)}]
+        return [turning(at, place.name)]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return other_ways(at, place.name, values, ())
@@ -97,7 +97,7 @@ class LoadedFriction(MovingEffortLaw):
         return in_units(self.quantities, [effort, "", way, speed])
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        return [{"presliding": usual_way(at, place.name), "smoothing": usual_smoothing(at, place.name)}]
+        return [turning(at, place.name)]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return other_ways(at, place.name, values, ())

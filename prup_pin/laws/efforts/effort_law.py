@@ -67,9 +67,14 @@ class EffortLaw(Law):
         """Return scanned values about fitted `values`, where better ones may lie between those that were scanned."""
         return []
 
+    def free(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        """Return the `settled` parameters that have a size: what is nothing stays nothing."""
+        return tuple(name for name in self.settled if values.get(name))
+
     def scaled(self, values: Mapping[str, float], factors: Sequence[float]) -> Mapping[str, float]:
-        """Return scanned values of which the `settled` ones are so many times as large."""
-        return {**values, **{name: values[name] * float(f) for name, f in zip(self.settled, factors, strict=True)}}
+        """Return scanned values of which the free ones are so many times as large."""
+        free = self.free(values)
+        return {**values, **{name: values[name] * float(f) for name, f in zip(free, factors, strict=True)}}
 
     def near(self, values: Mapping[str, float]) -> float:
         """Return the change of the logarithms within which the best values lie about those that were scanned."""
@@ -122,8 +127,8 @@ class EffortLaw(Law):
 #: Shares of a joint's travel on which its friction may turn round; the first is where a search begins.
 _WAYS = (3e-5, 1e-5, 1e-4, 3e-4, 1e-3)
 
-#: Shares of its usual speed below which it may be smooth; the first is where a search begins.
-_SPEEDS = (1e-3, 0.03, 0.1, 0.3)
+#: Shares of its usual speed below which it may be smooth.
+_SPEEDS = (0.03, 0.1, 0.3)
 
 PRESLIDING = Quantity(
     "presliding", "rad", "way on which friction turns round after the motion has", 1e-4, positive=False, upper=10.0
@@ -151,9 +156,9 @@ def usual_way(at: InMotion, joint: str) -> float:
     return _WAYS[0] * float(np.ptp(at.position(joint)))
 
 
-def usual_smoothing(at: InMotion, joint: str) -> float:
-    """Return the speed below which a joint's friction is smooth, where a search begins: none to speak of."""
-    return _SPEEDS[0] * float(np.sqrt(np.mean(at.speed(joint) ** 2)))
+def turning(at: InMotion, joint: str) -> dict[str, float]:
+    """Return how a joint's friction turns round where a search begins: on a short way, and with a step."""
+    return {"presliding": usual_way(at, joint), "smoothing": 0.0}
 
 
 def other_ways(at: InMotion, joint: str, values: Mapping[str, float], scanned: Sequence[str]) -> list[dict[str, float]]:
@@ -161,8 +166,8 @@ def other_ways(at: InMotion, joint: str, values: Mapping[str, float], scanned: S
     travel = float(np.ptp(at.position(joint)))
     kept = {name: values[name] for name in (*scanned, "presliding", "smoothing") if name in values}
     ways = [{**kept, "presliding": share * travel} for share in _WAYS[1:]]
-    usual = usual_smoothing(at, joint) / _SPEEDS[0]
-    speeds = [{**kept, "smoothing": share * usual} for share in _SPEEDS[1:] if "smoothing" in values]
+    usual = float(np.sqrt(np.mean(at.speed(joint) ** 2)))
+    speeds = [{**kept, "smoothing": share * usual} for share in _SPEEDS if "smoothing" in values]
     return [*ways, *speeds]
 
 

@@ -20,8 +20,7 @@ from .effort_law import (
     EffortLaw,
     driven_places,
     other_ways,
-    usual_smoothing,
-    usual_way,
+    turning,
 )
 
 _WITH = f"{EFFORT} with "
@@ -81,8 +80,7 @@ class TransmissionCoupling(EffortLaw):
         return {place.name, other} <= set(at.driven) and at.moves(place.name) and at.moves(other)
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
-        turning = {"presliding": usual_way(at, place.name), "smoothing": usual_smoothing(at, place.name)}
-        return [{"ratio": ratio, **turning} for ratio in (1.0, -1.0)]
+        return [{"ratio": ratio, **turning(at, place.name)} for ratio in (1.0, -1.0)]
 
     def closer(self, place: Place, values: Mapping[str, float], at: InMotion) -> Sequence[Mapping[str, float]]:
         return other_ways(at, place.name, values, ("ratio",))
