@@ -32,7 +32,7 @@ class Lagging(EffortLaw):
 
     of_motion = True
     of_what_is_known = True
-    least_gain = LATE
+    least_gain = 0.0
     one_sided = True
     #: To first order all of them are tau - lag dtau/dt: of one signal there is one of them.
     family = "late signal"
