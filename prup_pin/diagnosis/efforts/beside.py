@@ -52,16 +52,18 @@ class Beside:
         self.given, self.chosen = given, chosen
         columns = given.columns
         self._total, self._pull = columns.total, columns.moment.sum(axis=0)
-        bounded = {i for term in chosen.terms if term.law.one_sided for i in range(term.where.start, term.where.stop)}
+        where, bounded = np.array(chosen.where, int), np.zeros(columns.size, bool)
+        for term in chosen.terms:
+            bounded[term.where] = term.law.one_sided
+        whole = self._total[where[:, None], where] + given.precision(where)
         self.folds: list[_Fold] = []
         self._rest = np.empty_like(columns.target)
         for number, rows in enumerate(columns.rows):
-            fold = self._solved(number, np.array(chosen.where, int))
-            for _ in range(len(bounded)):
-                negative = np.array([i in bounded for i in fold.where], bool) & (fold.x < 0)
-                if not negative.any():
-                    break
-                fold = self._solved(number, fold.where[~negative])
+            matrix, kept = whole - columns.folded[number, where[:, None], where], np.arange(len(where))
+            fold = self._solved(number, where, matrix)
+            while (negative := bounded[fold.where] & (fold.x < 0)).any():
+                kept = kept[~negative]
+                fold = self._solved(number, where[kept], matrix[kept[:, None], kept])
             self.folds.append(fold)
             self._rest[rows] = columns.residual(fold.where, fold.x, rows)
         squares = columns.by_block(self._rest**2)
@@ -115,7 +117,7 @@ class Beside:
 
     def _others(self, number: int, rows: np.ndarray, columns: np.ndarray) -> Array:
         """Return products of columns over all blocks but those of a fold."""
-        at = np.ix_(rows, columns)
+        at = (rows[:, None], columns)
         return self._total[at] - self.given.columns.folded[number][at]
 
     def _pulls(self, number: int, where: np.ndarray) -> Array:
@@ -123,8 +125,7 @@ class Beside:
             axis=0
         )
 
-    def _solved(self, number: int, where: np.ndarray) -> _Fold:
-        own = self._others(number, where, where) + self.given.precision(where)
+    def _solved(self, number: int, where: np.ndarray, own: Array) -> _Fold:
         # by what all blocks say: a column may live in this fold alone
         scale = unit_lengths(np.diag(self._total)[where] + self.given.prior[where])
         scaled = own * scale[:, None] * scale

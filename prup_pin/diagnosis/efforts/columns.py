@@ -342,7 +342,7 @@ class Gathered:
             here = np.flatnonzero((chosen >= first) & (chosen < first + len(block)))
             if len(here):
                 own = chosen[here] - first
-                out[np.ix_(here, here)] = block[np.ix_(own, own)]
+                out[here[:, None], here] = block[own[:, None], own]
         return out
 
     def only(self, candidates: Sequence[EffortCandidate]) -> Gathered:
