@@ -37,28 +37,32 @@ class LowPass:
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return values (N, ...) without what is faster than the cut-off, each piece for itself."""
-        from scipy.signal import sosfiltfilt  # heavy; not needed to load a robot
+        from scipy.signal import sosfilt  # heavy; not needed to load a robot
 
         if self.cutoff >= 0.49 * self.rate:
             return np.array(values, float)
-        sections = _butterworth(self.cutoff, self.rate)
-        table = np.reshape(values, (len(values), -1))
-        there = np.flatnonzero(table.any(axis=0))  # what is nothing throughout stays so
-        rows, out = np.ascontiguousarray(table[:, there].T), np.zeros(table.shape)
+        sections, settled = _butterworth(self.cutoff, self.rate)
+        rows = np.reshape(values, (len(values), -1)).T
+        out = np.empty(rows.shape)
         longest = round(3 * self.rate / self.cutoff) + 3 * _ORDER
         for where in pieces(piece):
-            padding = min(longest, where.stop - where.start - 1)
-            rows[:, where] = sosfiltfilt(sections, rows[:, where], axis=1, padlen=padding)
-        out[:, there] = rows.T
-        return out.reshape(np.shape(values))
+            here, padding = rows[:, where], min(longest, where.stop - where.start - 1)
+            # both ends turned about themselves, and settled there
+            before, after = 2 * here[:, :1] - here[:, padding:0:-1], 2 * here[:, -1:] - here[:, -2 : -padding - 2 : -1]
+            passed = np.concatenate((before, here, after), axis=1)
+            for _ in range(2):
+                passed = sosfilt(sections, passed, axis=1, zi=settled * passed[:, :1])[0][:, ::-1]
+            out[:, where] = passed[:, padding : padding + here.shape[1]]
+        return out.T.reshape(np.shape(values))
 
 
 @lru_cache(maxsize=64)
-def _butterworth(cutoff: float, rate: float) -> Array:
-    """Return a filter's sections (s, 6)."""
-    from scipy.signal import butter
+def _butterworth(cutoff: float, rate: float) -> tuple[Array, Array]:
+    """Return a filter's sections (s, 6), and its state (s, 1, 2) where one has stood for long."""
+    from scipy.signal import butter, sosfilt_zi
 
-    return butter(_ORDER, cutoff, fs=rate, output="sos")
+    sections = butter(_ORDER, cutoff, fs=rate, output="sos")
+    return sections, sosfilt_zi(sections)[:, None]
 
 
 @dataclass(frozen=True)
@@ -79,9 +83,12 @@ class Band:
 
     def __call__(self, values: Array, piece: np.ndarray) -> Array:
         """Return efforts (N, k, ...) filtered, measured and predicted ones alike, each piece for itself."""
-        if len(set(self.cutoffs)) == 1:
-            return self.of_joint(0)(values, piece)
-        return np.stack([self.of_joint(joint)(values[:, joint], piece) for joint in range(len(self.cutoffs))], axis=1)
+        there, out = np.any(values, axis=0), np.zeros(np.shape(values))  # what is nothing throughout stays so
+        for cutoff in sorted(set(self.cutoffs)):
+            own = there & np.reshape(np.equal(self.cutoffs, cutoff), (-1, *(1,) * (there.ndim - 1)))
+            if own.any():
+                out[:, own] = LowPass(cutoff, self.rate)(values[:, own], piece)
+        return out
 
 
 def differences(values: Array, piece: np.ndarray, step: float) -> Array:

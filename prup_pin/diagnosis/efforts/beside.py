@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -44,37 +43,31 @@ class _Fold:
 
 
 class Beside:
-    """Terms that are chosen, fitted with every fold of blocks left out once. `left` (B,): squares each block keeps."""
+    """Terms that are chosen, fitted with every fold of blocks left out once.
+
+    `left` (B,): squares each block keeps; `by_joint` (k,): those of all blocks.
+    """
 
     def __init__(self, given: Gathered, chosen: Chosen):
         self.given, self.chosen = given, chosen
         columns = given.columns
         self._total, self._pull = columns.total, columns.moment.sum(axis=0)
-        bounded = {i for term in chosen.terms if term.law.one_sided for i in range(term.where.start, term.where.stop)}
+        where, bounded = np.array(chosen.where, int), np.zeros(columns.size, bool)
+        for term in chosen.terms:
+            bounded[term.where] = term.law.one_sided
+        whole = self._total[where[:, None], where] + given.precision(where)
         self.folds: list[_Fold] = []
-        self.left = columns.power.copy()
-        for number, part in enumerate(columns.folds):
-            fold = self._solved(number, np.array(chosen.where, int))
-            for _ in range(len(bounded)):
-                negative = np.array([i in bounded for i in fold.where], bool) & (fold.x < 0)
-                if not negative.any():
-                    break
-                fold = self._solved(number, fold.where[~negative])
+        self._rest = np.empty_like(columns.target)
+        for number, rows in enumerate(columns.rows):
+            matrix, kept = whole - columns.folded[number, where[:, None], where], np.arange(len(where))
+            fold = self._solved(number, where, matrix)
+            while (negative := bounded[fold.where] & (fold.x < 0)).any():
+                kept = kept[~negative]
+                fold = self._solved(number, where[kept], matrix[kept[:, None], kept])
             self.folds.append(fold)
-            for block in part:
-                own = columns.gram[block][np.ix_(fold.where, fold.where)] @ fold.x
-                self.left[block] += fold.x @ (own - 2 * columns.moment[block, fold.where])
-
-    @cached_property
-    def by_joint(self) -> Array:
-        """Squares that all blocks keep, by joint (k,)."""
-        columns = self.given.columns
-        out = np.zeros(columns.target.shape[1])
-        for fold in self.folds:
-            for block in columns.folds[fold.number]:
-                rest = columns.residual(fold.where.tolist(), fold.x, columns.parts[block])
-                out += (rest**2).sum(axis=0)
-        return out
+            self._rest[rows] = columns.residual(fold.where, fold.x, rows)
+        squares = columns.by_block(self._rest**2)
+        self.left, self.by_joint = squares.sum(axis=1), squares.sum(axis=0)
 
     def left_in(self, term: EffortCandidate) -> float:
         """Return the held-out squares of the joints in which a term acts."""
@@ -88,10 +81,11 @@ class Beside:
             return out
         new = np.unique(np.concatenate([np.arange(c.where.start, c.where.stop) for c in candidates]))
         at = [np.searchsorted(new, np.arange(c.where.start, c.where.stop)) for c in candidates]
+        precision = self.given.precision(new)
         for fold in self.folds:
             cross = self._others(fold.number, new, fold.where)
             across = fold.solve(cross.T)
-            own = self._others(fold.number, new, new) + self.given.precision(new)
+            own = self._others(fold.number, new, new) + precision
             whole, rest = np.diag(self._total)[new] + prior[new], own - cross @ across
             pull = self._pulls(fold.number, new) - cross @ fold.x
             steps = np.zeros((columns.size, len(candidates)))
@@ -123,7 +117,7 @@ class Beside:
 
     def _others(self, number: int, rows: np.ndarray, columns: np.ndarray) -> Array:
         """Return products of columns over all blocks but those of a fold."""
-        at = np.ix_(rows, columns)
+        at = (rows[:, None], columns)
         return self._total[at] - self.given.columns.folded[number][at]
 
     def _pulls(self, number: int, where: np.ndarray) -> Array:
@@ -131,8 +125,7 @@ class Beside:
             axis=0
         )
 
-    def _solved(self, number: int, where: np.ndarray) -> _Fold:
-        own = self._others(number, where, where) + self.given.precision(where)
+    def _solved(self, number: int, where: np.ndarray, own: Array) -> _Fold:
         # by what all blocks say: a column may live in this fold alone
         scale = unit_lengths(np.diag(self._total)[where] + self.given.prior[where])
         scaled = own * scale[:, None] * scale
@@ -144,12 +137,10 @@ class Beside:
     def _change(self, out: Array, fold: _Fold, steps: Array) -> None:
         """Add to what blocks keep (K, B) what steps (P, K) of the coefficients change."""
         columns = self.given.columns
-        used = np.flatnonzero(steps.any(axis=1))
-        steps = steps[used]
-        for block in columns.folds[fold.number]:
-            gram = columns.gram[block]
-            pull = columns.moment[block, used] - gram[np.ix_(used, fold.where)] @ fold.x
-            out[:, block] += ((gram[np.ix_(used, used)] @ steps) * steps).sum(axis=0) - 2 * pull @ steps
+        used, blocks, rows = np.flatnonzero(steps.any(axis=1)), columns.folds[fold.number], columns.rows[fold.number]
+        for (at, table), rest in zip(columns.some(used, rows), self._rest[rows].T, strict=True):
+            moved = steps[used[at]].T @ table
+            out[:, blocks] += np.add.reduceat(moved * (moved - 2 * rest), columns.starts[blocks] - rows.start, axis=1)
 
 
 def _least(matrix: Array, moment: Array, whole: Array, one_sided: bool) -> Array:

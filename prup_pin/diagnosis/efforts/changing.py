@@ -1,12 +1,16 @@
-"""What follows a joint's motion by another amount from one block of time to the next: friction that comes and goes.
+"""What follows a motion by another amount from one block of time to the next: friction that comes and goes.
 
 No law and no curve of one shape takes it away, and where no noise was declared it would pass for noise. But noise knows
 nothing of the motion: what is left, whitened and shifted in time against it, must follow it block by block as well as
-it does where it stands.
+it does where it stands. A joint may follow its own motion, or that of any other: a cable drags both along.
+
+What a fit of anything real leaves follows the motion somehow: friction turns round a little otherwise than its law, and
+speeds have noise. So it counts only where it is a part of the effort that matters to who uses it, and more than noise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +19,15 @@ from ...dynamics import InMotion
 from ...laws.efforts.effort_law import usual_way
 from ...laws.efforts.free_curve import variable_of
 from ...spatial import Array
-from ..criteria import EFFORT_CHANCE, EFFORT_CURVE_OWN, EFFORT_FLIPS
+from ..criteria import EFFORT_CHANCE, EFFORT_FLIPS, EFFORT_NO_MATTER
 from .columns import Whitening, autoregression, usable
 from .gather import Efforts
 
 __all__ = ["Changing", "changing"]
 
-#: What a block may follow.
-_VARIABLES = ("direction", "speed", "position", "load")
+#: What a block may follow of its own joint's motion, and of another joint's.
+_OWN = ("direction", "speed", "position", "load")
+_OTHERS = ("speed", "acceleration", "position")
 #: Share of the recording by which it is shifted at least.
 _NEAR = 0.05
 #: Of the largest block's, below which a block tells nothing.
@@ -31,18 +36,23 @@ _TELLS = 1e-9
 
 @dataclass(frozen=True)
 class Changing:
-    """A joint, what is left there follows of its motion, and the share that an amount for each block takes away."""
+    """A joint, what is left there follows of which motion, and how much an amount for each block takes away.
+
+    share: of the squares of what is left there; size: root mean square of it over that of the joint's effort.
+    """
 
     joint: str
     variable: str
+    of: str
     share: float
+    size: float
 
 
-def changing(efforts: Efforts, left: Array) -> Changing | None:
+def changing(efforts: Efforts, left: Array, measured: Array, noise: Array) -> Changing | None:
     """Return what the efforts that are left (n, k) at the kept samples follow by changing amounts, if anything.
 
-    Judged by the largest of all joints and variables in the recording as it is and in each shifted one, in standard
-    deviations of the shifted ones, and where it is a good part of what is left at its joint.
+    measured (n, k): the efforts; noise (k,): of them, as they are compared. Judged by the largest of all joints and
+    motions in the recording as it is and in each shifted one, in standard deviations of the shifted ones.
     """
     if efforts.at.motion.standing:
         return None
@@ -51,45 +61,71 @@ def changing(efforts: Efforts, left: Array) -> Changing | None:
     white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
     starts = np.flatnonzero(np.diff(efforts.blocks, prepend=-1))
     lags = np.unique(np.linspace(_NEAR, 1 - _NEAR, EFFORT_FLIPS) * len(left)).astype(int)
+    lags = np.concatenate(([0], lags))
     found, own, others = [], [], []
     for column, joint in enumerate(efforts.at.driven):
-        rest = white.of_joint(column, left[:, column])
-        whole = float(rest @ rest)
-        if not (whole > 0 and efforts.at.moves(joint)):
+        here = good[:, column]
+        size = float((measured[here, column] ** 2).sum())
+        # what is left in all is no matter, nor is what follows anything
+        least = max(EFFORT_NO_MATTER**2 * size, noise[column] ** 2 * here.sum())
+        plain = left[:, column]
+        if not float(plain @ plain) > least:
             continue
-        followed = [_Followed(white.of_joint(column, _followed(efforts, column, name)), starts) for name in _VARIABLES]
-        by_lag = np.array([[each.saved(np.roll(rest, lag)) for each in followed] for lag in (0, *lags)])
-        for variable, saved in zip(_VARIABLES, by_lag.T, strict=True):
-            mean, spread = saved[1:].mean(), max(saved[1:].std(), np.finfo(float).tiny)
-            found.append(Changing(joint, variable, float((saved[0] - mean) / whole)))
-            own.append((saved[0] - mean) / spread)
-            others.append((saved[1:] - mean) / spread)
+        rest = white.of_joint(column, plain)
+        motions = list(_motions(efforts.at, joint))
+        table = np.column_stack([_compared(efforts, column, values) for _, _, values in motions])
+        saved = _saved(rest, white.of_joint(column, table), starts, lags)
+        mean, spread = saved[1:].mean(axis=0), np.maximum(saved[1:].std(axis=0), np.finfo(float).tiny)
+        own += ((saved[0] - mean) / spread).tolist()
+        others.append(((saved[1:] - mean) / spread).max(axis=1))
+        plainly = _saved(plain, np.where(here[:, None], table, 0.0), starts, lags)
+        follows = np.maximum(plainly[0] - plainly[1:].mean(axis=0), 0.0)
+        for (of, variable, _), squares in zip(motions, follows, strict=True):
+            share, part = squares / float(plain @ plain), np.sqrt(squares / size)
+            found.append(Changing(joint, variable, of, float(share), float(part) if squares > least else 0.0))
     if not found:
         return None
-    best = int(np.argmax(own))
-    by_chance = float((np.max(others, axis=0) >= own[best]).mean())
-    return found[best] if by_chance < EFFORT_CHANCE and found[best].share > EFFORT_CURVE_OWN else None
+    by_chance = (np.max(others, axis=0)[:, None] >= np.array(own)).mean(axis=0)
+    sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < EFFORT_CHANCE and each.size > 0]
+    return max(sure, key=lambda each: each.share, default=None)
 
 
-def _followed(efforts: Efforts, column: int, variable: str) -> Array:
-    """Return what is followed (n,) of a driven joint, as its efforts are compared."""
-    at: InMotion = efforts.at
-    joint = at.driven[column]
-    values = at.dragged(joint, usual_way(at, joint)) if variable == "direction" else variable_of(at, joint, variable)
-    low_pass = at.motion.band.of_joint(column)
-    return low_pass(values - values.mean(), at.motion.piece)[efforts.every]
+def _motions(at: InMotion, joint: str) -> Iterator[tuple[str, str, Array]]:
+    """Yield what a joint's effort may follow: whose motion, what of it, and how it goes (N,)."""
+    if at.moves(joint):
+        for variable in _OWN:
+            turning = variable == "direction"
+            yield (
+                joint,
+                variable,
+                at.dragged(joint, usual_way(at, joint)) if turning else variable_of(at, joint, variable),
+            )
+    for other in at.motion.names:
+        if other == joint or not at.moves(other):
+            continue
+        for variable in _OTHERS:
+            yield (
+                other,
+                variable,
+                at.acceleration(other) if variable == "acceleration" else variable_of(at, other, variable),
+            )
 
 
-class _Followed:
-    """What may be followed by an amount for each block: a column (n,), and where blocks start (b,)."""
+def _compared(efforts: Efforts, column: int, values: Array) -> Array:
+    """Return what is followed (n,) as the efforts of a joint are compared."""
+    motion = efforts.at.motion
+    return motion.band.of_joint(column)(values - values.mean(), motion.piece)[efforts.every]
 
-    def __init__(self, column: Array, starts: np.ndarray):
-        self._column, self._starts = column, starts
-        sizes = np.add.reduceat(column**2, starts)
-        self._told = sizes > _TELLS * sizes.max(initial=0.0)
-        self._sizes = sizes[self._told]
 
-    def saved(self, residual: Array) -> float:
-        """Return the squares of a residual (n,) that the column takes away."""
-        pulls = np.add.reduceat(residual * self._column, self._starts)[self._told]
-        return float((pulls**2 / self._sizes).sum())
+def _saved(left: Array, columns: Array, starts: np.ndarray, lags: np.ndarray) -> Array:
+    """Return the squares (s, m) of what is left (n,), shifted by some samples (s,), that columns (n, m) take away.
+
+    Each column by an amount for each block, of those that start at `starts` (b,).
+    """
+    count, out = len(left), np.zeros((len(lags), columns.shape[1]))
+    sizes = np.add.reduceat(columns**2, starts)
+    told = sizes > _TELLS * sizes.max(axis=0, initial=0.0)
+    for start, end, size, tells in zip(starts, [*starts[1:], count], sizes, told, strict=True):
+        shifted = left[(np.arange(start, end) - lags[:, None]) % count]
+        out[:, tells] += (shifted @ columns[start:end, tells]) ** 2 / size[tells]
+    return out

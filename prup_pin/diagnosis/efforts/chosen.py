@@ -48,7 +48,7 @@ class Chosen:
 
 
 def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> tuple[Array, Array]:
-    """Return coefficients (p,) and their normal matrix (p, p), of all blocks but those `left_out`.
+    """Return coefficients (p,) and their normal matrix (p, p), of all blocks but those of a fold, `left_out`.
 
     Coefficients that cannot be negative are not.
     """
@@ -57,9 +57,9 @@ def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> 
     if left_out is None:
         matrix, moment = columns.total[at], columns.moment[:, where].sum(axis=0)
     else:  # summed, not taken away: a column may be nothing in all other blocks
-        blocks = np.setdiff1d(np.arange(columns.count), left_out)
-        matrix = np.sum([columns.gram[block][at] for block in blocks], axis=0)
-        moment = columns.moment[np.ix_(blocks, where)].sum(axis=0)
+        others = [number for number, part in enumerate(columns.folds) if part[0] != left_out[0]]
+        matrix = np.sum([columns.folded[number][at] for number in others], axis=0)
+        moment = np.delete(columns.moment[:, where], left_out, axis=0).sum(axis=0)
     matrix = matrix + given.precision(where)
     normal = Normal.of(matrix)
     x = normal.solve(moment)
@@ -74,7 +74,5 @@ def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> 
 
 def saved(given: Gathered, chosen: Chosen, x: Array) -> Array:
     """Return what coefficients leave of the squares, block by block (B,)."""
-    where = chosen.where
-    moment = given.columns.moment[:, where]
-    gram = given.columns.gram[:, where][:, :, where]
-    return given.columns.power - 2 * moment @ x + np.einsum("i,bij,j->b", x, gram, x)
+    columns = given.columns
+    return columns.by_block(columns.residual(chosen.where, x) ** 2).sum(axis=1)

@@ -2,8 +2,7 @@
 
 Measured efforts less the rigid robot's are y; every law at every place is a few columns. Both go through the same
 filter, are thinned to what it leaves, and are whitened: residuals of drives are correlated over hundreds of samples,
-and white-noise intervals are then far too narrow. All that follows needs of them are their products, block of time by
-block of time.
+and white-noise intervals are then far too narrow. Fits need their products alone, over all but what is held out.
 """
 
 from __future__ import annotations
@@ -23,9 +22,6 @@ from ...laws.efforts.free_curve import FreeCurve
 from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK
-
-#: Columns that are multiplied at a time.
-_TOGETHER = 64
 
 __all__ = ["ByJoint", "Columns", "EffortCandidate", "Gathered", "Whitening", "column_blocks"]
 
@@ -69,17 +65,6 @@ class ByJoint:
         return cls(
             columns.shape[2], tuple((np.flatnonzero(of), columns[:, k, of]) for k, of in enumerate(np.asarray(there)))
         )
-
-    @classmethod
-    def together(cls, parts: Iterable[ByJoint]) -> ByJoint:
-        """Return columns side by side."""
-        given = list(parts)
-        starts = np.cumsum([0, *(part.size for part in given)])
-        joints = []
-        for own in zip(*(part.joints for part in given), strict=True):
-            which = np.concatenate([start + where for start, (where, _) in zip(starts, own, strict=False)])
-            joints.append((which, np.concatenate([values for _, values in own], axis=1)))
-        return cls(int(starts[-1]), tuple(joints))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,25 +141,12 @@ def usable(good: np.ndarray, piece: np.ndarray, order: int = AR_ORDER) -> np.nda
     return out
 
 
-def _placed(parts: Sequence[ByJoint], end: int) -> _Table:
-    """Return columns side by side that end at a place among all."""
-    whole = ByJoint.together(parts)
-    start = end - whole.size
-    return _Table(slice(start, end), tuple((which + start, values) for which, values in whole.joints))
-
-
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """Some of all columns: of each joint which ones (m,) and (n, m)."""
-
-    where: slice
-    joints: tuple[tuple[np.ndarray, Array], ...]
-
-
 class Columns:
-    """Whitened columns side by side and their products per block: `gram` (B, P, P), `moment` (B, P), `power` (B,).
+    """Whitened columns side by side, with their products and those with the target.
 
-    `touched` (P, k): the joints in which a column is not nothing; `folds`: blocks that are held out together, in turn.
+    `folded` (F, P, P) and `total` (P, P): over every fold and over all blocks; `moment` (B, P) and `power` (B,): with
+    the target, by block; `touched` (P, k): the joints in which a column is not nothing; `folds`: blocks that are held
+    out together, in turn; `rows`: samples of each fold.
     """
 
     def __init__(self, target: Array, blocks: np.ndarray):
@@ -182,25 +154,21 @@ class Columns:
         self.count = int(blocks.max()) + 1 if len(blocks) else 0
         self.size = 0
         self.target = target
-        starts = np.searchsorted(blocks, np.arange(self.count + 1))
-        self.parts = [slice(int(a), int(b)) for a, b in pairwise(starts)]
-        self.power = np.array([float((target[part] ** 2).sum()) for part in self.parts])
+        self.starts = np.searchsorted(blocks, np.arange(self.count))
+        self.parts = [slice(int(a), int(b)) for a, b in pairwise((*self.starts, len(blocks)))]
+        self.power = self.by_block(target**2).sum(axis=1)
         self.folds = np.array_split(np.arange(self.count), min(EFFORT_FOLDS, max(self.count, 1)))
-        self._tables: list[_Table] = []
-        self._gram = np.zeros((self.count, 0, 0))
+        self.rows = [slice(self.parts[f[0]].start, self.parts[f[-1]].stop) if len(f) else slice(0) for f in self.folds]
+        # of each joint the columns that are not nothing there, in order and one a row: (m, n), and room for more
+        self._tables = [np.zeros((0, len(target))) for _ in range(target.shape[1])]
         self._folded = np.zeros((len(self.folds), 0, 0))
         self._total = np.zeros((0, 0))
         self._moment = np.zeros((self.count, 0))
         self._touched = np.zeros((0, target.shape[1]), bool)
 
     @property
-    def gram(self) -> Array:
-        """Products of the columns, block by block (B, P, P)."""
-        return self._gram[:, : self.size, : self.size]
-
-    @property
     def folded(self) -> Array:
-        """The same summed over every fold (F, P, P)."""
+        """Products of the columns over every fold (F, P, P)."""
         return self._folded[:, : self.size, : self.size]
 
     @property
@@ -218,113 +186,136 @@ class Columns:
         """The joints in which each column acts, (P, k)."""
         return self._touched[: self.size]
 
+    def by_block(self, values: Array) -> Array:
+        """Return sums over blocks (B, ...) of values (n, ...)."""
+        return np.add.reduceat(values, self.starts) if self.count else np.zeros((0, *values.shape[1:]))
+
     def add(self, parts: Iterable[ByJoint]) -> list[slice]:
         """Append columns; return where each part's stand."""
         where: list[slice] = []
-        held: list[ByJoint] = []
-        first = size = self.size
-        known = len(self._tables)
+        size = self.size
         for part in parts:
             where.append(slice(size, size + part.size))
             size += part.size
-            held.append(part)
-            if sum(each.size for each in held) >= _TOGETHER:
-                self._tables.append(_placed(held, size))
-                held = []
-        if held:
-            self._tables.append(_placed(held, size))
-        self._make_room(size)
-        gram, moment = self._gram, self._moment
-        gram[:, :size, first:size] = 0.0
-        gram[:, first:size, :size] = 0.0
-        moment[:, first:size] = 0.0
-        self._touched[first:size] = False
-        for place in range(known, len(self._tables)):
-            for joint, (which, values) in enumerate(self._tables[place].joints):
-                self._touched[which, joint] = True
-                for block, rows in enumerate(self.parts):
-                    moment[block, which] += values[rows].T @ self.target[rows, joint]
-                for table in self._tables[: place + 1]:
-                    others, theirs = table.joints[joint]
-                    there = np.ix_(others, which)
-                    for block, rows in enumerate(self.parts):
-                        gram[block][there] += theirs[rows].T @ values[rows]
-        for place in range(known, len(self._tables)):
-            own = self._tables[place].where
-            gram[:, own, : own.start] = gram[:, : own.start, own].transpose(0, 2, 1)
-        for fold, blocks in enumerate(self.folds):
-            cross = gram[blocks, :size, first:size].sum(axis=0)
-            self._folded[fold, :size, first:size] = cross
-            self._folded[fold, first:size, :size] = cross.T
-        self._total[:size, first:size] = self._folded[:, :size, first:size].sum(axis=0)
-        self._total[first:size, :size] = self._total[:size, first:size].T
-        self.size = size
+            self._touched = _roomy(self._touched, size, 0)
+            own = self._touched[where[-1]]
+            own[:] = False
+            for joint, (which, values) in enumerate(part.joints):
+                own[which, joint] = True
+                if len(which):
+                    count = int(self._touched[:size, joint].sum())
+                    table = self._tables[joint] = _roomy(self._tables[joint], count, 0)
+                    table[count - len(which) : count] = values.T
+        self._multiply(size)
         return where
 
-    def _make_room(self, size: int) -> None:
-        room = len(self._touched)
-        if size <= room:
-            return
-        room, kept = max(size + 32, room + room // 2), self.size
-        gram, folded = np.empty((self.count, room, room)), np.empty((len(self.folds), room, room))
-        moment, total = np.empty((self.count, room)), np.empty((room, room))
-        gram[:, :kept, :kept], folded[:, :kept, :kept], moment[:, :kept] = self.gram, self.folded, self.moment
-        total[:kept, :kept] = self.total
-        touched = np.zeros((room, self.target.shape[1]), bool)
-        touched[:kept] = self.touched
-        self._gram, self._folded, self._total = gram, folded, total
-        self._moment, self._touched = moment, touched
+    def _multiply(self, size: int) -> None:
+        """Work out the products of columns up to `size` with all others, of which those up to now are there."""
+        first, self.size = self.size, size
+        self._folded, self._total = _roomy(self._folded, size, 1, 2), _roomy(self._total, size, 0, 1)
+        self._moment = _roomy(self._moment, size, 1)
+        self._folded[:, :size, first:size] = 0.0
+        for joint, table in enumerate(self._tables):
+            which = np.flatnonzero(self.touched[:, joint])
+            old = int(np.searchsorted(which, first))
+            if old == len(which):
+                continue
+            before, after = np.ix_(which[:old], which[old:]), np.ix_(which[old:], which[old:])
+            for fold, rows in zip(self._folded, self.rows, strict=True):
+                own = table[old : len(which), rows]
+                fold[before] += table[:old, rows] @ own.T
+                fold[after] += own @ own.T
+        self._folded[:, first:size, :first] = self._folded[:, :first, first:size].transpose(0, 2, 1)
+        self._total[:size, first:size] = self._folded[:, :size, first:size].sum(axis=0)
+        self._total[first:size, :first] = self._total[:first, first:size].T
+        self._moment[:, first:size] = self.pulls(self.target, np.arange(first, size))
 
     def pick(self, where: Sequence[int]) -> None:
         """Forget all columns but these, which then stand in this order."""
         kept, size = np.asarray(where, int), len(where)
-        self._gram[:, :size, :size] = self._gram[:, kept[:, None], kept]
+        for joint, (at, table) in enumerate(self.some(kept)):
+            self._tables[joint][: len(at)] = table
         self._folded[:, :size, :size] = self._folded[:, kept[:, None], kept]
         self._total[:size, :size] = self._total[kept[:, None], kept]
         self._moment[:, :size] = self._moment[:, kept]
         self._touched[:size] = self._touched[kept]
-        new = np.full(self.size, size)
-        new[kept] = np.arange(size)
-        self._tables = [
-            _Table(t.where, tuple((new[which], values) for which, values in t.joints)) for t in self._tables
-        ]
         self.size = size
-        self._tables = [table for table in map(self._cut, self._tables) if table is not None]
 
     def cut(self, size: int) -> None:
         """Forget all columns beyond the first `size`."""
-        if size < self.size:
-            self.size = size
-            self._tables = [table for table in map(self._cut, self._tables) if table is not None]
+        self.size = min(size, self.size)
 
-    def _cut(self, table: _Table) -> _Table | None:
-        """Return those of a table's columns that are still there."""
-        joints = tuple((which[which < self.size], values[:, which < self.size]) for which, values in table.joints)
-        there = np.concatenate([which for which, _ in joints])
-        return _Table(slice(int(there.min()), int(there.max()) + 1), joints) if len(there) else None
+    def some(self, where: Sequence[int] | np.ndarray, rows: slice = slice(None)) -> list[tuple[np.ndarray, Array]]:
+        """Return of each joint which of some columns are not nothing there (m,), by their places, and those (m, n)."""
+        where, touched, out = np.asarray(where, int), self.touched, []
+        for joint, table in enumerate(self._tables):
+            at = np.flatnonzero(touched[where, joint])
+            place = np.cumsum(touched[:, joint])[where[at]] - 1
+            out.append((at, table[place, rows]))
+        return out
 
     def dense(self, where: Sequence[int], rows: slice = slice(None)) -> list[Array]:
         """Return some columns of each joint (n, p)."""
-        place = np.full(self.size, -1)
-        place[list(where)] = np.arange(len(where))
-        out = [np.zeros((len(self.target[rows]), len(where))) for _ in range(self.target.shape[1])]
-        for table in self._tables:
-            for joint, (which, values) in enumerate(table.joints):
-                used = place[which] >= 0
-                out[joint][:, place[which[used]]] = values[rows][:, used]
+        out = []
+        for at, table in self.some(where, rows):
+            out.append(np.zeros((table.shape[1], len(where))))
+            out[-1][:, at] = table.T
         return out
 
     def residual(self, where: Sequence[int], x: Array, rows: slice = slice(None)) -> Array:
         """Return what is left (n, k) of the target with coefficients of some columns."""
-        all_of_them = np.zeros(self.size)
-        all_of_them[list(where)] = x
-        out = self.target[rows].copy()
-        for table in self._tables:
-            for joint, (which, values) in enumerate(table.joints):
-                used = np.flatnonzero(all_of_them[which])
-                if len(used):
-                    out[:, joint] -= values[rows][:, used] @ all_of_them[which[used]]
+        return self.target[rows] - np.column_stack([x[at] @ table for at, table in self.some(where, rows)])
+
+    def pulls(self, left: Array, where: np.ndarray | None = None) -> Array:
+        """Return products of all columns, or of some, with what is left (n, k), block by block (B, p)."""
+        if where is None:
+            every = [np.flatnonzero(own) for own in self.touched.T]
+            tables = [(at, table[: len(at)]) for at, table in zip(every, self._tables, strict=True)]
+        else:
+            tables = self.some(where)
+        out = np.zeros((self.count, self.size if where is None else len(where)))
+        for (at, table), values in zip(tables, left.T.copy(), strict=True):
+            for block, part in enumerate(self.parts):
+                out[block, at] += table[:, part] @ values[part]
         return out
+
+    @property
+    def gram(self) -> _ByBlock:
+        """Products of the columns, block by block (B, P, P), of those that are asked for."""
+        return _ByBlock(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _ByBlock:
+    columns: Columns
+
+    def __array__(self, dtype: type | None = None, copy: bool | None = None) -> Array:
+        return self._with(np.arange(self.columns.size))
+
+    def __getitem__(self, where: tuple) -> Array:
+        if len(where) == 2:
+            return self._with(where[1]).transpose(0, 2, 1)
+        return self._with(where[2])
+
+    def _with(self, where: Sequence[int]) -> Array:
+        columns = self.columns
+        out = np.zeros((columns.count, columns.size, len(where)))
+        every = columns.some(np.arange(columns.size))
+        for (which, table), (at, own) in zip(every, columns.some(where), strict=True):
+            for block, part in enumerate(columns.parts):
+                out[block][np.ix_(which, at)] += table[:, part] @ own[:, part].T
+        return out
+
+
+def _roomy(table: Array, size: int, *axes: int) -> Array:
+    """Return an array with room for at least `size` along some axes."""
+    if size <= table.shape[axes[0]]:
+        return table
+    out = np.empty(
+        [max(size + 32, 3 * size // 2) if axis in axes else n for axis, n in enumerate(table.shape)], table.dtype
+    )
+    out[tuple(map(slice, table.shape))] = table
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,7 +342,7 @@ class Gathered:
             here = np.flatnonzero((chosen >= first) & (chosen < first + len(block)))
             if len(here):
                 own = chosen[here] - first
-                out[np.ix_(here, here)] = block[np.ix_(own, own)]
+                out[here[:, None], here] = block[own[:, None], own]
         return out
 
     def only(self, candidates: Sequence[EffortCandidate]) -> Gathered:

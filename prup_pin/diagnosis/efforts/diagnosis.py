@@ -48,9 +48,11 @@ class EffortDiagnosis:
     """What the efforts say.
 
     joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `band` [Hz] by joint, with
-    speed, position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of it:
-    'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m]; before, after: of the residual in
-    multiples of it, each {'fit', 'heldout'}. curves: by the place of a finding.
+    speed, position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of
+    it: 'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m] of a recorded sample, NaN where
+    nothing tells it, and `how` (k) it was told: 'declared', or 'innovations', 'rest', 'repeats', 'quantisation' of the
+    column itself; before, after: of the residual in multiples of it, each {'fit', 'heldout'}. curves: by the place of
+    a finding.
     """
 
     joints: tuple[str, ...]
@@ -64,7 +66,7 @@ class EffortDiagnosis:
     good: np.ndarray
     band: Mapping[str, float]
     noise: Array
-    declared: bool
+    how: tuple[str, ...]
     before: Mapping[str, float]
     after: Mapping[str, float]
     by_joint: Mapping[str, Mapping[str, float]]
@@ -78,6 +80,11 @@ class EffortDiagnosis:
     remarks: tuple[str, ...]
     rows: np.ndarray
     standing: bool = False
+
+    @property
+    def declared(self) -> bool:
+        """Whether the noise was declared."""
+        return "declared" in self.how
 
     def __repr__(self) -> str:
         found = f"{len(self.joints)} joints, {len(self.time)} samples: {named_in(self.findings)}"

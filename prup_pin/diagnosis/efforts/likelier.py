@@ -85,9 +85,10 @@ def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[E
     if not rivals:
         return []
     # what one of them leaves must not count as noise against the other
-    best = max(rivals, key=lambda other: _weight(given, left, pull, other, 1.0)[1])
-    apart = max(min(_scatter(given, rest, left, other) for other in (term, best)), 1.0)
-    weighed = {id(other): _weight(given, left, pull, other, apart) for other in [term, *rivals]}
+    bases = {id(other): _basis(given, left, other) for other in [term, *rivals]}
+    best = max(rivals, key=lambda other: _weight(bases[id(other)], pull, other, 1.0)[1])
+    apart = max(min(_scatter(given, rest, bases[id(other)], other) for other in (term, best)), 1.0)
+    weighed = {id(other): _weight(bases[id(other)], pull, other, apart) for other in [term, *rivals]}
     if is_body(term):
         bodies = [other for other in [term, *rivals] if is_body(other)]
         among = _among_bodies(given, left, pull, bodies, apart)
@@ -101,8 +102,9 @@ def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[E
 def _is_asked_for(given: Gathered, rest: Chosen, term: EffortCandidate) -> bool:
     """Return whether a term is likelier there than not, beside the others."""
     _, left, pull = pulls(given, rest)
-    apart = max(_scatter(given, rest, left, term), 1.0)
-    return _weight(given, left, pull, term, apart)[0] > EFFORT_LIKELIER
+    basis = _basis(given, left, term)
+    apart = max(_scatter(given, rest, basis, term), 1.0)
+    return _weight(basis, pull, term, apart)[0] > EFFORT_LIKELIER
 
 
 def is_body(term: EffortCandidate) -> bool:
@@ -117,17 +119,16 @@ def _same_thing(term: EffortCandidate, other: EffortCandidate) -> bool:
     )
 
 
-def _scatter(given: Gathered, rest: Chosen, left: Array, term: EffortCandidate) -> float:
+def _scatter(given: Gathered, rest: Chosen, basis: Array, term: EffortCandidate) -> float:
     """Return how far whole blocks scatter along a term's columns, as a multiple of what white noise would."""
     chosen = rest.with_term(term)
-    basis = _basis(given, left, term)
     if not basis.size:
         return 1.0
     _, matrix = fit(given, rest)
     x, _ = fit(given, chosen)
-    columns, where, own = given.columns, rest.where, term.where
-    pull = columns.moment - columns.gram[:, :, chosen.where] @ x
-    pull = pull[:, own] - pull[:, where] @ Normal.of(matrix).solve(columns.total[where][:, own])
+    columns, where, count = given.columns, rest.where, len(rest.where)
+    pull = columns.pulls(columns.residual(chosen.where, x), chosen.where)
+    pull = pull[:, count:] - pull[:, :count] @ Normal.of(matrix).solve(columns.total[where][:, term.where])
     return float(((pull @ basis) ** 2).sum() / basis.shape[1])
 
 
@@ -137,9 +138,8 @@ def _basis(given: Gathered, left: Array, candidate: EffortCandidate) -> Array:
     return directions(left[own, own], whole[own, own], EFFORT_INDISTINCT, longest)
 
 
-def _weight(given: Gathered, left: Array, pull: Array, candidate: EffortCandidate, apart: float) -> tuple[float, float]:
+def _weight(basis: Array, pull: Array, candidate: EffortCandidate, apart: float) -> tuple[float, float]:
     """Return the logarithm of how likely the efforts are with a candidate, without it as one, and what it saves."""
-    basis = _basis(given, left, candidate)
     count = basis.shape[1]
     asked = basis.T @ pull[candidate.where]
     coefficients = basis @ asked

@@ -54,25 +54,22 @@ def together_in_time(recordings: Sequence[Recording], mechanism: Mechanism) -> R
 
 
 def _by_channel(efforts: EffortDiagnosis) -> dict[str, dict[str, float]]:
-    out = {}
-    for name in efforts.joints:
-        share = efforts.shares[name]
-        out[f"effort {name}"] = {
-            **efforts.by_joint[name],
-            "before_share": share["rigid"],
-            "after_share": share["fit"],
-            "heldout_share": share["heldout"],
-        }
-    share = efforts.shares["all"]
+    out = {f"effort {name}": {**efforts.by_joint[name], **_shares(efforts, name)} for name in efforts.joints}
     if len(efforts.joints) > 1:
-        out["effort"] = {
-            "before": efforts.before["fit"],
-            "after": efforts.after["fit"],
-            "before_share": share["rigid"],
-            "after_share": share["fit"],
-            "heldout_share": share["heldout"],
-        }
+        ends = {"before": efforts.before["fit"], "after": efforts.after["fit"]}
+        out["effort"] = ends | _shares(efforts, "all")
     return out
+
+
+def _shares(efforts: EffortDiagnosis, name: str) -> dict[str, float]:
+    """Return the shares of a joint's effort that are left: as drawn, fitted, and where each block was not fitted."""
+    share = efforts.shares[name]
+    return {
+        "before_share": share["rigid"],
+        "after_share": share["fit"],
+        "heldout_share": share["heldout"],
+        "left_share": share["heldout"],
+    }
 
 
 def of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechanism: Mechanism) -> Diagnosis:
@@ -147,7 +144,8 @@ def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
 
 
 def _noise(efforts: EffortDiagnosis) -> float:
-    return float(np.sqrt(np.mean(efforts.noise**2)))
+    known = efforts.noise[np.isfinite(efforts.noise)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
 def _strange(column: str, mechanism: Mechanism) -> bool:

@@ -30,11 +30,14 @@ def directions(left: Array, whole: Array, least: float, longest: float) -> Array
     """
     squares = np.diag(whole)
     there = np.flatnonzero(squares > _ABSENT**2 * longest)
-    scale = unit_lengths(squares[there])
-    values, vectors = np.linalg.eigh(whole[np.ix_(there, there)] * scale[:, None] * scale)
-    apart = values > _ONE
-    basis = scale[:, None] * vectors[:, apart] / np.sqrt(values[apart])
-    values, vectors = np.linalg.eigh(basis.T @ left[np.ix_(there, there)] @ basis)
+    scale, at = unit_lengths(squares[there]), (there[:, None], there)
+    if len(there) == 1:
+        basis, values, vectors = scale[:, None], left[at][0] * scale**2, np.ones((1, 1))
+    else:
+        values, vectors = np.linalg.eigh(whole[at] * scale[:, None] * scale)
+        apart = values > _ONE
+        basis = scale[:, None] * vectors[:, apart] / np.sqrt(values[apart])
+        values, vectors = np.linalg.eigh(basis.T @ left[at] @ basis)
     told = values > least
     out = np.zeros((len(squares), int(told.sum())))
     out[there] = basis @ (vectors[:, told] / np.sqrt(values[told]))

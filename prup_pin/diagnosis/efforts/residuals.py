@@ -6,7 +6,8 @@ import numpy as np
 
 from ...dynamics.smoothing import pieces
 from ...spatial import Array
-from .chosen import fit, saved
+from .chosen import saved
+from .noise import EffortNoise, noise_of_efforts
 from .outcome import Outcome
 
 __all__ = ["noise_of", "residuals_of", "rms_of", "shares_of"]
@@ -15,28 +16,29 @@ __all__ = ["noise_of", "residuals_of", "rms_of", "shares_of"]
 _END = 3
 
 
-def noise_of(outcome: Outcome, added: Array) -> tuple[Array, bool]:
-    """Return the noise of each effort (k,) and whether it was declared; else what no curve takes away."""
+def noise_of(outcome: Outcome) -> dict[str, EffortNoise]:
+    """Return the noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
     declared = outcome.recording.noise.effort
     if declared:
-        return np.full(len(outcome.at.driven), declared) / outcome.scale, True
-    x, _ = fit(outcome.given, outcome.chosen)
-    rest = (outcome.motion.efforts - outcome.at.rigid - outcome.efforts.added(outcome.chosen, x))[outcome.efforts.every]
-    sizes = [rms_of(rest[outcome.efforts.good[:, k], k]) for k in range(rest.shape[1])]
-    return np.maximum(np.nan_to_num(sizes), np.finfo(float).tiny), False
+        return dict.fromkeys(outcome.at.driven, EffortNoise(declared, "declared", outcome.motion.rate))
+    return noise_of_efforts(outcome.recording, outcome.at.driven)
 
 
 def residuals_of(
     outcome: Outcome, added: Array, noise: Array
 ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
-    """Return the residual in multiples of the noise before and after, of all and by joint."""
+    """Return the residual in multiples of the noise (k,) before and after, of all and by joint.
+
+    NaN where the noise is unknown.
+    """
     every, good = outcome.efforts.every, _settled(outcome)
+    known = good & np.isfinite(noise)
     raw = (outcome.motion.efforts - outcome.at.rigid)[every]
     told = (outcome.motion.efforts - outcome.at.rigid / outcome.scale)[every]
     first, last = told / noise, (raw - added[every]) / noise
     ratio = _held_ratio(outcome)
-    before = rms_of(first[good])
-    after = rms_of(last[good])
+    before = rms_of(first[known])
+    after = rms_of(last[known])
     by_joint = {
         name: {"before": rms_of(first[good[:, k], k]), "after": rms_of(last[good[:, k], k])}
         for k, name in enumerate(outcome.at.driven)
@@ -62,11 +64,13 @@ def _held_ratio(outcome: Outcome) -> float:
     return float(np.sqrt(max(outcome.held.sum() / max(fitted, np.finfo(float).tiny), 1.0)))
 
 
-def shares_of(outcome: Outcome, predicted: Array) -> dict[str, dict[str, float]]:
-    """Return what is left of each joint's effort below the cut-off, as a share of it, and of all together."""
+def shares_of(outcome: Outcome, predicted: Array, held: Array) -> dict[str, dict[str, float]]:
+    """Return what is left of each joint's effort below the cut-off, as a share of it, and of all together.
+
+    predicted (n, k); held (n, k): where each block of time was not fitted.
+    """
     efforts = outcome.efforts
     measured, rigid = efforts.measured[efforts.every] * outcome.scale, efforts.rigid[efforts.every]
-    held = measured - efforts.held_out_residual(outcome.given, outcome.named) * outcome.scale
     out: dict[str, dict[str, float]] = {}
     columns = {name: [k] for k, name in enumerate(outcome.at.driven)}
     for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():

@@ -17,7 +17,15 @@ from .gather import Efforts
 from .outcome import Outcome
 from .search import held_out
 
-__all__ = ["body_unknown", "changing_unknown", "curve_unknown", "unknown_at"]
+__all__ = [
+    "body_unknown",
+    "changing_unknown",
+    "curve_unknown",
+    "loud_unknown",
+    "unknown_at",
+    "untold_unknown",
+    "worse_unknown",
+]
 
 
 def curve_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
@@ -49,14 +57,48 @@ def body_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
     return replace(unknown_at(joint, text, share), candidates=(joint, link))
 
 
-def changing_unknown(efforts: Efforts, left: Array) -> Iterator[Finding]:
+def loud_unknown(name: str, multiple: float) -> Finding:
+    """Return that what is left at a joint is more than the noise that was declared."""
+    return unknown_at(
+        name,
+        f"what is left at {name} is {number(multiple, 3)} times the declared noise; no law of the library takes it "
+        "away, and it follows neither speed, position, load nor time",
+    )
+
+
+def untold_unknown(name: str, left: float, here: float, multiple: float) -> Finding:
+    """Return that a share of all efforts is left, of one joint's so much, which is too loud for noise."""
+    loud = (
+        f"{number(multiple, 3)} times what a sample of it scatters by itself"
+        if np.isfinite(multiple)
+        else "and nothing tells how much a sample of it scatters by itself"
+    )
+    return unknown_at(
+        name,
+        f"{number(100 * left, 3)} % of the efforts are left, most of it at {name}: {number(100 * here, 3)} % of its "
+        f"effort, {loud}; no law of the library takes it away, and no noise was declared that it could be",
+    )
+
+
+def worse_unknown(name: str, drawn: float, left: float) -> Finding:
+    """Return that the corrected model predicts a joint's effort worse than the drawing does."""
+    return unknown_at(
+        name,
+        f"with what was found {number(100 * left, 3)} % of the effort of {name} are left on blocks of time that were "
+        f"not fitted, as drawn {number(100 * drawn, 3)} %: what takes place there is none of the laws that were found",
+    )
+
+
+def changing_unknown(efforts: Efforts, left: Array, measured: Array, noise: Array) -> Iterator[Finding]:
     """Yield that what is left (n, k), which no noise was declared for, is none: it follows the motion now and then."""
-    change = changing(efforts, left)
+    change = changing(efforts, left, measured, noise)
     if change is not None:
+        own = change.of == change.joint
+        followed = f"its {change.variable}" if own else f"the {change.variable} of {change.of}"
         text = (
-            f"what is left at {change.joint} follows its {change.variable} by an amount that changes with time, "
-            f"which would take away {number(100 * change.share, 2)} % of it: it is no noise, and no law of the "
-            "library takes it away"
+            f"what is left at {change.joint} follows {followed} by an amount that changes with time, which "
+            f"would take away {number(100 * change.share, 2)} % of it and is {number(100 * change.size, 2)} % of "
+            "the joint's effort: it is no noise, and no law of the library takes it away"
         )
         yield unknown_at(change.joint, text, change.share)
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ...numbers import number
+from ...spatial import Array
 from ..criteria import (
     EFFORT_LOUD,
+    EFFORT_NO_MATTER,
+    EFFORT_NO_NOISE,
+    EFFORT_SURE,
     EFFORT_UNTOLD,
     FEWEST_EFFORT_BLOCKS,
 )
@@ -20,9 +23,19 @@ from .detectable import efforts_not_detectable
 from .diagnosis import EffortDiagnosis
 from .effects import effects_of
 from .findings import beyond_found, gains_found, law_found
+from .noise import EffortNoise
 from .outcome import Outcome
 from .residuals import noise_of, residuals_of, rms_of, shares_of
-from .unknown import body_unknown, changing_unknown, curve_unknown, unknown_at
+from .search import worth
+from .unknown import (
+    body_unknown,
+    changing_unknown,
+    curve_unknown,
+    loud_unknown,
+    unknown_at,
+    untold_unknown,
+    worse_unknown,
+)
 
 __all__ = ["effort_diagnosis_of"]
 
@@ -34,7 +47,9 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     every = efforts.every
     measured, rigid = efforts.measured[every] * outcome.scale, efforts.rigid[every]
     predicted = (rigid + efforts.filter(added)[every]) * outcome.scale
-    noise, declared = noise_of(outcome, added)
+    told = noise_of(outcome)
+    declared = bool(outcome.recording.noise.effort)
+    noise = np.array([told[name].size for name in outcome.at.driven]) / outcome.scale
     before, after, by_joint = residuals_of(outcome, added, noise)
     findings = [
         *gains_found(outcome),
@@ -53,32 +68,19 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     else:
         findings += beyond
     findings.sort(key=lambda finding: -finding.heldout_gain)
-    if not unknown and declared and after["fit"] > EFFORT_LOUD:
-        worst = max(by_joint, key=lambda name: by_joint[name]["after"])
-        unknown = [
-            unknown_at(
-                worst,
-                f"what is left at {worst} is {number(by_joint[worst]['after'], 3)} times the declared "
-                "noise; no law of "
-                "the library takes it away, and it follows neither speed, position, load nor time",
-            )
-        ]
-    shares = shares_of(outcome, predicted)
+    held = measured - efforts.held_out_residual(outcome.given, outcome.named) * outcome.scale
+    shares = shares_of(outcome, predicted, held)
     if outcome.given.columns.count < FEWEST_EFFORT_BLOCKS:
         unknown = [unknown_at("robot", f"{len(every)} samples of efforts are too few to judge anything by others")]
-    elif not unknown and shares["all"]["heldout"] > EFFORT_UNTOLD and not declared:
-        worst = max(
-            outcome.at.driven,
-            key=lambda name: shares[name]["heldout"] * rms_of(measured[:, outcome.at.driven.index(name)]),
+    else:
+        unknown = unknown or (
+            list(_beyond_declared(after, by_joint))
+            if declared
+            else list(_no_noise(outcome, measured, shares, by_joint))
+            or list(changing_unknown(efforts, measured - predicted, measured, _compared(outcome, told)))
         )
-        text = (
-            f"{number(100 * shares['all']['heldout'], 3)} % of the efforts are left, most of it at "
-            f"{worst}, and no law of "
-            "the library takes it away; no noise was declared that it could be"
-        )
-        unknown = [unknown_at(worst, text)]
-    elif not unknown and not declared:
-        unknown = list(changing_unknown(efforts, measured - predicted))
+        named = {finding.location for finding in unknown}
+        unknown += [item for item in _worse(outcome, measured, rigid, held, shares) if item.location not in named]
     doubtful = _doubtful(outcome, unknown)
     remarks += [
         f"what {name} needs by its position is held beyond the travel that was seen: no law for it was found that "
@@ -100,7 +102,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         good=efforts.good,
         band=dict(zip(outcome.at.driven, motion.band.cutoffs, strict=True)),
         noise=noise * outcome.scale,
-        declared=declared,
+        how=tuple(told[name].how for name in outcome.at.driven),
         before=before,
         after=after,
         by_joint=by_joint,
@@ -115,6 +117,53 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         rows=motion.rows[every],
         standing=motion.standing,
     )
+
+
+def _beyond_declared(after: Mapping[str, float], by_joint: Mapping[str, Mapping[str, float]]) -> Iterator[Finding]:
+    """Yield that what is left is more than the noise that was declared."""
+    if after["fit"] > EFFORT_LOUD:
+        worst = max(by_joint, key=lambda name: by_joint[name]["after"])
+        yield loud_unknown(worst, by_joint[worst]["after"])
+
+
+def _no_noise(
+    outcome: Outcome,
+    measured: Array,
+    shares: Mapping[str, Mapping[str, float]],
+    by_joint: Mapping[str, Mapping[str, float]],
+) -> Iterator[Finding]:
+    """Yield that too much is left to be noise, by what the recording alone tells of that: where most of it is."""
+    sizes = {name: rms_of(measured[outcome.efforts.good[:, k], k]) for k, name in enumerate(outcome.at.driven)}
+    loud = [
+        name
+        for name in outcome.at.driven
+        if shares[name]["heldout"] > EFFORT_UNTOLD and not by_joint[name]["after"] <= EFFORT_NO_NOISE
+    ]
+    if loud:
+        worst = max(loud, key=lambda name: shares[name]["heldout"] * sizes[name])
+        yield untold_unknown(worst, shares["all"]["heldout"], shares[worst]["heldout"], by_joint[worst]["after"])
+
+
+def _compared(outcome: Outcome, told: Mapping[str, EffortNoise]) -> Array:
+    """Return the noise (k,) of the efforts below the frequency up to which they are compared."""
+    cutoffs = outcome.motion.band.cutoffs
+    return np.nan_to_num([told[name].below(cutoff) for name, cutoff in zip(outcome.at.driven, cutoffs, strict=True)])
+
+
+def _worse(
+    outcome: Outcome, measured: Array, rigid: Array, held: Array, shares: Mapping[str, Mapping[str, float]]
+) -> Iterator[Finding]:
+    """Yield joints of which the corrected model predicts the effort surely worse than the drawing, by what matters."""
+    for column, name in enumerate(outcome.at.driven):
+        drawn, left = shares[name]["rigid"], shares[name]["heldout"]
+        if not (left > EFFORT_NO_MATTER and left > (1 + EFFORT_NO_MATTER) * drawn):
+            continue
+        counts = outcome.efforts.good[:, column]
+        first, last = (np.where(counts, measured[:, column] - values[:, column], 0.0) ** 2 for values in (rigid, held))
+        parts = outcome.given.columns.parts
+        _, sure = worth(*(np.array([float(squares[part].sum()) for part in parts]) for squares in (last, first)))
+        if sure > EFFORT_SURE:
+            yield worse_unknown(name, drawn, left)
 
 
 def _doubtful(outcome: Outcome, unknown: Sequence[Finding]) -> list[EffortCandidate]:

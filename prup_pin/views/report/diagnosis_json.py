@@ -36,6 +36,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
             "force": noise.force,
             "moment": noise.moment,
             "effort": noise.effort or None,
+            **_noise_of_efforts(diagnosis.efforts),
         },
         "residual": {
             "unit": UNIT,
@@ -66,6 +67,16 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "unused_columns": list(diagnosis.unused_columns),
     }
     return plain(document)
+
+
+def _noise_of_efforts(efforts: EffortDiagnosis | None) -> dict[str, Any]:
+    """Return how the noise of a sample of each joint's effort was told, and its size, where none was declared."""
+    if efforts is None or efforts.declared:
+        return {}
+    return {
+        "how": dict(zip(efforts.joints, efforts.how, strict=True)),
+        "efforts": dict(zip(efforts.joints, efforts.noise.tolist(), strict=True)),
+    }
 
 
 def _recording(part: ByRecording) -> dict[str, Any]:

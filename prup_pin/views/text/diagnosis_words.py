@@ -34,29 +34,55 @@ _IN_A_SENTENCE = 6
 def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     before, after = diagnosis.before["heldout"], diagnosis.after["heldout"]
-    if math.isnan(before) and diagnosis.by_channel:
+    only_efforts = diagnosis.efforts is not None and not diagnosis.columns
+    if math.isnan(before) and diagnosis.by_channel and not only_efforts:
         statement = next(finding.statement for finding in diagnosis.findings if finding.physics == "unknown")
         return f"{statement[0].upper()}{statement[1:]}."
-    if math.isnan(before):
+    if math.isnan(before) and not only_efforts:
         return "Nothing can be said: this recording holds no measured pose that the robot could have taken."
+    left = "" if diagnosis.efforts is None else f"{_percent(diagnosis.efforts.shares['all']['heldout'])} of the efforts"
     if diagnosis.verdict == "nothing_missing":
-        return (
-            f"Nothing is missing: what is left between simulation and recording is noise ({number(after, 3)} times it)."
-        )
+        return _nothing_missing(diagnosis, left)
     named = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
     told = _joined(_all_told(named))
-    takes = f"the residual falls from {number(before, 3)} to {number(after, 3)} times the noise"
+    takes = _takes(before, after)
     if diagnosis.verdict == "explained":
-        return f"Explained: with {told} {takes}."
+        return f"Explained: with {told} {takes}{left and f', and {left} are left'}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
     where = f"; it shows most in {unknown.location}" if unknown is not None and unknown.location != "robot" else ""
-    besides = f" With {told} {takes}, and" if told else ""
-    if besides:
-        return f"Unexplained:{besides} something is left that no law of the library takes away{where}."
-    return (
-        f"Unexplained: the residual is {number(before, 3)} times the noise, and no law of the library takes it "
-        f"away{where}."
-    )
+    if told:
+        return (
+            f"Unexplained: With {told} {takes}, and something is left that no law of the library takes "
+            f"away{left and f', {left}'}{where}."
+        )
+    stands = "no noise is known to compare with" if math.isnan(before) else f"the residual is {_times(before)}"
+    return f"Unexplained: {stands}, and no law of the library takes it away{left and f': {left} are left'}{where}."
+
+
+def _nothing_missing(diagnosis: Diagnosis, left: str) -> str:
+    after = diagnosis.after["heldout"]
+    efforts = diagnosis.efforts
+    if efforts is None or efforts.declared or diagnosis.columns:
+        besides = f"; {left} are left" if left else ""
+        noise = f"is noise ({number(after, 3)} times it)"
+        return f"Nothing is missing: what is left between simulation and recording {noise}{besides}."
+    loud = "" if math.isnan(after) else f", {number(after, 3)} times what a sample scatters by itself"
+    return f"Nothing is missing: {left} are left{loud}, and follow no motion to an extent that matters."
+
+
+def _takes(before: float, after: float) -> str:
+    """Return from where to where the residual falls."""
+    if math.isnan(before):
+        return "the residual falls"
+    return f"the residual falls from {number(before, 3)} to {_times(after)}"
+
+
+def _times(multiple: float) -> str:
+    return f"{number(multiple, 3)} times the noise"
+
+
+def _percent(share: float) -> str:
+    return f"{number(100 * share, 3)} %"
 
 
 def _all_told(named: Sequence[Finding]) -> list[str]:
@@ -153,8 +179,8 @@ def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     ]
     for name, values in diagnosis.by_channel.items():
         rows.append((name, number(values["before"], 3), number(values["after"], 3), "× noise"))
-        if "before_share" in values:
-            shares = [number(100 * values[key], 3) for key in ("before_share", "heldout_share")]
+        if "left_share" in values:
+            shares = [number(100 * values[key], 3) for key in ("before_share", "left_share")]
             rows.append(("", shares[0], shares[1], "% of the effort, held out"))
         for unit, shown in (("um", "µm"), ("urad", "µrad")):
             if f"before_{unit}" in values:
@@ -182,7 +208,11 @@ def noise_text(diagnosis: Diagnosis) -> list[str]:
         value = getattr(noise, name)
         if value:
             texts.append(f"{name} {quantity(value, unit)}")
-    return [*texts, noise.source]
+    efforts = diagnosis.efforts
+    if efforts is None or efforts.declared:
+        return [*texts, noise.source]
+    ways = _joined([way for way in dict.fromkeys(efforts.how) if way])
+    return [*texts, f"{noise.source}, efforts by their {ways}" if ways else f"{noise.source}, of efforts unknown"]
 
 
 def places_text(names: Iterable[str]) -> str:
