@@ -29,21 +29,33 @@ def residuals_of(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """Return the residual in multiples of the noise (k,) before and after, of all and by joint.
 
-    NaN where the noise is unknown.
+    NaN where the noise is unknown. Beyond the band nothing is compared: what is left there counts as white noise does,
+    at most, for motors that vibrate are none of the rigid robot's matter.
     """
     every, good = outcome.efforts.every, _settled(outcome)
-    known = good & np.isfinite(noise)
-    raw = (outcome.motion.efforts - outcome.at.rigid)[every]
-    told = (outcome.motion.efforts - outcome.at.rigid / outcome.scale)[every]
-    first, last = told / noise, (raw - added[every]) / noise
-    ratio = _held_ratio(outcome)
-    before = rms_of(first[known])
-    after = rms_of(last[known])
+    told = outcome.motion.efforts - outcome.at.rigid / outcome.scale
+    left = outcome.motion.efforts - outcome.at.rigid - added
+    cutoffs = np.array(outcome.motion.band.cutoffs)
+    white = np.zeros_like(noise) if outcome.motion.standing else np.maximum(1 - 2 * cutoffs / outcome.motion.rate, 0.0)
+    squares = []
+    for values in (told, left):
+        inside = outcome.efforts.filter(values)
+        parts = [np.where(good, part[every], 0.0) for part in (inside, values - inside)]
+        inner, outer = (np.square(part).sum(axis=0) / np.maximum(good.sum(axis=0), 1) / noise**2 for part in parts)
+        squares.append(inner + np.minimum(outer, white))
+    counts = good.sum(axis=0) * np.isfinite(noise)
+    before, after = (_of_all(each, counts) for each in squares)
     by_joint = {
-        name: {"before": rms_of(first[good[:, k], k]), "after": rms_of(last[good[:, k], k])}
+        name: {"before": float(np.sqrt(squares[0][k])), "after": float(np.sqrt(squares[1][k]))}
         for k, name in enumerate(outcome.at.driven)
     }
-    return {"fit": before, "heldout": before}, {"fit": after, "heldout": after * ratio}, by_joint
+    return {"fit": before, "heldout": before}, {"fit": after, "heldout": after * _held_ratio(outcome)}, by_joint
+
+
+def _of_all(squares: Array, counts: Array) -> float:
+    """Return the root mean square of all joints' samples by the mean squares of each (k,), of so many samples (k,)."""
+    known = counts > 0
+    return float(np.sqrt(squares[known] @ counts[known] / counts[known].sum())) if known.any() else float("nan")
 
 
 def _settled(outcome: Outcome) -> np.ndarray:
