@@ -47,6 +47,8 @@ __all__ = [
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
 _TRIED = 24
+#: Blocks for each coefficient of a term that their turned signs judge.
+_BLOCKS_EACH = 2
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
 
@@ -197,13 +199,17 @@ def searched(
 
 
 def _beyond_chance(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen without terms that chance does as well: what was there from the start never had to enter."""
-    limit = threshold(scores(given, chosen)[1])
+    """Return what is chosen without terms that chance does as well: what was there from the start never had to enter.
+
+    Turned signs of so many blocks tell nothing of a term with nearly as many coefficients: that one stays.
+    """
+    limit = np.log(EFFORT_CHANCE)
     while chosen.terms:
         chances = []
         for term in chosen.terms:
-            found, _ = scores(given.only([term]), chosen.without(term))
-            chances.append(found[0].log_chance if found else 0.0)
+            told = _BLOCKS_EACH * term.size < given.columns.count
+            found = scores(given.only([term]), chosen.without(term))[0] if told else []
+            chances.append(found[0].log_chance if found else -np.inf if not told else 0.0)
         worst = int(np.argmax(chances))
         if chances[worst] < limit:
             break
@@ -498,7 +504,7 @@ def pruned(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate])
 def _needless(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> EffortCandidate | None:
     """Return which of the doubtful terms the others make needless on held-out blocks, the most needless first."""
     old = [term for term in chosen.terms if any(term is other for other in doubtful)]
-    if not old or len(chosen.terms) < 2:
+    if not old:
         return None
     beside = Beside(given, chosen)
     least: tuple[float, EffortCandidate | None] = (np.inf, None)

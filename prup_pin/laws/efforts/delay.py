@@ -15,7 +15,8 @@ from .effort_law import EffortLaw
 
 __all__ = ["Delay", "DelayOfAll", "Lagging", "of_all_drives"]
 
-#: A delay imitates a little of whatever is wrong with accelerations: it must save this share of the squares.
+#: One signal's delay imitates a little of whatever is wrong with its joint: it must save this share of the squares. What
+#: all signals share is a delay sooner.
 LATE = 0.1
 #: Ages of a signal among which the best is looked for [s]; between them its effect is nearly in proportion.
 _AGES = (2e-3, 8e-3, 16e-3, 28e-3, 40e-3, 60e-3)
@@ -32,7 +33,7 @@ class Lagging(EffortLaw):
 
     of_motion = True
     of_what_is_known = True
-    least_gain = 0.0
+    least_gain = LATE
     one_sided = True
     #: To first order all of them are tau - lag dtau/dt: of one signal there is one of them.
     family = "late signal"
@@ -71,6 +72,7 @@ class DelayOfAll(Delay):
     """All signals of a kind together, at `robot`, where there are several; `sign` is +1 of efforts, -1 of positions."""
 
     sign: ClassVar[float]
+    least_gain = 0.0
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return of_all_drives(mechanism, self.variant)

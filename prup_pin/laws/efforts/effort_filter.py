@@ -92,6 +92,7 @@ class EffortsFilter(Filter):
     """All reported efforts are filtered alike."""
 
     summary = "a low-pass filter before all reported efforts"
+    least_gain = 0.0
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return of_all_drives(mechanism, self.variant)
