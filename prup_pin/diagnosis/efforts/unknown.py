@@ -75,8 +75,8 @@ def untold_unknown(name: str, left: float, here: float, multiple: float) -> Find
     )
     return unknown_at(
         name,
-        f"{number(100 * here, 3)} % of the effort of {name} are left, {loud} ({number(100 * left, 3)} % of all efforts); "
-        "no law of the library takes it away, and no noise was declared that it could be",
+        f"{number(100 * here, 3)} % of the effort of {name} are left, {loud} ({number(100 * left, 3)} % of all "
+        "efforts); no law of the library takes it away, and no noise was declared that it could be",
     )
 
 
