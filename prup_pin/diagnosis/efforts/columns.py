@@ -251,7 +251,8 @@ class Columns:
         for joint, table in enumerate(self._tables):
             at = np.flatnonzero(touched[where, joint])
             place = np.cumsum(touched[:, joint])[where[at]] - 1
-            out.append((at, table[place, rows]))
+            side_by_side = len(at) > 0 and bool((np.diff(place) == 1).all())
+            out.append((at, table[place[0] : place[-1] + 1, rows] if side_by_side else table[place, rows]))
         return out
 
     def dense(self, where: Sequence[int], rows: slice = slice(None)) -> list[Array]:

@@ -154,26 +154,25 @@ class _Rest:
         self.left = np.where(self._good, self._columns.residual(self._every, x), 0.0)
         self.noise = _noise(self.left, self._good & ~self.out[:, None])
 
-    def _with(self, parts: Sequence[slice], sign: float) -> _Rest:
+    def _with(self, rows: np.ndarray, sign: float) -> _Rest:
         other = copy(self)
-        other.out = self.out.copy()
-        for rows in parts:
-            other.out[rows] = sign < 0
-            for joint, table in enumerate(self._columns.dense(self._every, rows)):
-                other._matrix = other._matrix + sign * table.T @ table
-                other._pull = other._pull + sign * table.T @ self._columns.target[rows, joint]
+        other.out, other._matrix, other._pull = self.out.copy(), self._matrix.copy(), self._pull.copy()
+        other.out[rows] = sign < 0
+        target = self._columns.target[rows].T
+        for (at, table), values in zip(self._columns.some(self._every), target, strict=True):
+            own = table[:, rows]
+            other._matrix[at[:, None], at] += sign * own @ own.T
+            other._pull[at] += sign * own @ values
         other._leave(_solved(other._matrix, other._pull))
         return other
 
     def without(self, parts: Sequence[slice]) -> _Rest:
         """Return the fit to all but some more samples."""
-        return self._with(parts, -1.0)
+        return self._with(np.concatenate([np.arange(part.start, part.stop) for part in parts]), -1.0)
 
     def including(self, rows: slice) -> _Rest:
         """Return the fit to some samples too, as far as they were out."""
-        place = np.arange(rows.start, rows.stop)[self.out[rows]]
-        parts = np.split(place, np.flatnonzero(np.diff(place) > 1) + 1)
-        return self._with([slice(int(part[0]), int(part[-1]) + 1) for part in parts if len(part)], 1.0)
+        return self._with(np.arange(rows.start, rows.stop)[self.out[rows]], 1.0)
 
     def loudness(self, rows: slice) -> float:
         """Return the root mean square of what is left in some samples, in multiples of the noise of the worst joint."""

@@ -67,7 +67,7 @@ def loud_unknown(name: str, multiple: float) -> Finding:
 
 
 def untold_unknown(name: str, left: float, here: float, multiple: float) -> Finding:
-    """Return that a share of all efforts is left, of one joint's so much, which is too loud for noise."""
+    """Return that so much of a joint's effort is left, and of all, which is too loud for noise."""
     loud = (
         f"{number(multiple, 3)} times what a sample of it scatters by itself"
         if np.isfinite(multiple)
@@ -75,8 +75,8 @@ def untold_unknown(name: str, left: float, here: float, multiple: float) -> Find
     )
     return unknown_at(
         name,
-        f"{number(100 * left, 3)} % of the efforts are left, most of it at {name}: {number(100 * here, 3)} % of its "
-        f"effort, {loud}; no law of the library takes it away, and no noise was declared that it could be",
+        f"{number(100 * here, 3)} % of the effort of {name} are left, {loud} ({number(100 * left, 3)} % of all "
+        "efforts); no law of the library takes it away, and no noise was declared that it could be",
     )
 
 
