@@ -285,6 +285,13 @@ class Efforts:
         values = np.linalg.eigvalsh(gram[np.ix_(there, there)] / np.outer(sizes[there], sizes[there]))
         return int((values > EFFORT_TOLD * values.max(initial=0.0)).sum()), count
 
+    @property
+    def bodies_within_tolerance(self) -> list[tuple[int, Array] | None]:
+        """The joint and the parameters (10,) of its body, by one tolerance, of each base; None of those of no body."""
+        mechanism = self.at.mechanism
+        joints = {_body(mechanism, joint.id): joint.id for joint in mechanism.joints}
+        return [None if base.inertial is None else (joints[base.place], base.inertial) for base in self.bases]
+
     def combinations(self, law: AllLinks) -> Combinations:
         """Return which combinations of all links' inertial parameters the motion tells."""
         return Combinations.of(

@@ -18,8 +18,9 @@ from ..criteria import (
     EFFORT_IMITATED,
     EFFORT_SURE,
 )
-from .chosen import Chosen, fit
+from .chosen import Chosen
 from .columns import EffortCandidate, Gathered
+from .consistent import consistent_fit
 from .gains import Gains
 from .gather import Efforts
 from .normal import Normal
@@ -63,7 +64,7 @@ class Outcome:
         self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not term.is_of_time))
         kept = [term for term in self.named.terms if not isinstance(term.law, FreeCurve)]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
-        self.x_named, self.matrix_named = fit(given, self.named)
+        self.x_named, self.matrix_named = consistent_fit(given, self.named, efforts.bodies_within_tolerance)
         self.held = held_out(given, self.named)
         self.impossible = self._no_bodies()
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]

@@ -42,5 +42,13 @@ class AllLinks(EffortLaw):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return np.concatenate([InertialParameters().efforts_per(link, {}, at) for link in self.links], axis=-1)
 
+    def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
+        out = {}
+        for index, link in enumerate(self.links):
+            for joint, own in InertialParameters().of_body(link, mechanism).items():
+                out[joint] = np.zeros((10, len(self.linear)))
+                out[joint][:, 10 * index : 10 * index + 10] = own
+        return out
+
     def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
         return True  # most combinations of them are told by nothing: each alone may be anything

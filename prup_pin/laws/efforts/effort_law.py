@@ -103,6 +103,10 @@ class EffortLaw(Law):
         """
         return np.zeros(len(self.linear))
 
+    def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
+        """Return by joint what each coefficient adds to the inertial parameters of its body (10, p), about its frame."""
+        return {}
+
     def agrees(self, coefficients: Array, values: Mapping[str, float]) -> bool:
         """Return whether coefficients (p,) of a fit belong to the scanned values of its columns; most are free."""
         return True

@@ -98,6 +98,9 @@ class InertialParameters(EffortLaw):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.regressor[:, :, body_of(place, at.mechanism)]
 
+    def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
+        return {body_of(place, mechanism) + 1: np.eye(10)}
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
             f"{place.name} has another mass, centre or inertia than in the robot file "
@@ -146,6 +149,10 @@ class ScaledInertia(EffortLaw):
         body = body_of(place, at.mechanism)
         drawn = at.mechanism.model.inertias[body + 1].toDynamicParameters()
         return (at.regressor[:, :, body] @ drawn)[..., None]
+
+    def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
+        joint = body_of(place, mechanism) + 1
+        return {joint: mechanism.model.inertias[joint].toDynamicParameters()[:, None]}
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = float(mechanism.model.inertias[body_of(place, mechanism) + 1].mass)

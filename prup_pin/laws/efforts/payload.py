@@ -55,6 +55,10 @@ class HeldBody(EffortLaw):
         tool = at.mechanism.need_tool()
         return at.regressor[:, :, tool.joint - 1] @ in_frame(tool.placement)
 
+    def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
+        tool = mechanism.need_tool()
+        return {tool.joint: in_frame(tool.placement)}
+
     def fitted(self, place: Place, coefficients: Array, values: Mapping[str, float]) -> Mapping[str, float]:
         mass = float(coefficients[0])
         centre = coefficients[1:4] / mass if mass else np.zeros(3)
