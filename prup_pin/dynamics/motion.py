@@ -33,7 +33,9 @@ _TURNING = 0.2
 #: Fewest samples between two stretches that are left out, for any of them to count.
 _SHORTEST = 16
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
-_MOST_ROWS, _MOST_SAMPLES = 400_000, 48_000
+_MOST_ROWS, _MOST_SAMPLES = 400_000, 16_000
+#: Where spectra are to tell the band: samples, in few pieces, since slow motions need long ones.
+_OF_SPECTRA, _LONG_PIECES = 48_000, 4
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
 _SLOW_CLOCK, _MOVING = 0.3, 0.3
 _OTHER_UNITS = (
@@ -214,7 +216,9 @@ def motion_of(
     if every > 1:
         efforts = LowPass(0.4 * rate / every, rate)(efforts, parts)
         rate /= every
-    keep, piece = _fewer(keep[counts[keep]], parts, remarks)
+    keep = keep[counts[keep]]
+    most = Thinning(len(keep), _OF_SPECTRA, _LONG_PIECES) if band is None else Thinning(len(keep), _MOST_SAMPLES)
+    keep, piece = (keep, parts[keep]) if driven is not None else _fewer(keep, parts, most, remarks)
     wrench = recording.wrench if recording.has_wrench else None
     return Motion(
         names=names,
@@ -320,14 +324,16 @@ def _bounded(recording: Recording, remarks: list[str]) -> Recording:
     return recording.select(rows)
 
 
-def _fewer(keep: np.ndarray, piece: np.ndarray, remarks: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return at most _MOST_SAMPLES of samples, and the pieces without a break that they are of by all labels."""
-    thinning = Thinning(len(keep), _MOST_SAMPLES)
+def _fewer(
+    keep: np.ndarray, piece: np.ndarray, thinning: Thinning, remarks: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return no more samples than are needed, and the pieces without a break that they are of by all labels."""
     here = thinning.keeps(np.arange(len(keep)))
     if here is None:
         return keep, piece[keep]
     remarks.append(
-        f"{len(keep)} samples are more than are needed: {PIECES} pieces of {thinning.length}, evenly spread, were used"
+        f"{len(keep)} samples are more than are needed: {thinning.pieces} pieces of {thinning.length}, evenly spread, "
+        "were used"
     )
     place = np.flatnonzero(here)
     keep = keep[here]

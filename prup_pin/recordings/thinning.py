@@ -18,22 +18,23 @@ class Thinning:
 
     count: int
     most: int | None = None  # MOST_ROWS
+    pieces: int = PIECES
 
     @property
     def length(self) -> int:
         """The rows of a piece."""
-        return (MOST_ROWS if self.most is None else self.most) // PIECES
+        return (MOST_ROWS if self.most is None else self.most) // self.pieces
 
     @property
     def all_kept(self) -> bool:
         """Whether there are no more rows than are needed."""
-        return self.count <= self.length * PIECES
+        return self.count <= self.length * self.pieces
 
     def keeps(self, rows: np.ndarray) -> np.ndarray | None:
         """Return which of some rows (n,), counted from 0, are kept; None: all are."""
         if self.all_kept:
             return None
-        starts = np.linspace(0, self.count - self.length, PIECES).astype(np.int64)
+        starts = np.linspace(0, self.count - self.length, self.pieces).astype(np.int64)
         piece = np.clip(np.searchsorted(starts, rows, side="right") - 1, 0, PIECES - 1)
         return rows - starts[piece] < self.length
 
@@ -44,5 +45,5 @@ class Thinning:
             return []
         return [
             f"{self.count} rows are more than are needed, and than memory holds: they were read in a stream, and "
-            f"{PIECES} pieces of {self.length} rows, evenly spread, were kept."
+            f"{self.pieces} pieces of {self.length} rows, evenly spread, were kept."
         ]

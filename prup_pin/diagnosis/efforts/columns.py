@@ -280,33 +280,6 @@ class Columns:
                 out[block, at] += table[:, part] @ values[part]
         return out
 
-    @property
-    def gram(self) -> _ByBlock:
-        """Products of the columns, block by block (B, P, P), of those that are asked for."""
-        return _ByBlock(self)
-
-
-@dataclass(frozen=True, eq=False)
-class _ByBlock:
-    columns: Columns
-
-    def __array__(self, dtype: type | None = None, copy: bool | None = None) -> Array:
-        return self._with(np.arange(self.columns.size))
-
-    def __getitem__(self, where: tuple) -> Array:
-        if len(where) == 2:
-            return self._with(where[1]).transpose(0, 2, 1)
-        return self._with(where[2])
-
-    def _with(self, where: Sequence[int]) -> Array:
-        columns = self.columns
-        out = np.zeros((columns.count, columns.size, len(where)))
-        every = columns.some(np.arange(columns.size))
-        for (which, table), (at, own) in zip(every, columns.some(where), strict=True):
-            for block, part in enumerate(columns.parts):
-                out[block][np.ix_(which, at)] += table[:, part] @ own[:, part].T
-        return out
-
 
 def _roomy(table: Array, size: int, *axes: int) -> Array:
     """Return an array with room for at least `size` along some axes."""

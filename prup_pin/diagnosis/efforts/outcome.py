@@ -95,9 +95,8 @@ class Outcome:
     def scatter(self) -> tuple[Array, Array, int]:
         """The coefficients' covariance by white noise of the whitened size alone, by the scatter of whole blocks beside
         that, and the latter's degrees of freedom."""
-        where = self.named.where
-        gram = self.given.columns.gram[:, where][:, :, where]
-        pulls = self.given.columns.moment[:, where] - gram @ self.x_named
+        columns, where = self.given.columns, self.named.where
+        pulls = columns.pulls(columns.residual(where, self.x_named), where)
         middle = pulls.T @ pulls
         white = Normal.of(self.matrix_named, least=1e-12).solve(np.eye(len(self.matrix_named)))
         count = self.given.columns.count

@@ -74,9 +74,8 @@ def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
     what pulls in all, by the tolerances too, of which a column would take parameters back."""
     where = chosen.where
     x, matrix = fit(given, chosen)
-    gram = given.columns.gram
-    total = given.columns.total
-    pull = given.columns.moment - gram[:, :, where] @ x
+    columns, total = given.columns, given.columns.total
+    pull = columns.pulls(columns.residual(where, x))
     cross = Normal.of(matrix).solve(total[where])  # (p, P)
     pull = pull - pull[:, where] @ cross
     rest = total - total[:, where] @ cross + given.precision()
