@@ -33,7 +33,7 @@ _TURNING = 0.2
 #: Fewest samples between two stretches that are left out, for any of them to count.
 _SHORTEST = 16
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
-_MOST_ROWS, _MOST_SAMPLES = 400_000, 16_000
+_MOST_ROWS, _MOST_SAMPLES, _PIECES = 400_000, 6_000, 12
 #: Where spectra are to tell the band: samples, in few pieces, since slow motions need long ones.
 _OF_SPECTRA, _LONG_PIECES = 48_000, 4
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
@@ -217,7 +217,7 @@ def motion_of(
         efforts = LowPass(0.4 * rate / every, rate)(efforts, parts)
         rate /= every
     keep = keep[counts[keep]]
-    most = Thinning(len(keep), _OF_SPECTRA, _LONG_PIECES) if band is None else Thinning(len(keep), _MOST_SAMPLES)
+    most = Thinning(len(keep), _OF_SPECTRA, _LONG_PIECES) if band is None else Thinning(len(keep), _MOST_SAMPLES, _PIECES)
     keep, piece = (keep, parts[keep]) if driven is not None else _fewer(keep, parts, most, remarks)
     wrench = recording.wrench if recording.has_wrench else None
     return Motion(

@@ -18,7 +18,12 @@ class Thinning:
 
     count: int
     most: int | None = None  # MOST_ROWS
-    pieces: int = PIECES
+    parts: int | None = None  # PIECES
+
+    @property
+    def pieces(self) -> int:
+        """How many pieces are kept."""
+        return PIECES if self.parts is None else self.parts
 
     @property
     def length(self) -> int:
