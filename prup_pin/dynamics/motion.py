@@ -338,7 +338,9 @@ def _fewer(
     place = np.flatnonzero(here)
     keep = keep[here]
     broken = (np.diff(place) > 1) | (np.diff(piece[keep]) != 0)
-    return keep, np.concatenate(([0], np.cumsum(broken)))
+    labels = np.concatenate(([0], np.cumsum(broken)))
+    long = (np.bincount(labels) >= _SHORTEST)[labels]
+    return keep[long], labels[long]
 
 
 def _unwrapped(position: Array, names: tuple[str, ...], mechanism: Mechanism) -> Array:
