@@ -29,7 +29,7 @@ _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
 _STILL, _STILL_SHARE = 4.0, 2e-3
 #: A joint that is slow for no longer than this [s] turns round and does not rest.
-_TURNING = 0.2
+_TURNING = 0.04
 #: Fewest samples between two stretches that are left out, for any of them to count.
 _SHORTEST = 16
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.

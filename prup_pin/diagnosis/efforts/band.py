@@ -2,14 +2,14 @@
 
 What encoders see is the rigid robot's motion plus an error of its own: noise, counts and jitter at all frequencies, and
 motors that vibrate against gears that yield above some. Inverse dynamics differentiate it twice, so that the predicted
-effort holds more and more of it, and efforts may have passed a filter that nobody logged. Let S_m, S_p and S_mp be the
-spectral densities of the measured effort, of the predicted one, and of both together (Bendat and Piersol 2010, ch. 6).
-At the phase that suits it best, for signals may come late, the prediction leaves
+effort holds more and more of it, and efforts may have passed a filter that nobody logged. Let p be what bodies and
+rotors need for the motion, m the measured effort less friction, and S_m, S_p and S_mp their spectral densities and that
+of both together (Bendat and Piersol 2010, ch. 6). At the phase that suits it best, for signals may come late, p leaves
 
     S_m + S_p - 2 |S_mp|
 
-of S_m: where that is more than there was to begin with, the motion says nothing of this effort, and it is compared below
-that frequency alone. The prediction is the best that bodies, friction, offset and rotor give up to where it counts.
+of S_m: where that is more than there was to begin with, the motion says nothing of this effort, and it is compared
+below that frequency alone. Bodies, rotor, friction and offset are the best fit up to where it counts.
 """
 
 from __future__ import annotations
@@ -63,20 +63,20 @@ def coherent_band(at: InMotion) -> dict[str, float]:
     columns = [_background(at, joint) for joint in range(len(at.driven))]
     cutoffs = np.full(len(at.driven), lowest)
     for _ in range(_ROUNDS):
-        predicted = np.column_stack(
-            [
-                _fitted(own, motion.efforts[:, joint], LowPass(cutoffs[joint], motion.rate), motion.piece)
-                for joint, own in enumerate(columns)
-            ]
-        )
-        before, cutoffs = cutoffs, _cutoffs(spectra_of(at, predicted, lowest / _OWN_TIMES), lowest, highest)
+        parts = [
+            _fitted(*own, motion.efforts[:, joint], LowPass(cutoffs[joint], motion.rate), motion.piece)
+            for joint, own in enumerate(columns)
+        ]
+        inertial, others = (np.column_stack(part) for part in zip(*parts, strict=True))
+        seen = spectra_of(at, motion.efforts - others, inertial, lowest / _OWN_TIMES)
+        before, cutoffs = cutoffs, _cutoffs(seen, lowest, highest)
         if (cutoffs == before).all():
             break
     return dict(zip(at.driven, cutoffs.tolist(), strict=True))
 
 
-def spectra_of(at: InMotion, predicted: Array, own: float) -> Spectra:
-    """Return the spectra of the measured efforts and of predicted ones (N, k); own: the motion's frequency [Hz]."""
+def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> Spectra:
+    """Return the spectra of measured efforts and of predicted ones (N, k); own: the motion's frequency [Hz]."""
     from scipy.signal import csd, welch  # heavy; not needed to load a robot
 
     motion = at.motion
@@ -84,7 +84,7 @@ def spectra_of(at: InMotion, predicted: Array, own: float) -> Spectra:
     length = longest.stop - longest.start
     stretch = int(min(max(_PERIODS * motion.rate / max(own, 1e-9), 64), max(length // _STRETCHES, 16)))
     settings = {"fs": motion.rate, "nperseg": stretch, "detrend": "constant", "axis": 0}
-    measured, predicted = motion.efforts[longest], predicted[longest]
+    measured, predicted = measured[longest], predicted[longest]
     frequency, power = welch(measured, **settings)
     parts = [power, welch(predicted, **settings)[1], csd(measured, predicted, **settings)[1]]
     m, p, both = (_by_bands(frequency, part).T for part in parts)
@@ -110,23 +110,33 @@ def _own_frequency(at: InMotion) -> float:
     return float(frequency[np.argmax(share > _OWN, axis=0)].max())
 
 
-def _background(at: InMotion, joint: int) -> Array:
-    """Return columns (N, p) of what every drive has: bodies, friction, an offset and a rotor; each of length one."""
+def _background(at: InMotion, joint: int) -> tuple[Array, Array]:
+    """Return columns of what every drive has, each of length one: of bodies and rotor (N, p), and the others (N, q)."""
     name = at.driven[joint]
-    parts = [at.regressor[:, joint].reshape(len(at), -1), np.ones((len(at), 1))]
+    inertial, others = [at.regressor[:, joint].reshape(len(at), -1)], [np.ones(len(at))]
     if name in at.motion.names and at.moves(name):
-        dry = at.dragged(name, usual_way(at, name))
-        parts.append(np.column_stack([dry, at.speed(name), at.acceleration(name)]))
-    table = np.concatenate(parts, axis=1)
+        inertial.append(at.acceleration(name)[:, None])
+        others += [at.dragged(name, usual_way(at, name)), at.speed(name)]
+    return _of_one(np.concatenate(inertial, axis=1)), _of_one(np.column_stack(others))
+
+
+def _of_one(table: Array) -> Array:
+    """Return those columns (N, p) that are not nothing, each of length one."""
     sizes = np.sqrt((table**2).sum(axis=0))
     return table[:, sizes > 0] / sizes[sizes > 0]
 
 
-def _fitted(columns: Array, effort: Array, low_pass: LowPass, piece: np.ndarray) -> Array:
-    """Return the best sum (N,) of columns (N, p) for an effort (N,) below a frequency."""
+def _fitted(
+    inertial: Array, others: Array, effort: Array, low_pass: LowPass, piece: np.ndarray
+) -> tuple[Array, Array]:
+    """Return the best sums (N,) of inertial columns (N, p) and of the others (N, q) for an effort (N,), fitted below a
+    frequency."""
+    columns = np.concatenate((inertial, others), axis=1)
     low, given = low_pass(columns, piece), low_pass(effort, piece)
     size = max(float((low**2).sum(axis=0).max(initial=0.0)), np.finfo(float).tiny)
-    return columns @ np.linalg.solve(low.T @ low + _RIDGE * size * np.eye(low.shape[1]), low.T @ given)
+    x = np.linalg.solve(low.T @ low + _RIDGE * size * np.eye(low.shape[1]), low.T @ given)
+    count = inertial.shape[1]
+    return inertial @ x[:count], others @ x[count:]
 
 
 def _by_bands(frequency: Array, power: Array) -> Array:

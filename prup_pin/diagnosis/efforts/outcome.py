@@ -18,7 +18,7 @@ from ..criteria import (
     EFFORT_IMITATED,
     EFFORT_SURE,
 )
-from .chosen import Chosen
+from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .consistent import consistent_fit
 from .gains import Gains
@@ -66,12 +66,12 @@ class Outcome:
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, self.matrix_named = consistent_fit(given, self.named, efforts.bodies_within_tolerance)
         self.held = held_out(given, self.named)
-        self.impossible = self._no_bodies()
+        self.impossible = self._no_bodies(fit(given, self.named)[0])
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]
         self.strained = squared_strain(given, self.named)
 
-    def _no_bodies(self) -> list[EffortCandidate]:
-        """Return links whose parameters no body has: what is told there is something else, which they imitate."""
+    def _no_bodies(self, x: Array) -> list[EffortCandidate]:
+        """Return links whose parameters no body has, by a free fit (p,): something else is there, which they imitate."""
         bodies = [term for term in self.laws if isinstance(term.law, InertialParameters)]
         if not bodies:
             return []
@@ -81,7 +81,7 @@ class Outcome:
         return [
             term
             for term, at in zip(bodies, own, strict=True)
-            if is_impossible(term.place.name, self.x_named[at], reach[at], self.mechanism)
+            if is_impossible(term.place.name, x[at], reach[at], self.mechanism)
         ]
 
     def _stands_for_one(self, term: EffortCandidate) -> bool:

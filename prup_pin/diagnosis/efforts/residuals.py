@@ -13,7 +13,7 @@ from .outcome import Outcome
 __all__ = ["noise_of", "residuals_of", "rms_of", "shares_of"]
 
 #: Kept samples at an end of a piece by which nothing is judged: somewhat more than a period of the cut-off.
-_END = 3
+_END = 4
 
 
 def noise_of(outcome: Outcome) -> dict[str, EffortNoise]:

@@ -52,7 +52,7 @@ def body_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
     share = float(np.clip(saved / max(saved + float(outcome.held.sum()), np.finfo(float).tiny), 0.0, 1.0))
     text = (
         f"structure is left over at {joint} that no law of the library takes away; masses of {link} that no body "
-        f"has would take away {100 * share:.0f} % of what is left, and the corrected model follows them"
+        f"has would take away {100 * share:.0f} % of what is left; the corrected model keeps to a body that can be"
     )
     return replace(unknown_at(joint, text, share), candidates=(joint, link))
 
