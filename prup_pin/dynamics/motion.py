@@ -29,11 +29,11 @@ _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
 _STILL, _STILL_SHARE = 4.0, 2e-3
 #: A joint that is slow for no longer than this [s] turns round and does not rest.
-_TURNING = 0.04
+_TURNING = 0.2
 #: Fewest samples between two stretches that are left out, for any of them to count.
 _SHORTEST = 16
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
-_MOST_ROWS, _MOST_SAMPLES, _PIECES = 400_000, 6_000, 12
+_MOST_ROWS, _MOST_SAMPLES, _PIECES = 100_000, 5_000, 10
 #: Where spectra are to tell the band: samples, in few pieces, since slow motions need long ones.
 _OF_SPECTRA, _LONG_PIECES = 48_000, 4
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.

@@ -41,7 +41,7 @@ def test_a_blow_is_told_by_its_time_and_left_out_of_all_else(carriage):
     values = {finding.physics: finding.parameters for finding in found.findings}
     assert values["viscous_friction"]["damping"].value == pytest.approx(200.0, rel=0.01)
     assert values["coulomb_friction"]["limit"].value == pytest.approx(20.0, rel=0.01)
-    assert found.after["fit"] < 1.2
+    assert found.efforts.shares["all"]["heldout"] < 0.04
     assert not ((found.efforts.time > begin) & (found.efforts.time < end)).any()
 
 

@@ -181,6 +181,23 @@ class Efforts:
                 left[rows] -= columns[rows] @ x
         return left
 
+    def in_plain_units(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
+        """Return what is chosen alone, each joint weighed by its size and nothing whitened: as a prediction is judged.
+
+        What is known beforehand counts as much beside what is left as it does beside white noise.
+        """
+        target = np.nan_to_num(self.measured - self.rigid)[self.every]
+        columns = Columns(np.column_stack([self._plain.of_joint(k, own) for k, own in enumerate(target.T)]), self.blocks)
+        columns.add([self._plain(ByJoint.of(self.columns_of(given, chosen)))])
+        new = {old: index for index, old in enumerate(chosen.where)}
+        terms = tuple(
+            replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in chosen.terms
+        )
+        left = float(self.held_out_plainly(given, chosen).sum()) / max(int(self._plain.good.sum()), 1)
+        bodies = {new[first]: left * block for first, block in given.bodies.items() if first in new}
+        alone = Gathered(given.mechanism, columns, terms, left * given.prior[list(chosen.where)], bodies)
+        return alone, Chosen(tuple(range(len(chosen.base))), terms)
+
     def held_out_plainly(self, given: Gathered, chosen: Chosen) -> Array:
         """Return the held-out squares of all blocks (B,), each joint weighed by its size alone."""
         left = np.where(self.good, self.held_out_residual(given, chosen) * self._plain.filters[:, 0], 0.0)
@@ -483,22 +500,21 @@ class Efforts:
         left = _Left(given, chosen.without(term), term.law.prior(term.place, self.at.mechanism))
         return _Cost(self, left, term, at)
 
-    def start(self) -> Chosen:
-        """Return what is there before any law: parameters within tolerance."""
-        return Chosen(tuple(range(len(self.bases))))
+    def start(self, given: Gathered | None = None) -> Chosen:
+        """Return what is there before any law: parameters within tolerance, and the masses of all links of `given`."""
+        candidates = () if given is None else given.candidates
+        every = [candidate for candidate in candidates if isinstance(candidate.law, AllLinks)]
+        return Chosen(tuple(range(len(self.bases))), tuple(every))
 
-    def background(self, given: Gathered, freed: bool) -> Chosen:
-        """Return what is there before single laws compete: parameters within tolerance, and what every drive has.
-
-        The masses of all links are free where no tolerance is declared for them, or where they are `freed`.
-        """
-        weighed = any(base.inertial is not None for base in self.bases) and not freed
+    def background(self, given: Gathered, start: Chosen) -> Chosen:
+        """Return a start with what every drive has, and all links' masses where no tolerance is declared for them."""
+        weighed = any(base.inertial is not None for base in self.bases)
         common = [
             candidate
             for candidate in given.candidates
-            if candidate.law.everywhere and not (isinstance(candidate.law, AllLinks) and weighed)
+            if candidate.law.everywhere and not (isinstance(candidate.law, AllLinks) and (weighed or start.terms))
         ]
-        return Chosen(self.start().base, tuple(common))
+        return Chosen(start.base, (*start.terms, *common))
 
 
 def _scaled(term: EffortCandidate, step: Array) -> Mapping[str, float]:

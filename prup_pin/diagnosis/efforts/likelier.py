@@ -77,7 +77,6 @@ def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[E
         for other in given.candidates
         if not isinstance(other.law, AllLinks | FreeCurve)
         and other is not term
-        and other.law.least_gain == 0.0
         and other.law.looked_at == 1.0
         and ((is_body(other) and is_body(term)) or not _same_thing(term, other))
         and not any(excluded(each, other) or replaces(other, each) for each in rest.terms)

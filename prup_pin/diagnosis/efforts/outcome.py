@@ -16,6 +16,7 @@ from ...robot import Robot
 from ...spatial import Array
 from ..criteria import (
     EFFORT_IMITATED,
+    EFFORT_PLAINLY,
     EFFORT_SURE,
 )
 from .chosen import Chosen, fit
@@ -25,7 +26,7 @@ from .gains import Gains
 from .gather import Efforts
 from .normal import Normal
 from .relief import squared_strain
-from .search import held_out
+from .search import held_out, worth
 from .stretches import Stretch
 
 __all__ = ["Outcome"]
@@ -64,11 +65,26 @@ class Outcome:
         self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not term.is_of_time))
         kept = [term for term in self.named.terms if not isinstance(term.law, FreeCurve)]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
-        self.x_named, self.matrix_named = consistent_fit(given, self.named, efforts.bodies_within_tolerance)
+        self.x_named, self.matrix_named = self._coefficients()
         self.held = held_out(given, self.named)
         self.impossible = self._no_bodies(fit(given, self.named)[0])
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]
         self.strained = squared_strain(given, self.named)
+
+    def _coefficients(self) -> tuple[Array, Array]:
+        """Return the coefficients (p,) that predict and their normal matrix: of bodies that can exist.
+
+        Whitened, unless plain weights leave less of the efforts in their own units on held-out blocks: where what
+        is left is what laws and curves lack, it is no noise.
+        """
+        efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
+        x, matrix = consistent_fit(self.given, self.named, bodies)
+        if not len(x) or efforts.at.motion.standing:
+            return x, matrix
+        plain = efforts.in_plain_units(self.given, self.named)
+        if worth(efforts.held_out_plainly(self.given, self.named), held_out(*plain))[0] > EFFORT_PLAINLY:
+            x = consistent_fit(*plain, bodies)[0]
+        return x, matrix
 
     def _no_bodies(self, x: Array) -> list[EffortCandidate]:
         """Return links whose parameters no body has, by a free fit (p,): something else is there, which they imitate."""

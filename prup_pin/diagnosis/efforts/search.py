@@ -47,8 +47,6 @@ __all__ = [
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
 _TRIED = 24
-#: Blocks for each coefficient of a term that their turned signs judge.
-_BLOCKS_EACH = 2
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
 
@@ -186,7 +184,7 @@ def searched(
             break
         given, chosen = _with_new(given, chosen, new, refused, closer)
         fresh = False
-    chosen = _beyond_chance(given, pruned(given, chosen, chosen.terms))
+    chosen = pruned(given, chosen, chosen.terms)
     # bodies first: what follows from what is known acts on them
     chosen = Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
     if closer is not None and chosen.terms:
@@ -195,25 +193,6 @@ def searched(
         given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
         chosen = _fewer(given, chosen)
     return given, chosen
-
-
-def _beyond_chance(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen without terms that chance does as well: what was there from the start never had to enter.
-
-    Turned signs of so many blocks tell nothing of a term with nearly as many coefficients: that one stays.
-    """
-    limit = np.log(EFFORT_CHANCE)
-    while chosen.terms:
-        chances = []
-        for term in chosen.terms:
-            told = _BLOCKS_EACH * term.size < given.columns.count
-            found = scores(given.only([term]), chosen.without(term))[0] if told else []
-            chances.append(found[0].log_chance if found else -np.inf if not told else 0.0)
-        worst = int(np.argmax(chances))
-        if chances[worst] < limit:
-            break
-        chosen = chosen.without(chosen.terms[worst])
-    return chosen
 
 
 def _entering(
