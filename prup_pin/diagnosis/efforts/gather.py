@@ -381,10 +381,13 @@ class Efforts:
         prior += more
         return self._given(columns, (*fixed, *kept, *new), np.array(prior)), chosen
 
-    def closer(self, given: Gathered, chosen: Chosen, which: Sequence[int]) -> tuple[Gathered, Chosen]:
+    def closer(
+        self, given: Gathered, chosen: Chosen, which: Sequence[int], at_last: bool = False
+    ) -> tuple[Gathered, Chosen]:
         """Return what is chosen with scanned values where the blocks ask for them, and the columns that this takes.
 
-        `which`: the terms that are looked at, by their places in `chosen`, one after the other.
+        `which`: the terms that are looked at, by their places in `chosen`, one after the other. at_last: what is nothing
+        so far may come to be something; while laws are missing it would stand for them.
         """
         columns, best = given.columns, chosen
         for place in which:
@@ -394,6 +397,8 @@ class Efforts:
             # what follows from what is known is looked at again with what is known now
             again = [term.values] if term.law.of_what_is_known else []
             others = list(term.law.closer(term.place, values, self.at)) or again
+            size = len(term.law.free(term.values))
+            others = [other for other in others if at_last or len(term.law.free(other)) <= size]
             if not others:
                 continue
             at = self.at

@@ -157,7 +157,7 @@ def searched(
     given: Gathered,
     start: Chosen,
     refresh: Callable[[Gathered, Chosen], tuple[Gathered, Chosen]] | None = None,
-    closer: Callable[[Gathered, Chosen, Sequence[int]], tuple[Gathered, Chosen]] | None = None,
+    closer: Callable[..., tuple[Gathered, Chosen]] | None = None,
     tell: Callable[[float], None] = lambda share: None,
 ) -> tuple[Gathered, Chosen]:
     """Return the laws that the efforts ask for.
@@ -188,7 +188,7 @@ def searched(
     # bodies first: what follows from what is known acts on them
     chosen = Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
     if closer is not None and chosen.terms:
-        given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1))
+        given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1), True)
         given, chosen = _with_new(given, chosen, [], refused, None)
         given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
         chosen = _fewer(given, chosen)
@@ -242,7 +242,7 @@ def _with_new(
     chosen: Chosen,
     new: Sequence[EffortCandidate],
     refused: Counter[tuple[str, str, str]],
-    closer: Callable[[Gathered, Chosen, Sequence[int]], tuple[Gathered, Chosen]] | None,
+    closer: Callable[..., tuple[Gathered, Chosen]] | None,
 ) -> tuple[Gathered, Chosen]:
     """Return what is chosen with new terms, without those whose place they take and those that they make needless."""
     for term in new:
@@ -334,7 +334,7 @@ def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
 def _plainer(
     given: Gathered,
     chosen: Chosen,
-    closer: Callable[[Gathered, Chosen, Sequence[int]], tuple[Gathered, Chosen]],
+    closer: Callable[..., tuple[Gathered, Chosen]],
 ) -> tuple[Gathered, Chosen]:
     """Return what is chosen with the plainer law of a family where the richer one does not earn what it has more."""
     for place in range(len(chosen.terms)):
