@@ -26,6 +26,8 @@ __all__ = ["can_exist", "consistent_fit"]
 
 #: Steps of Newton's method, the decrease that ends it, and halvings of a step.
 _STEPS, _SETTLED, _HALVINGS = 60, 1e-6, 40
+#: By which the divergence's weight falls from one run of it to the next.
+_SOFTER = 10.0
 #: Weight of the divergence where a law says nothing of what its body is likely to be.
 _WEIGHT = 0.5
 #: Of the drawn body's smallest second moment, below which it has none to speak of: that body is left free.
@@ -67,7 +69,12 @@ def consistent_fit(given: Gathered, chosen: Chosen, bases: Sequence[tuple[int, A
         if term.law.one_sided:
             free[chosen.own(term)] = x[chosen.own(term)] > 0
     while True:
-        found = _newton(matrix, moment, bodies, free)
+        found, weight = np.zeros(len(where)), max(float(abs(moment @ x)), _WEIGHT)
+        while True:  # from a stiff divergence to its own weight: Newton's steps stay away from the cone's wall
+            found = _newton(matrix, moment, bodies, free, found, weight)
+            if weight <= _WEIGHT:
+                break
+            weight = max(weight / _SOFTER, _WEIGHT)
         bounded = np.zeros(len(where), bool)
         for term in chosen.terms:
             bounded[chosen.own(term)] = term.law.one_sided
@@ -77,9 +84,11 @@ def consistent_fit(given: Gathered, chosen: Chosen, bases: Sequence[tuple[int, A
         free &= ~negative
 
 
-def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndarray) -> Array:
-    """Return the coefficients (p,) of the least cost from none at all; those that are not `free` stay at nothing."""
-    x, here = np.zeros(len(moment)), np.flatnonzero(free)
+def _newton(
+    matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndarray, x: Array, weight: float
+) -> Array:
+    """Return the coefficients (p,) of the least cost, from x (p,); those that are not `free` stay where they are."""
+    here = np.flatnonzero(free)
 
     def cost(x: Array) -> float:
         value = 0.5 * x @ matrix @ x - moment @ x
@@ -87,7 +96,7 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
             present = body.at(x)
             if not _smallest(present) > 0:
                 return np.inf
-            value += _WEIGHT * (np.trace(present @ np.linalg.inv(body.drawn)) - np.linalg.slogdet(present)[1])
+            value += weight * (np.trace(present @ np.linalg.inv(body.drawn)) - np.linalg.slogdet(present)[1])
         return float(value)
 
     now = cost(x)
@@ -96,8 +105,8 @@ def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndar
         for body in bodies:
             inverse = np.linalg.inv(body.at(x))
             seen = inverse @ body.changes  # (p, 4, 4)
-            slope += _WEIGHT * np.einsum("pij,ji->p", body.changes, np.linalg.inv(body.drawn) - inverse)
-            curved += _WEIGHT * np.einsum("pij,qji->pq", seen, seen)
+            slope += weight * np.einsum("pij,ji->p", body.changes, np.linalg.inv(body.drawn) - inverse)
+            curved += weight * np.einsum("pij,qji->pq", seen, seen)
         own = curved[np.ix_(here, here)]
         scale = 1 / np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
         own = own * scale[:, None] * scale + 1e-12 * np.eye(len(here))

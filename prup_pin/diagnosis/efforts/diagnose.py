@@ -130,6 +130,8 @@ def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple
         start = efforts.start(given if freed else None)
         if common:
             start = efforts.background(given, start)
+            # beside all that every drive has, how its friction turns round stands for nothing else
+            given, start = efforts.closer(given, start, range(len(start.terms)), at_last=True)
         found.append(searched(given, start, efforts.renewed, efforts.closer, lambda s, b=share: tell(b + 0.5 * s)))
     single, together = found
     return together if worth(held_out(*single), held_out(*together))[0] > EFFORT_GAIN else single
