@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import architecture
@@ -95,6 +96,46 @@ def diagnosis() -> None:
     place_figure(robot, found, found.findings[0]).savefig(OUT / "diagnosis.png")
 
 
+def effort_spectra() -> None:
+    """Draw spectra of a joint's efforts: an arm whose gears yield and whose motors vibrate, beside its quiet twin."""
+    from prup_pin.diagnosis import diagnose
+    from prup_pin.recordings import read_recording
+    from prup_pin.simulation.moving_efforts import efforts_in_motion
+    from prup_pin.views.drawing.effort_figures import effort_spectra_figure
+    from tests.reference.concealed.efforts import draw_motion
+    from tests.reference.concealed.elastic import KINDS, ElasticArm, Ripple, draw_elastic, write
+
+    drawn, kind, lasting = draw_elastic(2, "ur5", "everywhere", 20.0), KINDS["ur5"], 40.0
+    arm, log = drawn["arm"], drawn["log"]
+    motion = draw_motion(np.random.default_rng(1), kind.chain(), kind, lasting, 0)
+    # the same motion once more with perfect sensors, and motors that do not vibrate
+    quiet = ElasticArm(arm.links, arm.drives, Ripple(0 * arm.ripple.size))
+    perfect = replace(log, position=0.0, counts=None, velocity=None, jitter=0.0)
+    robot = prup_pin.load(kind.called)
+    with tempfile.TemporaryDirectory() as folder:
+        recordings = []
+        for seen, by in ((arm, log), (quiet, perfect)):
+            rng = np.random.default_rng(2)
+            logged, _ = by.record(rng, seen.run(motion, lasting, 1), seen.ripple, lasting)
+            write({**drawn, "fit": logged}, Path(folder), Path(folder) / "sealed", "log")
+            recordings.append(read_recording(Path(folder) / "log.csv"))
+    found = diagnose(robot, recordings[0]).efforts
+    joint = "elbow_joint"
+    measured = recordings[0].efforts[joint]
+    predicted, smooth = (efforts_in_motion(robot, each, found.effects)[joint] for each in recordings)
+    known = np.isfinite(predicted) & np.isfinite(smooth)
+    efforts = {
+        "measured": measured,
+        "predicted": predicted,
+        "of the motion": predicted - smooth,
+        "left": measured - predicted,
+    }
+    figure = effort_spectra_figure(
+        joint, log.rate, {key: values[known] for key, values in efforts.items()}, found.band[joint], 100.0
+    )
+    figure.savefig(OUT / "effort_spectra.png")
+
+
 def explorer() -> None:
     """Draw the explorer, as it opens under a load."""
     from PIL import Image
@@ -130,6 +171,8 @@ def main(wanted: list[str]) -> None:
         explorer()
     if not wanted or "diagnosis" in wanted:
         diagnosis()
+    if not wanted or "effort_spectra" in wanted:
+        effort_spectra()
     if not wanted or "architecture" in wanted:
         architecture.draw()
     for path in sorted(OUT.glob("*.png")):
