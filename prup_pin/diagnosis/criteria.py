@@ -400,10 +400,11 @@ EFFORT_LOUD = 1.5
 EFFORT_EVENT_LOUD, EFFORT_EVENT, EFFORT_EVENT_APART = 6.0, 12.0, 3.0
 MOST_IN_EFFORT_EVENTS, MOST_EFFORT_EVENTS = 0.1, 3
 #: Share of the efforts, of all or of a joint, that may be left where no noise was declared, and nothing be missing; and
-#: the multiple of one sample's noise beyond which more than that is none: it would be new in less than a sixteenth of its
-#: power from sample to sample, though nothing foretells it.
+#: the multiple of one sample's noise beyond which more than that is none: it would be new in less than a sixteenth of
+#: its power from sample to sample, though nothing foretells it.
 EFFORT_UNTOLD, EFFORT_NO_NOISE = 0.3, 4.0
-#: Share of a joint's effort below which what is left there is no matter, whatever it follows: friction is no better known.
+#: Share of a joint's effort below which what is left there is no matter, whatever it follows: friction is no better
+#: known.
 EFFORT_NO_MATTER = 0.05
 #: Blocks of time below which none can be judged by the others.
 FEWEST_EFFORT_BLOCKS = 4

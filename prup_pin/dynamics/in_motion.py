@@ -130,8 +130,10 @@ class InMotion:
         return self.dragging(self.position(joint), way)
 
     def rubbing(self, joint: str, values: Mapping[str, float]) -> Array:
-        """Return how much of a joint's dry friction acts, and which way (N,): it turns round on a way, 'presliding', and
-        sets in with the speed, below 'smoothing'."""
+        """Return how much of a joint's dry friction acts, and which way (N,).
+
+        It turns round on a way, 'presliding', and sets in with the speed, below 'smoothing'.
+        """
         return self.dragged(joint, values["presliding"]) * self.set_in(self.speed(joint), values.get("smoothing", 0.0))
 
     @staticmethod

@@ -217,7 +217,9 @@ def motion_of(
         efforts = LowPass(0.4 * rate / every, rate)(efforts, parts)
         rate /= every
     keep = keep[counts[keep]]
-    most = Thinning(len(keep), _OF_SPECTRA, _LONG_PIECES) if band is None else Thinning(len(keep), _MOST_SAMPLES, _PIECES)
+    most = (
+        Thinning(len(keep), _OF_SPECTRA, _LONG_PIECES) if band is None else Thinning(len(keep), _MOST_SAMPLES, _PIECES)
+    )
     keep, piece = (keep, parts[keep]) if driven is not None else _fewer(keep, parts, most, remarks)
     wrench = recording.wrench if recording.has_wrench else None
     return Motion(

@@ -126,9 +126,7 @@ def _of_one(table: Array) -> Array:
     return table[:, sizes > 0] / sizes[sizes > 0]
 
 
-def _fitted(
-    inertial: Array, others: Array, effort: Array, low_pass: LowPass, piece: np.ndarray
-) -> tuple[Array, Array]:
+def _fitted(inertial: Array, others: Array, effort: Array, low_pass: LowPass, piece: np.ndarray) -> tuple[Array, Array]:
     """Return the best sums (N,) of inertial columns (N, p) and of the others (N, q) for an effort (N,), fitted below a
     frequency."""
     columns = np.concatenate((inertial, others), axis=1)

@@ -6,7 +6,8 @@ from the drawn bodies
 
     D(P | P0) = tr(P P0^-1) - log det(P P0^-1) - 4
 
-is convex, grows without bound towards a body that cannot be, and is the same in all frames (Lee, Wensing and Park 2019).
+is convex, grows without bound towards a body that cannot be, and is the same in all frames (Lee, Wensing and Park
+2019).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ...spatial import Array
 from .chosen import Chosen, fit
 from .columns import Gathered
 
-__all__ = ["can_exist", "consistent_fit"]
+__all__ = ["consistent_fit"]
 
 #: Steps of Newton's method, the decrease that ends it, and halvings of a step.
 _STEPS, _SETTLED, _HALVINGS = 60, 1e-6, 40
@@ -45,11 +46,6 @@ class _Body:
     def at(self, x: Array) -> Array:
         """Return P with coefficients (p,)."""
         return self.drawn + np.tensordot(x, self.changes, axes=1)
-
-
-def can_exist(given: Gathered, chosen: Chosen, bases: Sequence[tuple[int, Array] | None], x: Array) -> bool:
-    """Return whether all bodies of a fit can exist. bases: the joint and the parameters (10,) of what is in tolerance."""
-    return all(_smallest(body.at(x)) > 0 for body in _bodies(given.mechanism, chosen, bases))
 
 
 def consistent_fit(given: Gathered, chosen: Chosen, bases: Sequence[tuple[int, Array] | None]) -> tuple[Array, Array]:
@@ -84,9 +80,7 @@ def consistent_fit(given: Gathered, chosen: Chosen, bases: Sequence[tuple[int, A
         free &= ~negative
 
 
-def _newton(
-    matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndarray, x: Array, weight: float
-) -> Array:
+def _newton(matrix: Array, moment: Array, bodies: Sequence[_Body], free: np.ndarray, x: Array, weight: float) -> Array:
     """Return the coefficients (p,) of the least cost, from x (p,); those that are not `free` stay where they are."""
     here = np.flatnonzero(free)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -28,13 +28,65 @@ from .relief import squared_strain
 from .rivals import rivals_of
 from .search import held_out
 
-__all__ = ["beyond_found", "gains_found", "law_found"]
+__all__ = ["beyond_found", "gains_found", "laws_found"]
 
+#: Joints with the same law from which it is one finding of the robot, where they are half of its drives.
+_FEWEST_OF_KIND = 3
 #: Share of the most that one body takes away, from which another is as good.
 _AS_GOOD = 0.99
 
 
-def law_found(outcome: Outcome, term: EffortCandidate) -> Finding:
+def laws_found(outcome: Outcome) -> Iterator[Finding]:
+    """Yield the finding of each law; one for all joints of what most drives have."""
+    kinds: dict[str, list[EffortCandidate]] = {}
+    everywhere = {term.law.physics for term in outcome.given.candidates if term.law.everywhere}
+    for term in outcome.laws:
+        if term.law.physics in everywhere and term.place.name in outcome.at.driven:
+            kinds.setdefault(term.law.physics, []).append(term)
+    for terms in kinds.values():
+        if len({term.place.name for term in terms}) >= max(_FEWEST_OF_KIND, len(outcome.at.driven) / 2):
+            yield _of_kind(outcome, terms)
+            continue
+        for term in terms:
+            yield _law_found(outcome, term)
+    told = [term for terms in kinds.values() for term in terms]
+    for term in outcome.laws:
+        if not any(term is other for other in told):
+            yield _law_found(outcome, term)
+
+
+def _of_kind(outcome: Outcome, terms: Sequence[EffortCandidate]) -> Finding:
+    """Return the finding of what several drives have, with a table by joint: those that are known best first."""
+    rest = outcome.named
+    table: list[tuple[float, str, str, Mapping[str, FittedParameter]]] = []
+    for term in terms:
+        values = term.law.fitted(term.place, outcome.x_named[outcome.named.own(term)], term.values)
+        parameters = _parameters(outcome, term, values)
+        rest = rest.without(term)
+        first = parameters[term.law.linear[0]]
+        sure = abs(first.value) / max(first.interval[1] - first.interval[0], np.finfo(float).tiny)
+        table.append((sure, term.place.name, f"{number(first.value, 3)} {first.unit}", parameters))
+    table.sort(key=lambda row: -row[0])
+    before = float(held_out(outcome.given, rest).sum()) + squared_strain(outcome.given, rest)
+    left = float(outcome.held.sum()) + outcome.strained
+    joints = tuple(dict.fromkeys(name for _, name, _, _ in table))
+    law = next(
+        term.law for term in outcome.given.candidates if term.law.everywhere and term.name[0] == terms[0].name[0]
+    )
+    return Finding(
+        physics=law.physics,
+        location="robot",
+        candidates=("robot", *joints),
+        parameters={f"{name}.{key}": value for _, name, _, own in table for key, value in own.items()},
+        heldout_gain=float(np.clip(1 - left / max(before, np.finfo(float).tiny), 0.0, 1.0)),
+        statement=(
+            f"{law.summary} at {len(joints)} of {len(outcome.at.driven)} drives, those known best first: "
+            + ", ".join(f"{name} {size}" for _, name, size, _ in table)
+        ),
+    )
+
+
+def _law_found(outcome: Outcome, term: EffortCandidate) -> Finding:
     """Return the finding of a law: what it saves, its parameters, and what would explain as much."""
     if isinstance(term.law, AllLinks):
         return _of_all_links(outcome, term, term.law)

@@ -187,11 +187,14 @@ class Efforts:
         What is known beforehand counts as much beside what is left as it does beside white noise.
         """
         target = np.nan_to_num(self.measured - self.rigid)[self.every]
-        columns = Columns(np.column_stack([self._plain.of_joint(k, own) for k, own in enumerate(target.T)]), self.blocks)
+        columns = Columns(
+            np.column_stack([self._plain.of_joint(k, own) for k, own in enumerate(target.T)]), self.blocks
+        )
         columns.add([self._plain(ByJoint.of(self.columns_of(given, chosen)))])
         new = {old: index for index, old in enumerate(chosen.where)}
         terms = tuple(
-            replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in chosen.terms
+            replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size))
+            for term in chosen.terms
         )
         left = float(self.held_out_plainly(given, chosen).sum()) / max(int(self._plain.good.sum()), 1)
         bodies = {new[first]: left * block for first, block in given.bodies.items() if first in new}
@@ -386,8 +389,8 @@ class Efforts:
     ) -> tuple[Gathered, Chosen]:
         """Return what is chosen with scanned values where the blocks ask for them, and the columns that this takes.
 
-        `which`: the terms that are looked at, by their places in `chosen`, one after the other. at_last: what is nothing
-        so far may come to be something; while laws are missing it would stand for them.
+        `which`: the terms that are looked at, by their places in `chosen`, one after the other. at_last: what is
+        nothing so far may come to be something; while laws are missing it would stand for them.
         """
         columns, best = given.columns, chosen
         for place in which:

@@ -87,7 +87,7 @@ class Outcome:
         return x, matrix
 
     def _no_bodies(self, x: Array) -> list[EffortCandidate]:
-        """Return links whose parameters no body has, by a free fit (p,): something else is there, which they imitate."""
+        """Return links whose parameters no body has, by a free fit (p,): they imitate what else is there."""
         bodies = [term for term in self.laws if isinstance(term.law, InertialParameters)]
         if not bodies:
             return []

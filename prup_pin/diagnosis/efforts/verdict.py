@@ -22,7 +22,7 @@ from .curves import curves_of
 from .detectable import efforts_not_detectable
 from .diagnosis import EffortDiagnosis
 from .effects import effects_of
-from .findings import beyond_found, gains_found, law_found
+from .findings import beyond_found, gains_found, laws_found
 from .noise import EffortNoise
 from .outcome import Outcome
 from .residuals import noise_of, residuals_of, rms_of, shares_of
@@ -53,7 +53,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     before, after, by_joint = residuals_of(outcome, added, noise)
     findings = [
         *gains_found(outcome),
-        *(law_found(outcome, term) for term in outcome.laws),
+        *laws_found(outcome),
     ]
     unknown = [
         *(curve_unknown(outcome, term) for term in outcome.free),

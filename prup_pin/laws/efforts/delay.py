@@ -15,8 +15,8 @@ from .effort_law import EffortLaw
 
 __all__ = ["Delay", "DelayOfAll", "Lagging", "of_all_drives"]
 
-#: One signal's delay imitates a little of whatever is wrong with its joint: it must save this share of the squares. What
-#: all signals share is a delay sooner.
+#: One signal's delay imitates a little of whatever is wrong with its joint: it must save this share of the squares.
+#: What all signals share is a delay sooner.
 LATE = 0.1
 #: Ages of a signal among which the best is looked for [s]; between them its effect is nearly in proportion.
 _AGES = (2e-3, 8e-3, 16e-3, 28e-3, 40e-3, 60e-3)

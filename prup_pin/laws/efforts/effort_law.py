@@ -50,7 +50,7 @@ class EffortLaw(Law):
     looked_at: ClassVar[float] = 1.0
     #: True where the shape of a curve alone tells it: it is not named where that shape is not all.
     by_shape: ClassVar[bool] = False
-    #: True where every drive has it: it is there at all joints before single laws compete, and goes where it is needless.
+    #: True where every drive has it: it is there at all joints before single laws compete, and goes where needless.
     everywhere: ClassVar[bool] = False
     #: Scanned parameters that are settled between scanned values, by their logarithms.
     settled: ClassVar[tuple[str, ...]] = ()
@@ -104,7 +104,7 @@ class EffortLaw(Law):
         return np.zeros(len(self.linear))
 
     def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
-        """Return by joint what each coefficient adds to the inertial parameters of its body (10, p), about its frame."""
+        """Return by joint what each coefficient adds to its body's inertial parameters (10, p), about its frame."""
         return {}
 
     def agrees(self, coefficients: Array, values: Mapping[str, float]) -> bool:

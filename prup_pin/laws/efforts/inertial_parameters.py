@@ -16,8 +16,8 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EFFORT, EffortLaw
 
-#: By which share a link's mass and moments are off where nothing is declared, a standard deviation; and the share of the
-#: robot that every link may hold beyond what is drawn: where nothing is drawn, that is all.
+#: By which share a link's mass and moments are off where nothing is declared, a standard deviation; and the share of
+#: the robot that every link may hold beyond what is drawn: where nothing is drawn, that is all.
 BODIES_OFF, SOME_BODY = 1.0, 2e-3
 _UNITS = ("kg", *3 * ("kg m",), *6 * ("kg m^2",))
 
