@@ -263,11 +263,11 @@ class Columns:
             out[-1][:, at] = table.T
         return out
 
-    def residual(self, where: Sequence[int], x: Array, rows: slice = slice(None)) -> Array:
+    def residual(self, where: Sequence[int] | np.ndarray, x: Array, rows: slice = slice(None)) -> Array:
         """Return what is left (n, k) of the target with coefficients of some columns."""
         return self.target[rows] - np.column_stack([x[at] @ table for at, table in self.some(where, rows)])
 
-    def pulls(self, left: Array, where: np.ndarray | None = None) -> Array:
+    def pulls(self, left: Array, where: Sequence[int] | np.ndarray | None = None) -> Array:
         """Return products of all columns, or of some, with what is left (n, k), block by block (B, p)."""
         if where is None:
             every = [np.flatnonzero(own) for own in self.touched.T]

@@ -98,7 +98,7 @@ def _outcome(
         if gains is not None:
             efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
         first, last = share
-        return doubts, efforts, *_laws(efforts, gains is not None, partial(_between, tell, first, last))
+        return doubts, efforts, *_laws(efforts, gains is not None, partial(_between, partial(tell, _LAWS), first, last))
 
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
@@ -132,13 +132,15 @@ def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple
             start = efforts.background(given, start)
             # beside all that every drive has, how its friction turns round stands for nothing else
             given, start = efforts.closer(given, start, range(len(start.terms)), at_last=True)
-        found.append(searched(given, start, efforts.renewed, efforts.closer, lambda s, b=share: tell(b + 0.5 * s)))
+        found.append(
+            searched(given, start, efforts.renewed, efforts.closer, partial(_between, tell, share, share + 0.5))
+        )
     single, together = found
     return together if worth(held_out(*single), held_out(*together))[0] > EFFORT_GAIN else single
 
 
-def _between(tell: Callable[[str, float], None], first: float, last: float, share: float) -> None:
-    tell(_LAWS, first + (last - first) * share)
+def _between(tell: Callable[[float], None], first: float, last: float, share: float) -> None:
+    tell(first + (last - first) * share)
 
 
 def _in_motion(
