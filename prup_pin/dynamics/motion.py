@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import Recording
-from ..recordings.thinning import PIECES, Thinning
+from ..recordings.thinning import Thinning
 from ..spatial import Array
 from .clock import EvenClock, even_clock
 from .rates import one_rate
@@ -33,7 +33,7 @@ _TURNING = 0.2
 #: Fewest samples between two stretches that are left out, for any of them to count.
 _SHORTEST = 16
 #: Rows, and samples that follow from them, beyond which pieces of time are chosen instead of all, evenly.
-_MOST_ROWS, _MOST_SAMPLES, _PIECES = 100_000, 5_000, 10
+_MOST_ROWS, _MOST_SAMPLES, _PIECES = 100_000, 10_000, 10
 #: Where spectra are to tell the band: samples, in few pieces, since slow motions need long ones.
 _OF_SPECTRA, _LONG_PIECES = 48_000, 4
 #: Steps of a clock [s] beyond which its rows are postures, and the share of rows below which joints hardly ever move.
@@ -315,12 +315,12 @@ def _logged(group, names: tuple[str, ...]) -> list[str]:
 
 def _bounded(recording: Recording, remarks: list[str]) -> Recording:
     """Return at most _MOST_ROWS rows, in long pieces that are spread evenly over the recording."""
-    thinning = Thinning(len(recording), _MOST_ROWS)
+    thinning = Thinning(len(recording), _MOST_ROWS, _PIECES)
     rows = thinning.keeps(np.arange(len(recording)))
     if rows is None:
         return recording
     remarks.append(
-        f"{len(recording)} rows are more than are needed: {PIECES} pieces of {thinning.length} rows, evenly spread, "
+        f"{len(recording)} rows are more than are needed: {thinning.pieces} pieces of {thinning.length} rows, evenly spread, "
         "were used, the others were not looked at"
     )
     return recording.select(rows)
