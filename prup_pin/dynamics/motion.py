@@ -320,8 +320,8 @@ def _bounded(recording: Recording, remarks: list[str]) -> Recording:
     if rows is None:
         return recording
     remarks.append(
-        f"{len(recording)} rows are more than are needed: {thinning.pieces} pieces of {thinning.length} rows, evenly spread, "
-        "were used, the others were not looked at"
+        f"{len(recording)} rows are more than are needed: {thinning.pieces} pieces of {thinning.length} rows, evenly "
+        "spread, were used, the others were not looked at"
     )
     return recording.select(rows)
 
