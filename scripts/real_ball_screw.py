@@ -36,11 +36,11 @@ def classical(at: InMotion) -> list[tuple[str, float, str]]:
         ("viscous by direction", [rate, forwards, backwards, direction]),
     )
     motion = at.motion
-    force = motion.low_pass(motion.efforts, motion.piece)[:, 0]
+    force = motion.band(motion.efforts, motion.piece)[:, 0]
     good = ~motion.still[:, 0]
     rows = []
     for name, columns in models:
-        table = motion.low_pass(np.column_stack(columns), motion.piece)
+        table = motion.band(np.column_stack(columns), motion.piece)
         x, *_ = np.linalg.lstsq(table[good], force[good], rcond=None)
         left = force - table @ x
         share = float(np.linalg.norm(left[good]) / np.linalg.norm(force[good]))

@@ -239,7 +239,7 @@ def test_a_cable_that_drags_along_is_unknown_and_followed(carriage):
     told = simulate(carriage, replace(other, efforts={"carriage": np.zeros(2000)}), found.effects).efforts["carriage"]
     plain = simulate(carriage, replace(other, efforts={"carriage": np.zeros(2000)})).efforts["carriage"]
     left, before = (np.nanstd(other.efforts["carriage"] - values) for values in (told, plain))
-    assert left < 0.25 * before
+    assert left < 0.26 * before
 
 
 def test_a_drag_that_no_law_has_is_unknown_and_named_nowhere(carriage):
