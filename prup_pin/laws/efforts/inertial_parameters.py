@@ -53,12 +53,12 @@ def near_body(joint: int, mechanism: Mechanism) -> Array:
     frames and units, and growing without bound towards a body that cannot be (Lee, Wensing and Park 2019, Eq. 17).
     """
     drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
-    inverse = np.linalg.inv(drawn + SOME_BODY * _some_body(mechanism))
+    inverse = np.linalg.inv(drawn + SOME_BODY * some_body(mechanism))
     units = [inverse @ pseudo_inertia(unit) for unit in np.eye(10)]
     return np.array([[np.trace(a @ b) for a in units] for b in units]) / (2 * BODIES_OFF**2)
 
 
-def _some_body(mechanism: Mechanism) -> Array:
+def some_body(mechanism: Mechanism) -> Array:
     """Return the pseudo-inertia (4, 4) of a body as heavy as the robot and as large as a link, at its joint."""
     mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
     reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
