@@ -21,6 +21,7 @@ import numpy as np
 from ...dynamics import InMotion, LowPass
 from ...dynamics.smoothing import pieces
 from ...laws.efforts.effort_law import usual_way
+from ...laws.efforts.inertial_parameters import near_body
 from ...spatial import Array
 
 __all__ = ["Spectra", "coherent_band", "spectra_of"]
@@ -29,10 +30,13 @@ __all__ = ["Spectra", "coherent_band", "spectra_of"]
 _OWN, _OWN_TIMES = 0.99, 4.0
 #: Share of the measured power by which a prediction must be worse than none, over a third of an octave or more.
 _WORSE = 0.5
+#: Share of that frequency up to which efforts are compared: a gear that yields deviates from a rigid one by 1 / (1 - r^2)
+#: at the share r of its resonance, an eighth at a third of it.
+_FOOT = 1 / 3
 #: The prediction is fitted again up to the frequencies that the one before found.
 _ROUNDS = 3
-#: Weight of columns of length one staying at nothing: bodies are told in part only.
-_RIDGE = 1e-5
+#: Share of what the drawn bodies miss that stays missed, squared; and the rounding that keeps columns apart.
+_MISSED, _ROUNDING = 0.01, 1e-9
 #: Periods of the motion's own frequency in a stretch whose spectrum is taken, and fewest stretches.
 _PERIODS, _STRETCHES = 4.0, 6
 
@@ -63,10 +67,7 @@ def coherent_band(at: InMotion) -> dict[str, float]:
     columns = [_background(at, joint) for joint in range(len(at.driven))]
     cutoffs = np.full(len(at.driven), lowest)
     for _ in range(_ROUNDS):
-        parts = [
-            _fitted(*own, motion.efforts[:, joint], LowPass(cutoffs[joint], motion.rate), motion.piece)
-            for joint, own in enumerate(columns)
-        ]
+        parts = [_fitted(at, joint, own, cutoffs[joint]) for joint, own in enumerate(columns)]
         inertial, others = (np.column_stack(part) for part in zip(*parts, strict=True))
         seen = spectra_of(at, motion.efforts - others, inertial, lowest / _OWN_TIMES)
         before, cutoffs = cutoffs, _cutoffs(seen, lowest, highest)
@@ -92,10 +93,10 @@ def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> S
 
 
 def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
-    """Return (k,) the lowest frequency [Hz] above which a prediction adds more than there was."""
+    """Return (k,) frequencies [Hz] well below the lowest one at which a prediction adds more than there was."""
     worse = (spectra.explained < -_WORSE) & (spectra.frequency > lowest) & (spectra.frequency < highest)
     first = np.argmax(worse, axis=1)
-    return np.where(worse.any(axis=1), spectra.frequency[first], highest)
+    return np.where(worse.any(axis=1), np.maximum(_FOOT * spectra.frequency[first], lowest), highest)
 
 
 def _own_frequency(at: InMotion) -> float:
@@ -110,31 +111,38 @@ def _own_frequency(at: InMotion) -> float:
     return float(frequency[np.argmax(share > _OWN, axis=0)].max())
 
 
-def _background(at: InMotion, joint: int) -> tuple[Array, Array]:
-    """Return columns of what every drive has, each of length one: of bodies and rotor (N, p), and the others (N, q)."""
-    name = at.driven[joint]
-    inertial, others = [at.regressor[:, joint].reshape(len(at), -1)], [np.ones(len(at))]
+def _background(at: InMotion, joint: int) -> tuple[Array, Array, Array]:
+    """Return what every drive has: of bodies, by how far off each may be (N, p), of a rotor, and the rest (N, q)."""
+    name, bodies = at.driven[joint], []
+    for index in range(at.regressor.shape[2]):
+        own = at.regressor[:, joint, index]
+        if own.any():
+            spread = np.linalg.inv(np.linalg.cholesky(near_body(index + 1, at.mechanism))).T
+            bodies.append(own @ spread)
+    rotor, rest = [], [np.ones(len(at))]
     if name in at.motion.names and at.moves(name):
-        inertial.append(at.acceleration(name)[:, None])
-        others += [at.dragged(name, usual_way(at, name)), at.speed(name)]
-    return _of_one(np.concatenate(inertial, axis=1)), _of_one(np.column_stack(others))
+        rotor.append(at.acceleration(name))
+        rest += [at.dragged(name, usual_way(at, name)), at.speed(name)]
+    nothing = np.zeros((len(at), 0))
+    return (np.concatenate([nothing, *bodies], axis=1), np.column_stack([nothing, *rotor]), np.column_stack(rest))
 
 
-def _of_one(table: Array) -> Array:
-    """Return those columns (N, p) that are not nothing, each of length one."""
-    sizes = np.sqrt((table**2).sum(axis=0))
-    return table[:, sizes > 0] / sizes[sizes > 0]
-
-
-def _fitted(inertial: Array, others: Array, effort: Array, low_pass: LowPass, piece: np.ndarray) -> tuple[Array, Array]:
-    """Return the best sums (N,) of inertial columns (N, p) and of the others (N, q) for an effort (N,), fitted below a
-    frequency."""
-    columns = np.concatenate((inertial, others), axis=1)
-    low, given = low_pass(columns, piece), low_pass(effort, piece)
-    size = max(float((low**2).sum(axis=0).max(initial=0.0)), np.finfo(float).tiny)
-    x = np.linalg.solve(low.T @ low + _RIDGE * size * np.eye(low.shape[1]), low.T @ given)
-    count = inertial.shape[1]
-    return inertial @ x[:count], others @ x[count:]
+def _fitted(at: InMotion, joint: int, columns: tuple[Array, Array, Array], cutoff: float) -> tuple[Array, Array]:
+    """Return what bodies and rotor need (N,), and friction and offset (N,), by a fit below a frequency."""
+    bodies, rotor, rest = columns
+    low_pass, piece = LowPass(cutoff, at.motion.rate), at.motion.piece
+    asked = low_pass(at.motion.efforts[:, joint] - at.rigid[:, joint], piece)
+    every = np.concatenate(columns, axis=1)
+    low = low_pass(every, piece)
+    sizes = np.sqrt((low**2).sum(axis=0))
+    # bodies by their spread, beside what no law takes away; of samples that the cut-off makes alike one counts
+    alike = at.motion.rate / (2 * cutoff)
+    weights = np.where(np.arange(every.shape[1]) < bodies.shape[1], alike * _MISSED * np.mean(asked**2), 0.0)
+    matrix = low.T @ low + np.diag(weights + _ROUNDING * np.maximum(sizes**2, np.finfo(float).tiny))
+    scale = 1 / np.sqrt(np.diag(matrix))
+    x = scale * np.linalg.solve(matrix * scale[:, None] * scale, scale * (low.T @ asked))
+    count = bodies.shape[1] + rotor.shape[1]
+    return at.rigid[:, joint] + every[:, :count] @ x[:count], rest @ x[count:]
 
 
 def _by_bands(frequency: Array, power: Array) -> Array:
