@@ -117,6 +117,10 @@ def _played(at, larger, faster):
 def check_refit(law, place, values, at):
     """A fit without noise gives back all parameters that its columns tell, settled ones from where they are scanned."""
     rng = np.random.default_rng(5)
+    # what is nothing where a search begins is told as well once it is something
+    for name in set(law.settled) - set(law.free(values)):
+        some = [other[name] for other in law.closer(place, values, at) if other.get(name)]
+        values = {**values, name: some[-1]}
     apart = [np.exp(0.7 * law.near(values))] * len(law.settled)
     truth = dict(law.scaled(values, apart)) if law.settled else dict(values)
     columns = law.efforts_per(place, truth, at)
