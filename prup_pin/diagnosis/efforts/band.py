@@ -30,9 +30,10 @@ __all__ = ["Spectra", "coherent_band", "spectra_of"]
 _OWN, _OWN_TIMES = 0.99, 4.0
 #: Share of the measured power by which a prediction must be worse than none, over a third of an octave or more.
 _WORSE = 0.5
-#: Share of that frequency up to which efforts are compared: a gear that yields deviates from a rigid one by 1 / (1 - r^2)
-#: at the share r of its resonance, an eighth at a third of it.
-_FOOT = 1 / 3
+#: Coherence from which it is no noise that makes the prediction worse, but a motor that vibrates; and the share of that
+#: frequency up to which efforts are then compared: a gear that yields deviates from a rigid one by 1 / (1 - r^2) at the
+#: share r of its resonance, an eighth at a third of it.
+_COHERENT, _FOOT = 0.25, 1 / 3
 #: The prediction is fitted again up to the frequencies that the one before found.
 _ROUNDS = 3
 #: Share of what the drawn bodies miss that stays missed, squared; and the rounding that keeps columns apart.
@@ -52,6 +53,11 @@ class Spectra:
     measured: Array
     predicted: Array
     both: Array  # the size of the complex cross-spectrum
+
+    @property
+    def coherence(self) -> Array:
+        """Share (k, f) of the measured power that follows the predicted one at any gain and phase."""
+        return self.both**2 / np.maximum(self.measured * self.predicted, np.finfo(float).tiny)
 
     @property
     def explained(self) -> Array:
@@ -93,10 +99,12 @@ def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> S
 
 
 def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
-    """Return (k,) frequencies [Hz] well below the lowest one at which a prediction adds more than there was."""
+    """Return (k,) frequencies [Hz] up to the lowest one at which a prediction adds more than there was."""
     worse = (spectra.explained < -_WORSE) & (spectra.frequency > lowest) & (spectra.frequency < highest)
     first = np.argmax(worse, axis=1)
-    return np.where(worse.any(axis=1), np.maximum(_FOOT * spectra.frequency[first], lowest), highest)
+    coherent = spectra.coherence[np.arange(len(first)), first] > _COHERENT
+    cut = spectra.frequency[first] * np.where(coherent, _FOOT, 1.0)
+    return np.where(worse.any(axis=1), np.maximum(cut, lowest), highest)
 
 
 def _own_frequency(at: InMotion) -> float:
