@@ -32,8 +32,8 @@ _OWN, _OWN_TIMES = 0.99, 4.0
 _WORSE = 0.5
 #: Coherence from which it is no noise that makes the prediction worse, but a motor that vibrates; and the share of that
 #: frequency up to which efforts are then compared: a gear that yields deviates from a rigid one by 1 / (1 - r^2) at the
-#: share r of its resonance, an eighth at a third of it.
-_COHERENT, _FOOT = 0.25, 1 / 3
+#: share r of its resonance, a third at half of it.
+_COHERENT, _FOOT = 0.25, 0.5
 #: The prediction is fitted again up to the frequencies that the one before found.
 _ROUNDS = 3
 #: Share of what the drawn bodies miss that stays missed, squared; and the rounding that keeps columns apart.
