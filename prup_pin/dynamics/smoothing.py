@@ -124,7 +124,7 @@ def bandwidth(values: Array, piece: np.ndarray, rate: float) -> float:
     floor = floor_of(frequency, power, rate)
     if not floor > 0:
         return float(rate / 2)
-    stands = _by_bands(frequency, power) > _ABOVE_NOISE * floor
+    stands = by_bands(frequency, power) > _ABOVE_NOISE * floor
     if not stands.any():
         return 0.0
     # The first frequency that mostly noise follows: lines of a resonance far above the motion are not the motion.
@@ -135,9 +135,9 @@ def bandwidth(values: Array, piece: np.ndarray, rate: float) -> float:
     return float(frequency[-1])
 
 
-def _by_bands(frequency: Array, power: Array) -> Array:
-    """Return a spectrum averaged over a third of an octave about each frequency: one line or a fluke counts little."""
-    total = np.concatenate(([0.0], np.cumsum(power)))
+def by_bands(frequency: Array, power: Array) -> Array:
+    """Return spectra (f, ...) averaged over a third of an octave about each frequency: one line counts little."""
+    total = np.concatenate((np.zeros((1, *power.shape[1:])), np.cumsum(power, axis=0)))
     low = np.searchsorted(frequency, frequency / 2 ** (1 / 6))
     high = np.maximum(np.searchsorted(frequency, frequency * 2 ** (1 / 6), side="right"), low + 1)
-    return (total[high] - total[low]) / (high - low)
+    return (total[high] - total[low]) / (high - low).reshape(-1, *[1] * (power.ndim - 1))

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics import InMotion, LowPass
-from ...dynamics.smoothing import pieces
+from ...dynamics.smoothing import by_bands, pieces
 from ...laws.efforts.effort_law import usual_way
 from ...laws.efforts.inertial_parameters import near_body
 from ...spatial import Array
@@ -94,7 +94,7 @@ def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> S
     measured, predicted = measured[longest], predicted[longest]
     frequency, power = welch(measured, **settings)
     parts = [power, welch(predicted, **settings)[1], csd(measured, predicted, **settings)[1]]
-    m, p, both = (_by_bands(frequency, part).T for part in parts)
+    m, p, both = (by_bands(frequency, part).T for part in parts)
     return Spectra(frequency, m, p, np.abs(both))
 
 
@@ -151,11 +151,3 @@ def _fitted(at: InMotion, joint: int, columns: tuple[Array, Array, Array], cutof
     x = scale * np.linalg.solve(matrix * scale[:, None] * scale, scale * (low.T @ asked))
     count = bodies.shape[1] + rotor.shape[1]
     return at.rigid[:, joint] + every[:, :count] @ x[:count], rest @ x[count:]
-
-
-def _by_bands(frequency: Array, power: Array) -> Array:
-    """Return spectra (f, k) averaged over a third of an octave about each frequency."""
-    total = np.concatenate((np.zeros((1, power.shape[1])), np.cumsum(power, axis=0)))
-    low = np.searchsorted(frequency, frequency / 2 ** (1 / 6))
-    high = np.maximum(np.searchsorted(frequency, frequency * 2 ** (1 / 6), side="right"), low + 1)
-    return (total[high] - total[low]) / (high - low)[:, None]
