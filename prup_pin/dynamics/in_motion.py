@@ -256,6 +256,19 @@ class InMotion:
     def _shifts(self) -> dict[str, Array]:
         return {}
 
+    def yielded(self, joint: str) -> Array:
+        """Return d(rigid efforts)/dc (N, k) by the compliance c of one joint's gear, behind the encoder.
+
+        The links lag behind the encoder by c times what bodies, as far as they are known, ask of the joint.
+        """
+        column, passed = self.motion.names.index(joint), self.effort_of(joint, self.borne)
+        largest = float(np.abs(passed).max(initial=0.0))
+        if not largest > 0:
+            return np.zeros_like(self.rigid)
+        back = -passed / largest
+        speed = self.rate(back)
+        return self._derivative(column, back, speed, self.rate(speed)) * (largest / _STEP)
+
     def displaced(self, joint: str) -> Array:
         """Return d(rigid efforts)/dq (N, k) by the position of one joint."""
         column, zero = self.motion.names.index(joint), np.zeros(len(self))

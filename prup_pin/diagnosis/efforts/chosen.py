@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,10 +16,22 @@ __all__ = ["Chosen", "fit", "saved"]
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """Terms that are fitted together: `base` columns stand for what is within tolerance, `terms` for laws."""
+    """Terms that are fitted together: `base` columns stand for what is within tolerance, `terms` for laws.
+
+    `background`: what every drive has is among the terms and stays there, sure or not, as nuisance parameters do.
+    """
 
     base: tuple[int, ...]
     terms: tuple[EffortCandidate, ...] = ()
+    background: bool = False
+
+    def stays(self, term: EffortCandidate) -> bool:
+        """Return whether a term is there because every drive has it, and not for what it saves."""
+        return self.background and term.law.everywhere
+
+    def of(self, terms: Iterable[EffortCandidate]) -> Chosen:
+        """Return the same with other terms."""
+        return replace(self, terms=tuple(terms))
 
     @property
     def where(self) -> list[int]:
@@ -36,15 +49,15 @@ class Chosen:
 
     def with_term(self, term: EffortCandidate) -> Chosen:
         """Return the same with one more."""
-        return Chosen(self.base, (*self.terms, term))
+        return self.of((*self.terms, term))
 
     def replaced(self, place: int, term: EffortCandidate) -> Chosen:
         """Return the same with another term in one place."""
-        return Chosen(self.base, (*self.terms[:place], term, *self.terms[place + 1 :]))
+        return self.of((*self.terms[:place], term, *self.terms[place + 1 :]))
 
     def without(self, term: EffortCandidate) -> Chosen:
         """Return the same without one."""
-        return Chosen(self.base, tuple(other for other in self.terms if other is not term))
+        return self.of(other for other in self.terms if other is not term)
 
 
 def fit(given: Gathered, chosen: Chosen, left_out: np.ndarray | None = None) -> tuple[Array, Array]:

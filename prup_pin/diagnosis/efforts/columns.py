@@ -186,6 +186,11 @@ class Columns:
         """The joints in which each column acts, (P, k)."""
         return self._touched[: self.size]
 
+    @property
+    def power_by_joint(self) -> Array:
+        """Squares of the target (k,), summed over all samples."""
+        return (self.target**2).sum(axis=0)
+
     def by_block(self, values: Array) -> Array:
         """Return sums over blocks (B, ...) of values (n, ...)."""
         return np.add.reduceat(values, self.starts) if self.count else np.zeros((0, *values.shape[1:]))
@@ -297,7 +302,7 @@ class Gathered:
     """Everything that competes, with its columns.
 
     `prior` (P,): inverse variances of the coefficients, in the unit of the whitened noise; `bodies`: by the first of
-    ten columns that are a body's parameters, their inverse covariance (10, 10), whose diagonal is `prior`; `links`: the
+    ten columns that are a body's parameters, their inverse covariance (10, 10), which counts in its place; `links`: the
     links whose tolerances some columns are.
     """
 

@@ -36,7 +36,7 @@ from .likelier import likelier
 from .outcome import Outcome
 from .plausible import check_efforts
 from .relief import relieved, relieving, squared_strain
-from .search import held_out, pruned, scores, searched, threshold, worth
+from .search import held_out, kinds_of_most, pruned, scores, searched, surely, threshold, worth
 from .stretches import Stretch, stands_out, stretches_of
 from .verdict import effort_diagnosis_of
 
@@ -98,7 +98,7 @@ def _outcome(
         if gains is not None:
             efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
         first, last = share
-        return doubts, efforts, *_laws(efforts, gains is not None, partial(_between, partial(tell, _LAWS), first, last))
+        return doubts, *_laws(efforts, gains is not None, partial(_between, partial(tell, _LAWS), first, last))
 
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
@@ -117,12 +117,12 @@ def _outcome(
     return Outcome(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
 
 
-def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Gathered, Chosen]:
-    """Return the laws that the efforts ask for; `freed`: beside the masses of all links.
+def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
+    """Return the laws that the efforts ask for, and efforts that know them; `freed`: beside the masses of all links.
 
     Looked for from nothing, one after the other, and from what every drive has, all at once: of a robot on which
-    everything is a little off, the first single law would stand for much that it is not. What every drive has is taken
-    where it leaves less on held-out blocks.
+    everything is a little off, the first single law would stand for much that it is not. What every drive has is there
+    where most drives surely have something of the kind, by both searches or with less left on held-out blocks.
     """
     found = []
     for common, share in ((False, 0.0), (True, 0.5)):
@@ -130,13 +130,15 @@ def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple
         start = efforts.start(given if freed else None)
         if common:
             start = efforts.background(given, start)
+            efforts, given = efforts.with_learned_widths(given, start)
             # beside all that every drive has, how its friction turns round stands for nothing else
             given, start = efforts.closer(given, start, range(len(start.terms)), at_last=True)
-        found.append(
-            searched(given, start, efforts.renewed, efforts.closer, partial(_between, tell, share, share + 0.5))
-        )
+        part = partial(_between, tell, share, share + 0.5)
+        found.append((efforts, *searched(given, start, efforts.renewed, efforts.closer, part)))
     single, together = found
-    return together if worth(held_out(*single), held_out(*together))[0] > EFFORT_GAIN else single
+    kinds = [kinds_of_most(given, surely(given, chosen).terms) for _, given, chosen in found]
+    less = worth(held_out(*single[1:]), held_out(*together[1:]))[0] > EFFORT_GAIN
+    return together if kinds[1] and (kinds[0] or less) else single
 
 
 def _between(tell: Callable[[float], None], first: float, last: float, share: float) -> None:
@@ -181,7 +183,7 @@ def _with_curves(
     """
     free: list[EffortCandidate] = []
     imitating: list[EffortCandidate] = []
-    began = Beside(given, Chosen(chosen.base))
+    began = Beside(given, chosen.of(()))
     for _ in range(3):
         given, curves = efforts.with_curves(given)
         ranked, best = scores(given.only(curves), chosen)

@@ -26,29 +26,19 @@ from .likelier import is_body
 from .outcome import Outcome
 from .relief import squared_strain
 from .rivals import rivals_of
-from .search import held_out
+from .search import held_out, kinds_of_most
 
 __all__ = ["beyond_found", "gains_found", "laws_found"]
 
-#: Joints with the same law from which it is one finding of the robot, where they are half of its drives.
-_FEWEST_OF_KIND = 3
 #: Share of the most that one body takes away, from which another is as good.
 _AS_GOOD = 0.99
 
 
 def laws_found(outcome: Outcome) -> Iterator[Finding]:
     """Yield the finding of each law; one for all joints of what most drives have."""
-    kinds: dict[str, list[EffortCandidate]] = {}
-    everywhere = {term.law.physics for term in outcome.given.candidates if term.law.everywhere}
-    for term in outcome.laws:
-        if term.law.physics in everywhere and term.place.name in outcome.at.driven:
-            kinds.setdefault(term.law.physics, []).append(term)
+    kinds = kinds_of_most(outcome.given, outcome.laws)
     for terms in kinds.values():
-        if len({term.place.name for term in terms}) >= max(_FEWEST_OF_KIND, len(outcome.at.driven) / 2):
-            yield _of_kind(outcome, terms)
-            continue
-        for term in terms:
-            yield _law_found(outcome, term)
+        yield _of_kind(outcome, terms)
     told = [term for terms in kinds.values() for term in terms]
     for term in outcome.laws:
         if not any(term is other for other in told):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ...dynamics import INERTIAL, InMotion
 from ...laws import Effect, Place
@@ -35,6 +37,7 @@ from .columns import (
 from .combinations import Combinations
 from .normal import Normal
 from .search import pulls, worth
+from .width import learned_precisions
 from .stretches import Outlying, outlying
 
 __all__ = ["Base", "Efforts"]
@@ -94,6 +97,8 @@ class Efforts:
                 for values in law.scanned(place, at):
                     self._fixed.append((law, place, values, self.seen(law.efforts_per(place, values, at))))
         self.outlying: list[Outlying] = []
+        self._learned: Mapping[tuple[str, str], Array] = {}
+        self._narrower = 1.0
         self.whitening, self._plain = self._whitened()
 
     def seen(self, efforts: Array) -> ByJoint:
@@ -161,7 +166,7 @@ class Efforts:
         x, _ = fit(given, chosen)
         at = self.at
         if any(term.law.of_what_is_known for term in chosen.terms):
-            others = Chosen(chosen.base, tuple(term for term in chosen.terms if not term.law.of_what_is_known))
+            others = chosen.of(term for term in chosen.terms if not term.law.of_what_is_known)
             at = self._knowing(
                 *self._known(others, np.concatenate([x[: len(chosen.base)], *(x[chosen.own(t)] for t in others.terms)]))
             )
@@ -250,7 +255,7 @@ class Efforts:
 
         places = columns.add(whitened())
         candidates = [EffortCandidate(*law, where) for law, where in zip(laws, places, strict=True)]
-        priors = [law.prior(place, self.at.mechanism) for law, place, _ in laws if not isinstance(law, FreeCurve)]
+        priors = [self._prior(law, place) for law, place, _ in laws if not isinstance(law, FreeCurve)]
         return candidates, [value for prior in priors for value in prior]
 
     def added(self, chosen: Chosen, x: Array) -> Array:
@@ -353,11 +358,42 @@ class Efforts:
     def _given(self, columns: Columns, candidates: Sequence[EffortCandidate], prior: Array) -> Gathered:
         links = {index: base.place for index, base in enumerate(self.bases) if base.inertial is not None}
         bodies = {
-            c.where.start: c.law.covariance_inverse(c.place, self.at.mechanism)
+            c.where.start: c.law.covariance_inverse(c.place, self.at.mechanism) * self._narrower
             for c in candidates
             if isinstance(c.law, InertialParameters)
         }
         return Gathered(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
+
+    def with_learned_widths(self, given: Gathered, chosen: Chosen) -> tuple[Efforts, Gathered]:
+        """Return the same where what every drive has, and bodies, are off by as much as is likeliest of all of them.
+
+        What is usual of a drive is an effort of its own as large as what is measured beyond the rigid robot's.
+        """
+        size, kinds = given.columns.power_by_joint, {}
+        usual: dict[tuple[str, str], Array] = {}
+        for term in (term for term in chosen.terms if chosen.stays(term)):
+            block = given.precision(range(term.where.start, term.where.stop))
+            if not isinstance(term.law, AllLinks):
+                power = size[self.at.driven.index(term.place.name)]
+                usual[term.name] = np.diag(given.columns.total)[term.where] / power
+                block = np.diag(usual[term.name])
+            own = range(len(chosen.where))[chosen.own(term)]
+            before = kinds.get(term.law.physics, ((), np.zeros((0, 0))))
+            kinds[term.law.physics] = (*before[0], *own), block_diag(before[1], block)
+        precisions = learned_precisions(given, chosen, kinds)
+        other = copy(self)
+        other._narrower = precisions.get(InertialParameters.physics, 1.0)
+        other._learned = {name: precisions[name[0]] * own for name, own in usual.items()}
+        prior = given.prior.copy()
+        for candidate in given.candidates:
+            if candidate.name in usual:
+                prior[candidate.where] = other._prior(candidate.law, candidate.place)
+        return other, other._given(given.columns, given.candidates, prior)
+
+    def _prior(self, law: EffortLaw, place: Place) -> Array:
+        """Return inverse variances (p,) of a law's coefficients, in the unit of the whitened noise."""
+        learned = self._learned.get((law.physics, place.name)) if law.everywhere else None
+        return law.prior(place, self.at.mechanism) if learned is None else learned
 
     def renewed(self, given: Gathered, chosen: Chosen) -> tuple[Gathered, Chosen]:
         """Return the columns with those that depend on what is known made anew; chosen ones stay, side by side."""
@@ -368,7 +404,7 @@ class Efforts:
                 picked += range(term.where.start, term.where.stop)
                 term, size = replace(term, where=slice(size, size + term.size)), size + term.size
             terms.append(term)
-        chosen = Chosen(chosen.base, tuple(terms))
+        chosen = chosen.of(terms)
         columns.pick(picked)
         fixed = [c for c in given.candidates if c.where.start < self._own_size]
         kept = [term for term in terms if term.where.start >= self._own_size]
@@ -406,13 +442,13 @@ class Efforts:
                 continue
             at = self.at
             if term.law.of_what_is_known:
-                before = Chosen(best.base, best.terms[:place])
+                before = best.of(best.terms[:place])
                 at = self._knowing(*self._known(before, fit(given, before)[0]))
             size, prior = columns.size, list(given.prior)
             places = columns.add(
                 self.whitening(self.seen(term.law.efforts_per(term.place, other, at))) for other in others
             )
-            prior += len(others) * list(term.law.prior(term.place, self.at.mechanism))
+            prior += len(others) * list(self._prior(term.law, term.place))
             tried = [
                 EffortCandidate(term.law, term.place, other, own) for own, other in zip(places, others, strict=True)
             ]
@@ -459,7 +495,7 @@ class Efforts:
             values = _scaled(term, np.clip(found.x, -_FARTHEST, _FARTHEST))
             size = columns.size
             own = columns.add([self.whitening(self.seen(law.efforts_per(term.place, values, at)))])[0]
-            prior = np.concatenate((given.prior, law.prior(term.place, self.at.mechanism)))
+            prior = np.concatenate((given.prior, self._prior(law, term.place)))
             other = EffortCandidate(law, term.place, values, own)
             wider = self._given(columns, given.candidates, prior)
             before_it, after_it = Beside(wider, chosen.without(term)).with_each([term, other]).sum(axis=1)
@@ -499,13 +535,13 @@ class Efforts:
         """Return the motion that a chosen law sees: with what the terms before it say, where it depends on that."""
         if not chosen.terms[place].law.of_what_is_known:
             return self.at
-        before = Chosen(chosen.base, chosen.terms[:place])
+        before = chosen.of(chosen.terms[:place])
         return self._knowing(*self._known(before, fit(given, before)[0]))
 
     def _cost(self, given: Gathered, chosen: Chosen, place: int, at: InMotion) -> _Cost:
         """Return the squares left, less a constant, by a term's scanned values."""
         term = chosen.terms[place]
-        left = _Left(given, chosen.without(term), term.law.prior(term.place, self.at.mechanism))
+        left = _Left(given, chosen.without(term), self._prior(term.law, term.place))
         return _Cost(self, left, term, at)
 
     def start(self, given: Gathered | None = None) -> Chosen:
@@ -522,7 +558,7 @@ class Efforts:
             for candidate in given.candidates
             if candidate.law.everywhere and not (isinstance(candidate.law, AllLinks) and (weighed or start.terms))
         ]
-        return Chosen(start.base, (*start.terms, *common))
+        return Chosen(start.base, (*start.terms, *common), background=True)
 
 
 def _scaled(term: EffortCandidate, step: Array) -> Mapping[str, float]:

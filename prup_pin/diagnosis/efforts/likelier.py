@@ -35,13 +35,14 @@ def likelier(given: Gathered, chosen: Chosen) -> Chosen:
     """
     before = chosen.terms
     for term in before:
-        if any(term is other for other in chosen.terms):
+        if any(term is other for other in chosen.terms) and not chosen.stays(term):
             chosen = _likelier(given, chosen, term)
     if any(new is not old for new, old in zip(chosen.terms, before, strict=True)):
         for term in reversed(chosen.terms):
-            if not isinstance(term.law, AllLinks | FreeCurve) and not _is_asked_for(given, chosen.without(term), term):
+            doubtful = not isinstance(term.law, AllLinks | FreeCurve) and not chosen.stays(term)
+            if doubtful and not _is_asked_for(given, chosen.without(term), term):
                 chosen = chosen.without(term)
-    return Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
+    return chosen.of(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known))
 
 
 def _likelier(given: Gathered, chosen: Chosen, term: EffortCandidate) -> Chosen:

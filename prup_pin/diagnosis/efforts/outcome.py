@@ -26,7 +26,7 @@ from .gains import Gains
 from .gather import Efforts
 from .normal import Normal
 from .relief import squared_strain
-from .search import held_out, worth
+from .search import held_out, surely, worth
 from .stretches import Stretch
 
 __all__ = ["Outcome"]
@@ -62,8 +62,8 @@ class Outcome:
         self.mechanism, self.at = robot.mechanism, efforts.at
         self.motion: Motion = efforts.at.motion
         # what the corrected model holds: another recording has its own time
-        self.named = Chosen(chosen.base, tuple(term for term in chosen.terms if not term.is_of_time))
-        kept = [term for term in self.named.terms if not isinstance(term.law, FreeCurve)]
+        self.named = chosen.of(term for term in chosen.terms if not term.is_of_time)
+        kept = [term for term in surely(given, self.named).terms if not isinstance(term.law, FreeCurve)]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, self.matrix_named = self._coefficients()
         self.held = held_out(given, self.named)

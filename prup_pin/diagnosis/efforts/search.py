@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -36,17 +36,21 @@ __all__ = [
     "can_be",
     "excluded",
     "held_out",
+    "kinds_of_most",
     "pruned",
     "replaces",
     "scores",
     "searched",
     "shows_beside",
+    "surely",
     "threshold",
     "uncertainty",
 ]
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
 _TRIED = 24
+#: Joints with the same law from which it is a kind of the robot's, where they are half of its drives.
+_FEWEST_OF_KIND = 3
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
 
@@ -186,7 +190,7 @@ def searched(
         fresh = False
     chosen = pruned(given, chosen, chosen.terms)
     # bodies first: what follows from what is known acts on them
-    chosen = Chosen(chosen.base, tuple(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known)))
+    chosen = chosen.of(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known))
     if closer is not None and chosen.terms:
         given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1), True)
         given, chosen = _with_new(given, chosen, [], refused, None)
@@ -260,7 +264,7 @@ def _with_new(
     chosen = _all_links(given, chosen)
     while True:
         old = chosen.terms[: len(chosen.terms) - len(new)]
-        worse = _needless(given, chosen, [term for term in old if not (new and term.law.everywhere)])
+        worse = _needless(given, chosen, old)
         if worse is None:
             return given, chosen
         refused[_key(worse)] += 1
@@ -276,7 +280,7 @@ def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
     every = next((c for c in given.candidates if isinstance(c.law, AllLinks)), None)
     if every is None or every in chosen.terms or len(_others(given, chosen)) < 2:
         return chosen
-    tried = Chosen(chosen.base, (*(term for term in chosen.terms if not replaces(every, term)), every))
+    tried = chosen.of((*(term for term in chosen.terms if not replaces(every, term)), every))
     left = Beside(given, tried).left
     apart = left - Beside(given, chosen).left
     error = uncertainty(apart)
@@ -318,7 +322,7 @@ def _others(given: Gathered, chosen: Chosen) -> set[str]:
 def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
     """Return what is chosen with one body in the place of all links, where that is as good as can be told."""
     every = next((term for term in chosen.terms if isinstance(term.law, AllLinks)), None)
-    if every is None:
+    if every is None or chosen.stays(every):
         return chosen
     single = [c for c in given.candidates if c.law.physics in ("inertial_parameters", "payload") and c is not every]
     rest, left = chosen.without(every), Beside(given, chosen).left
@@ -340,7 +344,7 @@ def _plainer(
     for place in range(len(chosen.terms)):
         term = chosen.terms[place]
         plain = [c for c in given.candidates if replaces(term, c) and c.size < term.size and c.law.family]
-        if not plain:
+        if not plain or chosen.stays(term):
             continue
         beside = Beside(given, chosen.without(term))
         after = beside.with_each(plain)
@@ -354,7 +358,7 @@ def _plainer(
 
 def _fewer(given: Gathered, chosen: Chosen) -> Chosen:
     """Return what is chosen with one law in the place of two at one joint, where it is as good with fewer columns."""
-    for first, second in combinations(chosen.terms, 2):
+    for first, second in combinations([term for term in chosen.terms if not chosen.stays(term)], 2):
         there = [any(term is other for other in chosen.terms) for term in (first, second)]
         if first.place.name != second.place.name or not all(there):
             continue
@@ -402,7 +406,7 @@ def shows_beside(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool
     for other in given.candidates:
         if other.name in words - there:
             plainer.setdefault(other.name, other)
-    rest = Chosen(chosen.base, tuple(other for other in chosen.terms if other is not term))
+    rest = chosen.of(other for other in chosen.terms if other is not term)
     beside = Beside(given, _with_all(rest, list(plainer.values())))
     return _earns(beside, term, beside.left, beside.with_each([term])[0])
 
@@ -418,11 +422,11 @@ def replaces(term: EffortCandidate, other: EffortCandidate) -> bool:
 def _without_replaced(chosen: Chosen, term: EffortCandidate) -> Chosen:
     """Return what is chosen without terms whose place another one takes; the same where it takes none."""
     rest = tuple(other for other in chosen.terms if not replaces(term, other))
-    return chosen if len(rest) == len(chosen.terms) else Chosen(chosen.base, rest)
+    return chosen if len(rest) == len(chosen.terms) else chosen.of(rest)
 
 
 def _with_all(chosen: Chosen, terms: Sequence[EffortCandidate]) -> Chosen:
-    return Chosen(chosen.base, (*chosen.terms, *terms))
+    return chosen.of((*chosen.terms, *terms))
 
 
 def _joints(given: Gathered, term: EffortCandidate) -> frozenset[int]:
@@ -472,6 +476,23 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
     return chosen
 
 
+def kinds_of_most(given: Gathered, terms: Sequence[EffortCandidate]) -> dict[str, list[EffortCandidate]]:
+    """Return those of some terms that are of a kind that every drive has, by kind, where most drives have it."""
+    common = {other.law.physics for other in given.candidates if other.law.everywhere}
+    kinds: dict[str, list[EffortCandidate]] = {}
+    for term in terms:
+        if term.law.physics in common and term.place.name in given.mechanism.actuated:
+            kinds.setdefault(term.law.physics, []).append(term)
+    most = max(_FEWEST_OF_KIND, given.columns.target.shape[1] / 2)
+    return {kind: own for kind, own in kinds.items() if len({term.place.name for term in own}) >= most}
+
+
+def surely(given: Gathered, chosen: Chosen) -> Chosen:
+    """Return what is chosen without what every drive has where held-out blocks do not ask for it."""
+    common = [term for term in chosen.terms if chosen.stays(term)]
+    return pruned(given, replace(chosen, background=False), common) if common else chosen
+
+
 def pruned(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> Chosen:
     """Return what is chosen without those of the `doubtful` terms that the others make needless."""
     while (worse := _needless(given, chosen, doubtful)) is not None:
@@ -481,7 +502,7 @@ def pruned(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate])
 
 def _needless(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> EffortCandidate | None:
     """Return which of the doubtful terms the others make needless on held-out blocks, the most needless first."""
-    old = [term for term in chosen.terms if any(term is other for other in doubtful)]
+    old = [term for term in chosen.terms if any(term is other for other in doubtful) and not chosen.stays(term)]
     if not old:
         return None
     beside = Beside(given, chosen)

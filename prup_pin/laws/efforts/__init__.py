@@ -13,6 +13,7 @@ from .effort_law import EFFORT, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
 from .inertial_parameters import InertialParameters, ScaledInertia
+from .joint_compliance import YieldingGear
 from .joint_coupling import FeltMotion, FeltPosition, SpringAcross
 from .mounting import Mounting
 from .payload import HeldBody
@@ -29,6 +30,7 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     ColdFriction(),
     StribeckFriction(),
     RotorInertia(),
+    YieldingGear(),
     TransmissionCoupling(),
     FeltMotion(),
     FeltPosition(),
