@@ -24,10 +24,13 @@ from ...laws.efforts.effort_law import usual_way
 from ...laws.efforts.inertial_parameters import near_body
 from ...spatial import Array
 
-__all__ = ["Spectra", "coherent_band", "spectra_of"]
+__all__ = ["Spectra", "coherent_band", "own_band", "spectra_of"]
 
 #: Share of the speeds' power below a motion's own frequency, and up to how many times that all efforts are compared.
 _OWN, _OWN_TIMES = 0.99, 4.0
+#: Times as far up as that, at most, where motors vibrate: bodies that swing on gears look heavier by 1 / (1 - r^2), at
+#: a tenth of a resonance by a hundredth, at half of it by a third, and vibration is all that is there between.
+_SHAKEN_TIMES = 3.0
 #: Share of the measured power by which a prediction must be worse than none, over a third of an octave or more.
 _WORSE = 0.5
 #: Coherence from which it is no noise that makes the prediction worse, but a motor that vibrates; and the share of that
@@ -69,7 +72,7 @@ def coherent_band(at: InMotion) -> dict[str, float]:
     """Return by driven joint the frequency [Hz] up to which its efforts are compared."""
     motion = at.motion
     highest = motion.band.highest
-    lowest = min(_OWN_TIMES * _own_frequency(at), highest)
+    lowest = own_band(at)
     columns = [_background(at, joint) for joint in range(len(at.driven))]
     cutoffs = np.full(len(at.driven), lowest)
     for _ in range(_ROUNDS):
@@ -80,6 +83,15 @@ def coherent_band(at: InMotion) -> dict[str, float]:
         if (cutoffs == before).all():
             break
     return dict(zip(at.driven, cutoffs.tolist(), strict=True))
+
+
+def own_band(at: InMotion) -> float:
+    """Return the frequency [Hz] up to which all efforts are compared: some times the motion's own.
+
+    Above it what the motion has is noise or vibration. A rigid robot that follows it is of use to a fit, but what it
+    misses there is no fault of the drawing.
+    """
+    return min(_OWN_TIMES * _own_frequency(at), at.motion.band.highest)
 
 
 def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> Spectra:
@@ -99,12 +111,17 @@ def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> S
 
 
 def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
-    """Return (k,) frequencies [Hz] up to the lowest one at which a prediction adds more than there was."""
+    """Return (k,) frequencies [Hz] up to the lowest one at which a prediction adds more than there was.
+
+    Where it is a vibration that ends what is compared, anywhere in the robot, no joint is compared far above the motion.
+    """
     worse = (spectra.explained < -_WORSE) & (spectra.frequency > lowest) & (spectra.frequency < highest)
     first = np.argmax(worse, axis=1)
     coherent = spectra.coherence[np.arange(len(first)), first] > _COHERENT
-    cut = spectra.frequency[first] * np.where(coherent, _FOOT, 1.0)
-    return np.where(worse.any(axis=1), np.maximum(cut, lowest), highest)
+    cut = np.where(worse.any(axis=1), spectra.frequency[first] * np.where(coherent, _FOOT, 1.0), highest)
+    if (coherent & worse.any(axis=1)).any():
+        cut = np.minimum(cut, _SHAKEN_TIMES * lowest)
+    return np.maximum(cut, lowest)
 
 
 def _own_frequency(at: InMotion) -> float:

@@ -51,7 +51,7 @@ class Changing:
 def changing(efforts: Efforts, left: Array, measured: Array, noise: Array) -> Changing | None:
     """Return what the efforts that are left (n, k) at the kept samples follow by changing amounts, if anything.
 
-    measured (n, k): the efforts; noise (k,): of them, as they are compared. Judged by the largest of all joints and
+    measured (n, k): the efforts; noise (k,): of them; all below where they are judged. Judged by the largest of all joints and
     motions in the recording as it is and in each shifted one, in standard deviations of the shifted ones.
     """
     if efforts.at.motion.standing:
@@ -113,8 +113,7 @@ def _motions(at: InMotion, joint: str) -> Iterator[tuple[str, str, Array]]:
 
 def _compared(efforts: Efforts, column: int, values: Array) -> Array:
     """Return what is followed (n,) as the efforts of a joint are compared."""
-    motion = efforts.at.motion
-    return motion.band.of_joint(column)(values - values.mean(), motion.piece)[efforts.every]
+    return efforts.judged.of_joint(column)(values - values.mean(), efforts.at.motion.piece)[efforts.every]
 
 
 def _saved(left: Array, columns: Array, starts: np.ndarray, lags: np.ndarray) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ...dynamics import INERTIAL, InMotion
+from ...dynamics.smoothing import Band
 from ...laws import Effect, Place
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...laws.efforts.all_links import AllLinks
@@ -21,6 +22,7 @@ from ...laws.efforts.inertial_parameters import InertialParameters
 from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_INDISTINCT, EFFORT_SURE, EFFORT_TOLD
+from .band import own_band
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import (
@@ -78,6 +80,9 @@ class Efforts:
         self.noise = noise
         motion = at.motion
         self.filter = lambda values: motion.band(values, motion.piece)
+        own = motion.band.highest if motion.standing else own_band(at)
+        #: what is left is judged below this
+        self.judged = Band(tuple(min(own, cutoff) for cutoff in motion.band.cutoffs), motion.band.rate)
         self.every = kept_samples(at)
         self.piece = motion.piece[self.every]
         self.blocks = column_blocks(self.every)

@@ -29,17 +29,18 @@ def residuals_of(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """Return the residual in multiples of the noise (k,) before and after, of all and by joint.
 
-    NaN where the noise is unknown. Beyond the band nothing is compared: what is left there counts as white noise does,
+    NaN where the noise is unknown. Judged where the motion has its power: what is left above counts as white noise does,
     at most, for motors that vibrate are none of the rigid robot's matter.
     """
     every, good = outcome.efforts.every, _settled(outcome)
     told = outcome.motion.efforts - outcome.at.rigid / outcome.scale
     left = outcome.motion.efforts - outcome.at.rigid - added
-    cutoffs = np.array(outcome.motion.band.cutoffs)
+    judged, piece = outcome.efforts.judged, outcome.motion.piece
+    cutoffs = np.array(judged.cutoffs)
     white = np.zeros_like(noise) if outcome.motion.standing else np.maximum(1 - 2 * cutoffs / outcome.motion.rate, 0.0)
     squares = []
     for values in (told, left):
-        inside = outcome.efforts.filter(values)
+        inside = judged(values, piece)
         parts = [np.where(good, part[every], 0.0) for part in (inside, values - inside)]
         inner, outer = (np.square(part).sum(axis=0) / np.maximum(good.sum(axis=0), 1) / noise**2 for part in parts)
         squares.append(inner + np.minimum(outer, white))

@@ -77,7 +77,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
             list(_beyond_declared(after, by_joint))
             if declared
             else list(_no_noise(outcome, measured, shares, by_joint))
-            or list(changing_unknown(efforts, measured - predicted, measured, _compared(outcome, told)))
+            or list(_changing(outcome, added, told))
         )
         named = {finding.location for finding in unknown}
         unknown += [item for item in _worse(outcome, measured, rigid, held, shares) if item.location not in named]
@@ -144,10 +144,16 @@ def _no_noise(
         yield untold_unknown(worst, shares["all"]["heldout"], shares[worst]["heldout"], by_joint[worst]["after"])
 
 
-def _compared(outcome: Outcome, told: Mapping[str, EffortNoise]) -> Array:
-    """Return the noise (k,) of the efforts below the frequency up to which they are compared."""
-    cutoffs = outcome.motion.band.cutoffs
-    return np.nan_to_num([told[name].below(cutoff) for name, cutoff in zip(outcome.at.driven, cutoffs, strict=True)])
+def _changing(outcome: Outcome, added: Array, told: Mapping[str, EffortNoise]) -> Iterator[Finding]:
+    """Yield that what is left follows some motion by amounts that change, where the motion has its power."""
+    efforts, motion = outcome.efforts, outcome.motion
+    judged, names = efforts.judged, outcome.at.driven
+    measured, left = (
+        judged(values, motion.piece)[efforts.every] * outcome.scale
+        for values in (motion.efforts, motion.efforts - outcome.at.rigid - added)
+    )
+    noise = [told[name].below(cutoff) for name, cutoff in zip(names, judged.cutoffs, strict=True)]
+    yield from changing_unknown(efforts, left, measured, np.nan_to_num(noise))
 
 
 def _worse(
