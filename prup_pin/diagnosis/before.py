@@ -13,7 +13,6 @@ from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
 from .asked import asked
-from .criteria import EFFORT_INDISTINCT
 from .detectable import not_detectable
 from .diagnosis import Detectable
 from .efforts.gather import Efforts
@@ -122,8 +121,6 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
     _, rest, _ = pulls(given, efforts.start())
     size = np.sqrt(np.maximum(np.diag(rest), 0.0))
     single = [item for item in given.candidates if item.size == 1 and size[item.where.start] > 0]
-    largest = max((float(size[item.where.start]) for item in single), default=0.0)
-    single = [item for item in single if size[item.where.start] > EFFORT_INDISTINCT * largest]
     alike = []
     for index, first in enumerate(single):
         for second in single[index + 1 :]:

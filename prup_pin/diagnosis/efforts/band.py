@@ -113,14 +113,17 @@ def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> S
 def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
     """Return (k,) frequencies [Hz] up to the lowest one at which a prediction adds more than there was.
 
-    Where it is a vibration that ends what is compared, anywhere in the robot, no joint is compared far above the motion.
+    Where it is a vibration that ends what is compared, no joint is compared far above the motion, nor far above the joint
+    that ends first: the mass matrix passes it on.
     """
     worse = (spectra.explained < -_WORSE) & (spectra.frequency > lowest) & (spectra.frequency < highest)
     first = np.argmax(worse, axis=1)
     coherent = spectra.coherence[np.arange(len(first)), first] > _COHERENT
     cut = np.where(worse.any(axis=1), spectra.frequency[first] * np.where(coherent, _FOOT, 1.0), highest)
-    if (coherent & worse.any(axis=1)).any():
-        cut = np.minimum(cut, _SHAKEN_TIMES * lowest)
+    shaken = coherent & worse.any(axis=1)
+    if shaken.any():
+        most = _SHAKEN_TIMES * lowest
+        cut = np.minimum(cut, np.sqrt(most * np.clip(cut[shaken].min(), lowest, most)))
     return np.maximum(cut, lowest)
 
 

@@ -66,6 +66,8 @@ class Outcome:
         kept = [term for term in surely(given, self.named).terms if not isinstance(term.law, FreeCurve)]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, self.matrix_named = self._coefficients()
+        # what cannot be negative may be nothing in the end
+        self.laws = [term for term in self.laws if np.any(self.x_named[self.named.own(term)])]
         self.held = held_out(given, self.named)
         self.impossible = self._no_bodies(fit(given, self.named)[0])
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]

@@ -170,6 +170,34 @@ def searched(
     """
     chosen = start
     refused: Counter[tuple[str, str, str]] = Counter()
+    while True:
+        given, chosen = _forward(given, chosen, refused, refresh, closer, tell)
+        needed = pruned(given, chosen, chosen.terms)
+        # what only imitated a plainer law leaves its place to that
+        needless = [term for term in chosen.terms if not any(term is other for other in needed.terms)]
+        refused.update({_key(term): _ENTRIES for term in needless})
+        chosen = needed
+        if not needless:
+            break
+    # bodies first: what follows from what is known acts on them
+    chosen = chosen.of(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known))
+    if closer is not None and chosen.terms:
+        given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1), True)
+        given, chosen = _with_new(given, chosen, [], refused, None)
+        given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
+        chosen = _fewer(given, chosen)
+    return given, chosen
+
+
+def _forward(
+    given: Gathered,
+    chosen: Chosen,
+    refused: Counter[tuple[str, str, str]],
+    refresh: Callable[[Gathered, Chosen], tuple[Gathered, Chosen]] | None,
+    closer: Callable[..., tuple[Gathered, Chosen]] | None,
+    tell: Callable[[float], None],
+) -> tuple[Gathered, Chosen]:
+    """Return what is chosen with all laws that come in, one after the other."""
     fresh, squares = True, np.inf
     while len(chosen.terms) < MOST_EFFORT_TERMS:
         beside = Beside(given, chosen)
@@ -188,14 +216,6 @@ def searched(
             break
         given, chosen = _with_new(given, chosen, new, refused, closer)
         fresh = False
-    chosen = pruned(given, chosen, chosen.terms)
-    # bodies first: what follows from what is known acts on them
-    chosen = chosen.of(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known))
-    if closer is not None and chosen.terms:
-        given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1), True)
-        given, chosen = _with_new(given, chosen, [], refused, None)
-        given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
-        chosen = _fewer(given, chosen)
     return given, chosen
 
 
