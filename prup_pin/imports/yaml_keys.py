@@ -11,18 +11,42 @@ import yaml
 from ..errors import nearest_names
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, shown
 
+#: A map of a thousand columns has a tenth of these characters.
+_LONGEST = 1_000_000
+#: Values within values.
+_DEEPEST = 20
+#: The fast one, where PyYAML was built with it.
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
 
 def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict[str, Any], dict[tuple, int]]:
     """Return the content of a map's YAML file, an object of `keys`, and the line of each key."""
     text = read_bytes(path, "a map (YAML)", (".yaml", ".yml")).decode("utf-8-sig", "replace")
+    if len(text) > _LONGEST:
+        problems.add(KeyProblem(f"holds {len(text)} characters; no map has more than {_LONGEST}", None, path.name))
+        return {}, {}
+    content: Any = None
     try:
-        node = yaml.compose(text, yaml.SafeLoader)
-        content = yaml.safe_load(text)
+        depth = 0
+        for event in yaml.parse(text, _Loader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            # a few aliases are a value of any size, or one that holds itself
+            alias = isinstance(event, yaml.AliasEvent)
+            if alias or depth > _DEEPEST:
+                what = f"*{shown(event.anchor)} is not read; write the value out" if alias else "nests its values too deep"
+                problems.add(KeyProblem(what, event.start_mark.line + 1, path.name))
+                return {}, {}
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        content = loader.construct_document(node) if node is not None else None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         what = getattr(error, "problem", None) or str(error)
         line = mark.line + 1 if mark is not None else None
         problems.add(KeyProblem(f"is not valid YAML: {shown(what)}", line, path.name))
+        return {}, {}
+    except (ValueError, TypeError, AttributeError, LookupError) as error:  # a date that is none, a number of digits
+        problems.add(KeyProblem(f"holds a value that cannot be read: {shown(error)}", None, path.name))
         return {}, {}
     if not isinstance(content, dict):
         problems.add(KeyProblem(f"holds {json_kind(content)}; expected keys: {', '.join(keys)}", 1, path.name))

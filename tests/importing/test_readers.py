@@ -203,6 +203,6 @@ def test_a_reader_that_is_not_installed_says_what_to_install(tmp_path, monkeypat
     from prup_pin.errors import MissingExtraError
 
     logs.mcap_file(tmp_path / "log.mcap", logs.T[:5], Q, QD, TAU)
-    monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
+    monkeypatch.setitem(__import__("sys").modules, "mcap.stream_reader", None)
     with pytest.raises(MissingExtraError, match=r"pip install mcap.*extra 'bags'"):
         read_log(tmp_path / "log.mcap")
