@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -12,12 +13,13 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError, UnknownNameError, shortened
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..robot import Robot
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
+from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 from ..views.text.sweep_text import axis_text, print_sweep
@@ -171,8 +173,10 @@ def _values(text: str, dimension: str, item: str, ends: bool) -> Any:
         if colon:
             raise InputError(f"--over {item}: with --draws, give the two ends alone, without ':{count}'")
         return first, last
-    if not count.strip().isdigit() or int(count) < 1:
+    if re.fullmatch("0*[1-9][0-9]*", count.strip()) is None:
         raise InputError(f"--over {item}: expected how many values after ':', for example {low}..{high}:41")
+    if len(count.strip()) > 20 or int(count) > MAX_DRAWS:
+        raise InputError(f"--over {shortened(item)}: expected at most {MAX_DRAWS} values on one axis")
     if first >= last:
         raise InputError(f"--over {item}: from {low} to {high} is a reversed or empty range; give the lower end first")
     return np.linspace(first, last, int(count))

@@ -99,10 +99,15 @@ def sweep(
             parts.write(start, part)
         parts.finish()
         return SweepFile(engine, places, parts.out, tuple(remarks))
-    _check_memory(engine, len(places))
-    whole = engine.unwritten(len(places))
-    for _ in solved_parts(engine, places, executor, remarks, progress, whole=whole):
-        pass
+    free = _free_memory()
+    if free is not None and _bytes_of(engine, len(places)) > _SHARE * free:
+        raise _too_large(engine, len(places), free)
+    try:
+        whole = engine.unwritten(len(places))
+        for _ in solved_parts(engine, places, executor, remarks, progress, whole=whole):
+            pass
+    except MemoryError as error:  # of a process that may take less than there is
+        raise _too_large(engine, len(places), None) from error
     return SweepResult(engine, places, whole, tuple(remarks))
 
 
@@ -161,17 +166,19 @@ def _places(coordinates: Coordinates, poses: Any, axes: Mapping[str, Any], draws
     return grid(coordinates, axes)
 
 
-def _check_memory(engine: Engine, count: int) -> None:
-    """Raise InputError where the numbers asked for would not fit."""
-    each = 8 * sum(prod(item.shape(engine.mechanism)) for item in engine.quantities) + 1
-    free = _free_memory()
-    if free is not None and count * each > _SHARE * free:
-        raise InputError(
-            f"{count} poses of {each} bytes each are {number(count * each / 1e9, 3)} GB, more than the "
-            f"{number(free / 1e9, 3)} GB of free memory hold. Give out='FILE.parquet', which takes any "
-            "number; ask for fewer "
-            "quantities; or take fewer poses"
-        )
+def _bytes_of(engine: Engine, count: int) -> int:
+    """Return what the numbers asked for take at so many poses."""
+    return count * (8 * sum(prod(item.shape(engine.mechanism)) for item in engine.quantities) + 1)
+
+
+def _too_large(engine: Engine, count: int, free: int | None) -> InputError:
+    """Return the error of a sweep that does not fit; free: the bytes that there are, None where nobody tells."""
+    size = _bytes_of(engine, count)
+    there = "this process may take" if free is None else f"the {number(free / 1e9, 3)} GB of free memory hold"
+    return InputError(
+        f"{count} poses of {size // count} bytes each are {number(size / 1e9, 3)} GB, more than {there}. Give "
+        "out='FILE.parquet', which takes any number; ask for fewer quantities; or take fewer poses"
+    )
 
 
 def _free_memory() -> int | None:
