@@ -213,25 +213,8 @@ def log_files(folder: Path, secret: Path) -> dict[str, Path]:
     for name, storage in (("sqlite", "sqlite3"), ("chunks", "mcap")):
         logs.ros2_bag(new(name), T, Q, QD, TAU, storage)
     for how in (None, "bz2", "lz4"):
-        ros1_bag(new(f"{how}.bag"), how)
+        logs.ros1_bag(new(f"{how}.bag"), T, Q, QD, TAU, how)
     return made
-
-
-def ros1_bag(path: Path, how: str | None) -> None:
-    """Write a ROS 1 bag of joint states."""
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store, name = get_typestore(Stores.ROS1_NOETIC), "sensor_msgs/msg/JointState"
-    bag = Writer(path)
-    if how:
-        bag.set_compression({"bz2": Writer.CompressionFormat.BZ2, "lz4": Writer.CompressionFormat.LZ4}[how])
-    with bag:
-        states = bag.add_connection("/joint_states", name, typestore=store)
-        header, time = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
-        for k in range(len(T)):
-            message = store.types[name](header(k, time(1000 + k, 0), ""), list(logs.JOINTS), Q[k], QD[k], TAU[k])
-            bag.write(states, 10**12 + k * 10**9, store.serialize_ros1(message, name))
 
 
 def messages_of(draw: random.Random, path: Path) -> None:

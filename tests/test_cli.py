@@ -52,6 +52,24 @@ def shell(*arguments, **environment):
     )
 
 
+@pytest.mark.parametrize("module", ["prup_pin.cli", "numpy", "pinocchio", "typer", "prup_pin.views.text.terminal"])
+def test_an_interrupt_while_it_starts_prints_no_traceback(module):
+    code = f"""
+import os, runpy, signal, sys
+class Interrupts:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupts())
+sys.argv = ["prup-pin", "robots"]
+runpy.run_module("prup_pin", run_name="__main__")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert not done.stderr
+
+
 # -- stiffness: text -------------------------------------------------------------------------------------------------
 
 

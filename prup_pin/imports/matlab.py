@@ -210,5 +210,5 @@ def _from_hdf(path: Path) -> Iterator[tuple[str, Any]]:
 
 def _elsewhere(path: Path, name: str, other: str) -> RecordingFileError:
     """Return the error of a dataset that another file holds: what a log names is not read."""
-    kept = f"'{shown(name)}' is kept in another file, '{shown(other)}'"
+    kept = f"'{shown(name)}' is kept in another file, '{shown(other, 300)}'"
     return refuse(path, f"{kept}, which is not read; copy the numbers into this one")
