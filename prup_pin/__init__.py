@@ -1,5 +1,7 @@
 """Stiffness of robots with closed loops, on Pinocchio: how stiff, here, in this direction, and which part is soft."""
 
+# ruff: noqa: F403, F405 - the names are those of _public
+
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any

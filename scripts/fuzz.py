@@ -2,9 +2,10 @@
 
     python scripts/fuzz.py [--seconds 60 | --count 30000] [--seed 20261122] [--kinds logs,maps] [--only 17]
 
-Each must end, within ten seconds and some memory, in an answer without NaN or in one clear error of the package. Whatever
-else happens is shown with the number that makes it again (--only), and the exit code is then 1: another exception, a
-warning of numpy's, a process that dies, a file opened that nobody named. Needs Linux, and the extra 'test'.
+Each must end, within ten seconds and some memory, in an answer without NaN or in one clear error of the package.
+Whatever else happens is shown with the number that makes it again (--only), and the exit code is then 1: another
+exception, a warning of numpy's, a process that dies, a file opened that nobody named. Needs Linux, and
+the extra 'test'.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 import argparse
 import ctypes
 import faulthandler
-import io
 import json
 import multiprocessing
 import os
@@ -28,7 +28,7 @@ import traceback
 import warnings
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -63,7 +63,12 @@ RECORDING = """time,q.left_motor,q.right_motor,w.fx,w.fy,p.x,p.y,r.z
 1,1.2,1.9,10,0,0.1,0.4,0
 2,1.2,1.9,0,20,0.1,0.4,0
 """
-BESIDE = {"robot": "five_bar", "position_noise": 2e-6, "tolerances": {"encoder_offset": 1e-4, "mass": 0.1}, "notes": "x"}
+BESIDE = {
+    "robot": "five_bar",
+    "position_noise": 2e-6,
+    "tolerances": {"encoder_offset": 1e-4, "mass": 0.1},
+    "notes": "x",
+}
 MODEL = {"format": "prup_pin corrected model", "version": 1, "robot": str(ROOT / "examples" / "five_bar.urdf"),
          "effects": [], "noise": {"position_noise": 2e-6}, "notes": ""}  # fmt: skip
 PLAN = {"robot": "five_bar", "poses": [{"at": {"x": 0.1, "y": 0.4}},
@@ -92,12 +97,14 @@ MAP = (
     "notes: third day\n",
 )
 #: A map that is small, and a value in it that is not.
-BOMB = "a: &a [1, 1]\n" + "".join(f"{c}: &{c} [*{p}, *{p}, *{p}]\n" for p, c in zip("abcdefghij", "bcdefghijk"))
+BOMB = "a: &a [1, 1]\n" + "".join(
+    f"{c}: &{c} [*{p}, *{p}, *{p}]\n" for p, c in zip("abcdefghij", "bcdefghijk", strict=True)
+)
 COMMANDS = (
     "stiffness 3prup --at z=0.4,theta=0.1,phi=0 --wrench fx=300", "stiffness ur5 --actuators 0,-1,1,0,1,0 --json -",
     "stiffness 3prup --actuators 0.35,0.51,0.36 --set leg1/linear_rod.diameter=0.02", "kinds", "laws play", "robots",
-    "stiffness ur5 --joint-stiffness 1e4 --home 0,-1,1,0,1,0", "info ur5", "info 3prup --lock leg1_slide", "check x.urdf",
-    "sweep 3prup --over z=0.38..0.4:3 --over theta=0 --over phi=0", "examples", "info ur5 --frame tool0",
+    "stiffness ur5 --joint-stiffness 1e4 --home 0,-1,1,0,1,0", "info ur5", "info 3prup --lock leg1_slide",
+    "check x.urdf", "sweep 3prup --over z=0.38..0.4:3 --over theta=0 --over phi=0", "examples", "info ur5 --frame tool0",
     "sweep 3prup --over z=0.38..0.4 --over theta=0 --over phi=0 --draws 3 --force 300", "sweep --quantities help",
     "stiffness 3prup --variant as_published --tool tool0", "import x.csv --map m.yaml --out o.csv", "--version",
 )  # fmt: skip
@@ -131,7 +138,7 @@ def bent(draw: random.Random, content: bytes) -> bytes:
             out[at] = draw.choice((0, 255, 127, draw.randrange(256)))
         elif how == 3:
             number = draw.choice((0, 1, 2**31 - 1, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1))
-            kind = draw.choice("<I <Q >I >Q".split())
+            kind = draw.choice(("<I", "<Q", ">I", ">Q"))
             packed = struct.pack(kind, number & (2**32 - 1 if "I" in kind else 2**64 - 1))
             out[at : at + len(packed)] = packed
         elif how == 4:
@@ -149,7 +156,8 @@ def reworded(draw: random.Random, text: str, pattern: str = r"([\w.+-]+|\"[^\"]*
         places = list(re.finditer(pattern, text))
         if places:
             start, end = draw.choice(places).span(1)
-            text = text[:start] + draw.choice((*ODD, draw.choice(places).group() * draw.choice((1, 2, 50)))) + text[end:]
+            other = draw.choice(places).group() * draw.choice((1, 2, 50))
+            text = text[:start] + draw.choice((*ODD, other)) + text[end:]
     return text
 
 
@@ -174,8 +182,12 @@ def log_files(folder: Path, secret: Path) -> dict[str, Path]:
         made[name] = folder / name
         return made[name]
 
-    for name, how in (("a.csv", {}), ("b.tsv", {"separator": "\t"}), ("c.txt", {"separator": " "}),
-                      ("d.csv", {"separator": ";", "decimal": ",", "below": [";".join(["s"] + 12 * ["deg"])]})):
+    for name, how in (
+        ("a.csv", {}),
+        ("b.tsv", {"separator": "\t"}),
+        ("c.txt", {"separator": " "}),
+        ("d.csv", {"separator": ";", "decimal": ",", "below": [";".join(["s"] + 12 * ["deg"])]}),
+    ):
         logs.csv(new(name), TABLE, **how)  # fmt: skip
     stamps = pyarrow.array((1.7e18 + T * 1e9).astype("int64"), pyarrow.timestamp("ns"))
     table = pyarrow.table({"stamp": stamps, "q": list(Q), "tau1": TAU[:, 0], "state": ["ok"] * len(Q)})
@@ -222,7 +234,12 @@ def messages_of(draw: random.Random, path: Path) -> None:
     from mcap.writer import CompressionType, Writer
 
     keys = {f"k{draw.randrange(10**6)}_{j}": j for j in range(draw.choice((0, 0, 2000)))}
-    plain = {"name": list(logs.JOINTS), "position": Q[0].tolist(), "header": {"stamp": {"sec": 5, "nanosec": 7}}, **keys}
+    plain = {
+        "name": list(logs.JOINTS),
+        "position": Q[0].tolist(),
+        "header": {"stamp": {"sec": 5, "nanosec": 7}},
+        **keys,
+    }
     with path.open("wb") as file:
         writer = Writer(file, compression=draw.choice(list(CompressionType)))
         writer.start()
@@ -269,7 +286,7 @@ class Trials:
         self.bases = log_files(folder, secret)
         self.ur5 = prup_pin.load("ur5").mechanism
         self.five_bar = prup_pin.load(ROOT / "examples" / "five_bar.urdf")
-        stood = {name: np.where(T < T[30], values, values[30]) for name, values in TABLE.items() if name != "t"}
+        stood = {name: np.where(T[30] <= T, values[30], values) for name, values in TABLE.items() if name != "t"}
         self.table = read_log(logs.csv(folder / "rests.csv", {"t": 30 * T, **stood}))
         (folder / "five_bar").symlink_to(ROOT / "examples" / "five_bar.urdf")
 
@@ -384,18 +401,19 @@ class Watch:
             return False
 
 
-def tried(trials: Trials, watch: Watch, kind: str, number: int, seed: int) -> tuple[str, str]:
-    """Return the outcome of one input, and what is to be known of it."""
+def tried(trials: Trials, watch: Watch, kind: str, number: int, seed: int) -> tuple[str, str, float]:
+    """Return the outcome of one input, what is to be known of it, and how long it took [s]."""
 
     def too_long(signum: int, frame: object) -> None:
         raise TooLong
 
-    signal.signal(signal.SIGALRM, too_long)
+    signal.signal(signal.SIGPROF, too_long)
     for path in sorted((trials.folder / "now").rglob("*")) if (trials.folder / "now").exists() else ():
         path.unlink()
     outcome, told = "answered", ""
     faulthandler.dump_traceback_later(6 * LONGEST, exit=True)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)  # of computing, however busy the machine is
+    begun = time.process_time()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -410,9 +428,9 @@ def tried(trials: Trials, watch: Watch, kind: str, number: int, seed: int) -> tu
     except Exception as error:
         outcome, told = type(error).__name__, traceback.format_exc()
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
         faulthandler.cancel_dump_traceback_later()
-    return ("read elsewhere", told) if watch.opened() else (outcome, told)
+    return "read elsewhere" if watch.opened() else outcome, told, time.process_time() - begun
 
 
 def worked(numbers: list[int], kinds: list[str], seed: int, folder: str, pipe) -> None:
@@ -432,8 +450,10 @@ def worked(numbers: list[int], kinds: list[str], seed: int, folder: str, pipe) -
     pipe.send(None)
 
 
-def outcomes(numbers: list[int], kinds: list[str], seed: int, ends: float) -> Iterator[tuple[int, str, str, str]]:
-    """Yield (number, kind, outcome, words) of inputs, tried in one process; where that dies, in another from there on."""
+def outcomes(
+    numbers: list[int], kinds: list[str], seed: int, ends: float
+) -> Iterator[tuple[int, str, str, str, float]]:
+    """Yield (number, kind, outcome, words, seconds) of inputs, tried in one process; where that dies, in another one."""
     spawn = multiprocessing.get_context("spawn")
     while numbers and time.monotonic() < ends:
         here, there = spawn.Pipe(duplex=False)
@@ -454,7 +474,7 @@ def outcomes(numbers: list[int], kinds: list[str], seed: int, ends: float) -> It
                 process.join()
                 if begun is None:
                     raise SystemExit(f"fuzz: could not begin, exit code {process.exitcode}") from None
-                yield numbers[begun], kinds[begun], "died", f"exit code {process.exitcode}"
+                yield numbers[begun], kinds[begun], "died", f"exit code {process.exitcode}", 0.0
                 numbers, kinds = numbers[begun + 1 :], kinds[begun + 1 :]
             finally:
                 process.terminate()
@@ -478,19 +498,23 @@ def main() -> int:
     seconds = given.seconds or (60.0 if given.count is None and given.only is None else float("inf"))
     table: dict[str, Counter[str]] = {kind: Counter() for kind in chosen}
     wrong: dict[str, int] = {}
-    for number, kind, outcome, words in outcomes(numbers, kinds, given.seed, time.monotonic() + seconds):
+    longest = 0.0, ""
+    for number, kind, outcome, words, took in outcomes(numbers, kinds, given.seed, time.monotonic() + seconds):
         table[kind][outcome] += 1
+        longest = max(longest, (took, f"{kind}, --only {number}"))
         if given.only is not None:
             print(f"{kind} {number}: {outcome}\n{words}")
         if outcome not in ("answered", "refused"):
             where = [line for line in words.splitlines() if line.strip()]
-            place = next((line.strip() for line in reversed(where) if "prup_pin/prup_pin" in line or "/prup_pin/" in line), "")
+            place = next((line.strip() for line in reversed(where) if "/prup_pin/" in line), "")
             line = f"{kind}: {outcome}: {where[-1].strip()[:200] if where else ''} {place[-90:]}"
             wrong[line] = wrong.get(line, 0) + 1
             if wrong[line] == 1:
                 print(f"fuzz: --seed {given.seed} --only {number}  {line}", flush=True)
     for kind, found in table.items():
-        print(f"fuzz: {kind}: {sum(found.values())} inputs: " + ", ".join(f"{n} {what}" for what, n in found.most_common()))
+        ends = ", ".join(f"{n} {what}" for what, n in found.most_common())
+        print(f"fuzz: {kind}: {found.total()} inputs: {ends}")
+    print(f"fuzz: the longest took {longest[0]:.1f} s ({longest[1]})")
     print(f"fuzz: {sum(map(Counter.total, table.values()))} inputs by seed {given.seed}; {sum(wrong.values())} wrong")
     return 1 if wrong else 0
 

@@ -51,7 +51,8 @@ def test_a_file_of_ones_own_is_never_replaced(run, tmp_path):
 def test_a_disk_that_is_full_leaves_nothing_and_the_next_call_copies(run, tmp_path):
     limited = (
         "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)); "
-        f"sys.argv = ['prup-pin', 'examples', '--copy', {str(tmp_path)!r}]; runpy.run_module('prup_pin', run_name='__main__')"
+        f"sys.argv = ['prup-pin', 'examples', '--copy', {str(tmp_path)!r}]; "
+        "runpy.run_module('prup_pin', run_name='__main__')"
     )
     done = subprocess.run([sys.executable, "-c", limited], capture_output=True, text=True)
     assert done.returncode == 2, done.stderr

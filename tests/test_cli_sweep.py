@@ -82,6 +82,8 @@ def test_what_can_be_asked_is_listed(run):
         (["--over", "teta=0.3"], "Did you mean 'theta'"),
         (["--over", "theta=5..1:3"], "reversed"),
         (["--over", "theta=0..1"], "how many"),
+        (["--over", "theta=0..1:9999999999"], "expected at most 100000000 values on one axis"),
+        (["--over", "theta=0..1:" + "9" * 5000], "expected at most 100000000 values on one axis"),
         (["--over", "theta=-10deg:10deg:5"], "two dots between the ends: -10deg..10deg:5"),
         (["--over", "theta=0..1:3", "--draws", "4"], "without ':3'"),
         (["--over", "theta=0..30:3"], "30deg"),

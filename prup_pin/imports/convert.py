@@ -354,9 +354,7 @@ def _recording(
     called = {"p": "position", "r": "rotation", "g": "gravity"}
     fields |= {called[key]: values for key, values in triples.items()}
     notes = plan.notes or f"imported from {Path(log.path).name}"
-    return Recording(
-        time=time, robot=plan.robot, notes=notes, noise=plan.noise, tolerances=plan.tolerances, **fields
-    )
+    return Recording(time=time, robot=plan.robot, notes=notes, noise=plan.noise, tolerances=plan.tolerances, **fields)
 
 
 def _place(order: list[str], joint: str) -> int:

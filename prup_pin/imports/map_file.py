@@ -10,9 +10,8 @@ import numpy as np
 
 from ..errors import nearest_names
 from ..recordings import Noise, Tolerances
-from ..recordings.columns import NOISE_KEYS
+from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
 from ..recordings.columns import UNITS as COLUMNS
-from ..recordings.columns import joint_of, marker_of
 from ..recordings.problems import Problems, json_kind, shown
 from ..recordings.reader import noise_value, tolerances_value
 from .log import Log

@@ -197,7 +197,7 @@ def _understood(path: Path) -> tuple[_Manner, list[str]]:
     if heading is None or heading.body >= len(lines) or not any(line.strip() for line in lines[heading.body :]):
         raise refuse(path, "holds names of columns but no rows", heading.body if heading else begin + 1)
     if len(heading.names) > MAX_COLUMNS:
-        raise refuse(path, f"holds {len(heading.names)} columns; expected at most {MAX_COLUMNS}", heading.body)
+        raise refuse(path, f"holds {len(heading.names)} columns; expected at most {MAX_COLUMNS}", max(heading.body, 1))
     return _columns(lines, heading, encoding)
 
 

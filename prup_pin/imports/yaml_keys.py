@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,14 @@ from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, re
 _LONGEST = 1_000_000
 #: Values within values.
 _DEEPEST = 20
-#: The fast one, where PyYAML was built with it.
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc] # the fast one, where there is one
+    """Reads 2e-5 as a number, which YAML 1.1 takes for a text."""
+
+
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
 
 
 def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict[str, Any], dict[tuple, int]]:
@@ -30,11 +37,12 @@ def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict
         depth = 0
         for event in yaml.parse(text, _Loader):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            # a few aliases are a value of any size, or one that holds itself
-            alias = isinstance(event, yaml.AliasEvent)
-            if alias or depth > _DEEPEST:
-                what = f"*{shown(event.anchor)} is not read; write the value out" if alias else "nests its values too deep"
-                problems.add(KeyProblem(what, event.start_mark.line + 1, path.name))
+            wrong = "nests its values too deep" if depth > _DEEPEST else ""
+            if isinstance(event, yaml.AliasEvent):  # a few are a value of any size, or one that holds itself
+                wrong = f"*{shown(event.anchor)} is not read; write the value out"
+            if wrong:
+                mark = event.start_mark
+                problems.add(KeyProblem(wrong, mark.line + 1 if mark is not None else None, path.name))
                 return {}, {}
         loader = _Loader(text)
         node = loader.get_single_node()

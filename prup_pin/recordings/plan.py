@@ -399,14 +399,13 @@ class _PlanReader:
         most: float = LARGEST_NUMBER,
     ) -> float:
         """Return a number at least `low`, or greater where `above`, and of no size above `most`; 0 after reporting."""
-        wrong = not is_number(value) or (low is not None and (value < low or (above and value == low)))
-        if wrong or abs(value) > most:  # type: ignore[arg-type]
-            limit = "" if low is None else f" {'above' if above else 'of at least'} {low:g}"
-            if not wrong:
-                limit = f" of {most:g} at most"
-            self.wrong(key, f"is {json_kind(value)}; expected a number{limit}{f' [{unit}]' if unit else ''}")
-            return 0.0
-        return float(value)
+        limit = "" if low is None else f" {'above' if above else 'of at least'} {low:g}"
+        if is_number(value) and not (low is not None and (value < low or (above and value == low))):
+            if abs(value) <= most:
+                return float(value)
+            limit = f" of {most:g} at most"
+        self.wrong(key, f"is {json_kind(value)}; expected a number{limit}{f' [{unit}]' if unit else ''}")
+        return 0.0
 
     def whole(self, value: object, key: str, low: int, high: int | None = None) -> int:
         """Return a whole number within limits, or `low` after reporting."""
@@ -547,9 +546,7 @@ class _PlanReader:
             if not isinstance(pair, list) or len(pair) != 2:
                 self.wrong(place, f"is {json_kind(pair)}; expected a list [low, high]")
                 continue
-            low, high = (
-                self.number(end, f"{place}[{k}]", "m or rad", most=MOST_BOUND) for k, end in enumerate(pair)
-            )
+            low, high = (self.number(end, f"{place}[{k}]", "m or rad", most=MOST_BOUND) for k, end in enumerate(pair))
             if is_number(pair[0]) and is_number(pair[1]) and low > high:
                 self.wrong(place, f"goes from {low:g} to {high:g}; expected [low, high]")
             bounds[name] = (low, high)

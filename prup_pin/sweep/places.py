@@ -144,7 +144,9 @@ def drawn(coordinates: Coordinates, given: Mapping[str, Any], count: int, seed: 
     if not isinstance(count, int | np.integer) or count < 1:
         raise InputError(f"draws={count!r}: expected a positive number of poses")
     if count > MAX_DRAWS:
-        raise InputError(f"draws={count}: expected at most {MAX_DRAWS} poses; several sweeps with other seeds draw more")
+        raise InputError(
+            f"draws={count}: expected at most {MAX_DRAWS} poses; several sweeps with other seeds draw more"
+        )
     ends: dict[str, tuple[float, float]] = {}
     for name, value in given.items():
         coordinates.index(name)

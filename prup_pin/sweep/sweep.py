@@ -79,7 +79,10 @@ def sweep(
 ) -> SweepResult | SweepFile:
     """Return what is asked for at every pose; see `Robot.sweep`."""
     asked = _asked(quantities, force, moment, wrench, direction, length)
-    places = _places(engines.coordinates, poses, axes, draws, seed)
+    try:
+        places = _places(engines.coordinates, poses, axes, draws, seed)
+    except MemoryError as error:
+        raise InputError("so many poses do not fit into memory; take fewer at a time") from error
     engine = engines.of(asked, compiled, len(places))
     engine.check_compiled()
     if any(item.elastic for item in engine.quantities) and not mechanism.modules:

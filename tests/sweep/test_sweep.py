@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.errors import InputError
 from prup_pin.kernel import Tree
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -227,6 +228,18 @@ def test_a_tree_follows_slides_and_turns_alone(tmp_path):
     assert Tree.follows(prup_pin.load("kinova").mechanism)
 
 
+def test_a_process_that_may_take_less_memory_than_there_is_says_how_large_the_sweep_is(robot, monkeypatch):
+    from prup_pin.sweep.engine import Engine
+
+    def full(self, count):
+        raise MemoryError
+
+    monkeypatch.setattr(Engine, "unwritten", full)
+    each = 8 * 2 * 36 + 1
+    with pytest.raises(InputError, match=rf"1000 poses of {each} bytes each are 0.000577 GB.*Give out='FILE.parquet'"):
+        robot.sweep(z=np.linspace(0.3, 0.4, 1000), theta=0.0, phi=0.0)
+
+
 def test_draws_are_the_same_for_the_same_seed(robot):
     ends = {"z": (0.3, 0.4), "theta": (-0.3, 0.3), "phi": 0.0}
     a = robot.sweep(draws=20, seed=3, quantities=["C"], **ends)
@@ -290,6 +303,7 @@ BAD = [
     ({"z": 0.3, "theta": "high", "phi": 0.0}, "expected numbers"),
     ({"z": (0.3, 0.2), "theta": 0.0, "phi": 0.0, "draws": 5}, "no range"),
     ({"z": (0.3, 0.4), "theta": 0.0, "phi": 0.0, "draws": 0}, "positive number"),
+    ({"z": (0.3, 0.4), "theta": 0.0, "phi": 0.0, "draws": 10**12}, "draws=1000000000000: expected at most 100000000"),
     ({"poses": np.zeros((2, 4))}, r"shape \(N, 3\)"),
     ({"poses": np.zeros((0, 3))}, "poses is empty"),
     ({"poses": 5}, "expected an array"),
