@@ -104,9 +104,9 @@ COMMANDS = (
     "stiffness 3prup --at z=0.4,theta=0.1,phi=0 --wrench fx=300", "stiffness ur5 --actuators 0,-1,1,0,1,0 --json -",
     "stiffness 3prup --actuators 0.35,0.51,0.36 --set leg1/linear_rod.diameter=0.02", "kinds", "laws play", "robots",
     "stiffness ur5 --joint-stiffness 1e4 --home 0,-1,1,0,1,0", "info ur5", "info 3prup --lock leg1_slide",
-    "check x.urdf", "sweep 3prup --over z=0.38..0.4:3 --over theta=0 --over phi=0", "examples", "info ur5 --frame tool0",
+    "sweep 3prup --over z=0.38..0.4:3 --over theta=0 --over phi=0", "examples", "info ur5 --frame tool0",
     "sweep 3prup --over z=0.38..0.4 --over theta=0 --over phi=0 --draws 3 --force 300", "sweep --quantities help",
-    "stiffness 3prup --variant as_published --tool tool0", "import x.csv --map m.yaml --out o.csv", "--version",
+    "stiffness 3prup --variant as_published --tool tool0", "import x.csv --map m.yaml", "--version",
 )  # fmt: skip
 WORDS = (
     *("stiffness", "info", "check", "kinds", "laws", "robots", "3prup", "ur5", "nope", "--at", "--wrench", "--tool"),
@@ -450,10 +450,8 @@ def worked(numbers: list[int], kinds: list[str], seed: int, folder: str, pipe) -
     pipe.send(None)
 
 
-def outcomes(
-    numbers: list[int], kinds: list[str], seed: int, ends: float
-) -> Iterator[tuple[int, str, str, str, float]]:
-    """Yield (number, kind, outcome, words, seconds) of inputs, tried in one process; where that dies, in another one."""
+def outcomes(numbers: list[int], kinds: list[str], seed: int, ends: float) -> Iterator[tuple]:
+    """Yield (number, kind, outcome, words, seconds) of inputs, by one process; where it dies, by another."""
     spawn = multiprocessing.get_context("spawn")
     while numbers and time.monotonic() < ends:
         here, there = spawn.Pipe(duplex=False)

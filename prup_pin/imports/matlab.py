@@ -18,7 +18,7 @@ from scipy.io import loadmat
 from ..errors import RecordingFileError, imported
 from ..recordings.problems import shown
 from ..spatial import Array
-from .log import MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
+from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
 
 #: The kind of a packed variable in a MATLAB file, and bytes of it that are unpacked at a time.
 _PACKED, _PIECE = 15, 2**20
@@ -178,27 +178,28 @@ def _from_hdf(path: Path) -> Iterator[tuple[str, Any]]:
     seen: set[int] = set()
     whole = 0
     with reading(path, "a MATLAB file of version 7.3 or HDF5") as here, hdf.File(path) as file:
-        left: list[tuple[str, Any, bool]] = [("", file, True)]  # names, objects, and whether they are wanted
+        left: list[tuple[str, Any]] = [("", file)]
         while left:
-            name, item, wanted = left.pop()
+            name, item = left.pop()
             here.at = f"'{shown(name)}'" if name else ""
             address = hdf.h5o.get_info(item.id).addr
             if address in seen:  # a circle, or a second name
                 continue
             seen.add(address)
+            if len(seen) > 2 * MAX_COLUMNS:
+                raise refuse(path, f"holds more than {2 * MAX_COLUMNS} groups and datasets; export those of one run")
             if isinstance(item, hdf.Group):
-                for key in reversed(list(item)):
+                for key in reversed([key for key in item if not key.startswith("#")]):
                     inner = f"{name}.{key}" if name else key
                     link = item.get(key, getlink=True)
                     if isinstance(link, hdf.ExternalLink):
                         raise _elsewhere(path, inner, link.filename)
                     if isinstance(link, hdf.HardLink):  # a soft one is a second name
-                        left.append((inner, item[key], wanted and not key.startswith("#")))
+                        left.append((inner, item[key]))
             elif isinstance(item, hdf.Dataset):
-                sources = {source.file_name for source in item.virtual_sources()} if item.is_virtual else set()
-                for other in (*(other for other, _, _ in item.external or ()), *(sources - {"."})):
-                    raise _elsewhere(path, name, other)
-                if not wanted or not item.size:
+                for source in (item.virtual_sources() if item.is_virtual else item.external) or ():
+                    raise _elsewhere(path, name, source[0] if item.external else source.file_name)
+                if not item.size:
                     continue
                 if item.attrs.get("MATLAB_class", b"double") in (b"char", b"cell") or item.dtype.kind not in "fiub":
                     yield name, np.array("text")
@@ -210,5 +211,5 @@ def _from_hdf(path: Path) -> Iterator[tuple[str, Any]]:
 
 def _elsewhere(path: Path, name: str, other: str) -> RecordingFileError:
     """Return the error of a dataset that another file holds: what a log names is not read."""
-    kept = f"'{shown(name)}' is kept in another file, '{shown(other, 300)}'"
-    return refuse(path, f"{kept}, which is not read; copy the numbers into this one")
+    where = "another dataset (it is a virtual one)" if other == "." else f"another file, '{shown(other, 300)}'"
+    return refuse(path, f"'{shown(name)}' is kept in {where}, which is not read; copy the numbers into this one")

@@ -180,11 +180,21 @@ def test_hdf5_of_one_file_is_read_once_though_it_holds_itself(tmp_path):
         file["data/t"] = T
         file["data/again"] = file["data"]
         file["soft"] = h5py.SoftLink("/data/t")
+        file["#refs#/a"] = T
+    assert read_log(tmp_path / "log.h5").names == ("data.t",)
+    with h5py.File(tmp_path / "log.h5", "a") as file:
         layout = h5py.VirtualLayout((len(T),), float)
         layout[:] = h5py.VirtualSource(".", "/data/t", (len(T),))
         file.create_virtual_dataset("twin", layout)
-    names = read_log(tmp_path / "log.h5").names
-    assert sorted(names) == ["data.t", "twin"]
+    refused(tmp_path / "log.h5", "'twin' is kept in another dataset (it is a virtual one), which is not read")
+
+
+def test_hdf5_of_endless_groups_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("prup_pin.imports.matlab.MAX_COLUMNS", 50)
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for k in range(101):
+            file.create_group(f"g{k}")
+    refused(tmp_path / "log.h5", "holds more than 100 groups and datasets")
 
 
 # -- sizes -------------------------------------------------------------------------------------------------------------
