@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from unicodedata import category
 
 import numpy as np
 
@@ -16,11 +17,14 @@ from ..errors import Problem, PrupPinError, RecordingFileError
 from ..numbers import number
 from ..recordings.problems import shown
 from ..spatial import Array
+from .headings import unique_names
 
 #: Longer vectors in one message are pictures or clouds, not signals.
 MAX_VECTOR = 64
 #: More columns than that are names which change from row to row, or a matrix.
 MAX_COLUMNS = 10_000
+#: Longer names are cut off.
+_NAME = 200
 #: Larger numbers stand for none, as the largest float does in messages of ROS.
 _LARGEST = 1e60
 #: What the numbers of one log may take in memory, as its file declares them [bytes].
@@ -141,6 +145,8 @@ def read_log(path: str | Path) -> Log:
             endings = tuple(ending for kinds in FORMATS for ending in kinds)
             near = sorted(other.name for other in path.parent.glob("*") if other.suffix.lower() in endings)[:8]
             raise refuse(path, "file not found." + (f" The folder holds: {', '.join(near)}." if near else ""))
+        if not (path.is_file() or path.is_dir()):
+            raise refuse(path, "is a pipe or a device; expected a file")
         kind = ".bag" if path.is_dir() else path.suffix.lower()
         reader = next((name for endings, name in FORMATS.items() if kind in endings), None)
         log: Log | None = import_module(f"{__package__}.{reader}").read(path) if reader else None
@@ -154,10 +160,31 @@ def read_log(path: str | Path) -> Log:
             raise refuse(path, "holds no columns of numbers" + _besides(log.left_out))
         if count > MAX_COLUMNS:
             raise refuse(path, f"holds {count} columns of numbers; expected at most {MAX_COLUMNS}")
-        return log
+        return _printable(log)
     known = ", ".join(ending for endings in FORMATS for ending in endings)
     what = f"has the ending '{path.suffix}'; expected one of {known}, or the folder of a ROS 2 bag"
     raise refuse(path, what + (". Export the sheet as CSV (UTF-8)" if kind in (".xlsx", ".xls", ".ods") else ""))
+
+
+def _printable(log: Log) -> Log:
+    """Return a log whose names can be shown: one that breaks a line would write another line into a map."""
+
+    def told(name: str) -> str:
+        fits = len(name) <= _NAME and all(c.isprintable() or category(c) == "Zs" for c in name)
+        return name if fits else shown(name, _NAME)
+
+    left_out = tuple(told(text) for text in log.left_out)
+    every = (*log.names, *(stream.name for stream in log.streams))
+    if all(name == told(name) for name in every):
+        return replace(log, left_out=left_out)
+    names = dict(zip(log.names, unique_names([told(name) for name in log.names]), strict=True))
+    called = unique_names([told(stream.name) for stream in log.streams])
+    streams = []
+    for stream, name in zip(log.streams, called, strict=True):
+        columns = MappingProxyType({names[column]: values for column, values in stream.columns.items()})
+        units, labels = ({names.get(key, key): x for key, x in of.items()} for of in (stream.units, stream.labels))
+        streams.append(replace(stream, name=name, columns=columns, units=units, labels=labels))
+    return replace(log, streams=tuple(streams), left_out=left_out)
 
 
 def read_logs(paths: Sequence[str | Path]) -> Log:

@@ -159,8 +159,8 @@ def _of_npy(content: bytes) -> Array:
 
 def _is_hdf(path: Path) -> bool:
     with path.open("rb") as file:
-        head = file.read(1024)
-    return any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (0, 512))
+        head = file.read(4096)
+    return any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (0, 512, 1024, 2048))
 
 
 def _fields(name: str, value: Any, depth: int = 0) -> Iterator[tuple[str, Any]]:

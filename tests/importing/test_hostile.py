@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
 from pathlib import Path
 
@@ -15,8 +16,8 @@ from mcap.writer import CompressionType, Writer
 from pyarrow import parquet
 
 from prup_pin.errors import RecordingFileError
+from prup_pin.imports import guess, read_log, read_map
 from prup_pin.imports import log as log_module
-from prup_pin.imports import read_log
 
 from . import logs
 
@@ -333,3 +334,29 @@ def test_numbers_that_stand_for_none_are_none(tmp_path):
     (stream,) = read_log(tmp_path / "log.npz").streams
     assert np.isnan(stream.columns["q"]).all()
     assert np.array_equal(stream.columns["t"], T)
+
+
+def test_a_name_writes_no_line_into_the_map_and_nothing_but_text_onto_a_terminal(tmp_path):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name, values in {
+            "t": T,
+            "q1": Q[:, 0],
+            "x\nrobot: evil": T,
+            "x\x1b[2J": T,
+            "x\x1b[2K": T,
+            "n" * 2000: T,
+        }.items():
+            file[f"run\n\x07/{name}"] = values
+        file["text\nnotes: evil"] = "a"
+    log = read_log(tmp_path / "log.h5")
+    assert len(log.names) == 6
+    assert all(name.isprintable() for name in (*log.names, *log.left_out, log.streams[0].name))
+    text = guess(log).text
+    assert not any(line.startswith(("robot:", "notes:")) for line in text.splitlines())
+    (tmp_path / "map.yaml").write_text(text)
+    assert read_map(tmp_path / "map.yaml", log).columns["q.joint1"].source.endswith("q1")
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "log.mcap")
+    refused(tmp_path / "log.mcap", "is a pipe or a device; expected a file")
