@@ -171,6 +171,7 @@ def _records(path: Path, file: BinaryIO, at: Callable[[str], None]) -> Iterator[
             yield from reader.breakup_chunk(_unpacked(record, file.tell()), validate_crc=True)
         else:
             yield record
+        at(f"after byte {file.tell()}")
 
 
 def _unpacked(chunk: Any, begin: int) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,6 +24,8 @@ from .headings import unique_names
 MAX_VECTOR = 64
 #: More columns than that are names which change from row to row, or a matrix.
 MAX_COLUMNS = 10_000
+#: What to do with a file that no library can read.
+_AGAIN = "Is the file damaged or cut off? Copy or export it again"
 #: Longer names are cut off.
 _NAME = 200
 #: Larger numbers stand for none, as the largest float does in messages of ROS.
@@ -102,8 +105,17 @@ def reading(path: Path, what: str) -> Iterator[Reading]:
         raise
     except Exception as error:
         place = f" ({here.at})" if here.at else ""
-        why = "it needs more memory than there is" if isinstance(error, MemoryError) else shown(error, 200).strip()
-        raise refuse(path, f"cannot be read as {what}{place}: {why or type(error).__name__}") from error
+        raise refuse(path, f"cannot be read as {what}{place}: {_why(error)}. {_AGAIN}") from error
+
+
+def _why(error: Exception) -> str:
+    """Return in words what a library raised; some say nothing but the kind of their error."""
+    said = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
+    if isinstance(error, MemoryError):
+        return "it needs more memory than there is"
+    if isinstance(error, EOFError | struct.error) or type(error).__name__ == "EndOfFile":
+        return "it ends too early"
+    return shown(" ".join(said.split()), 200).rstrip(".") or f"it contradicts itself ({type(error).__name__})"
 
 
 def check_size(path: Path, size: int, what: str = "") -> None:

@@ -306,7 +306,7 @@ def test_odd_messages_beside_others_are_numbers_or_nothing(tmp_path, odd):
 def test_a_recording_that_was_cut_off_says_where(tmp_path):
     path = mcap_of(tmp_path / "log.mcap", [{"a": 1}] * 100)
     path.write_bytes(path.read_bytes()[:-200])
-    refused(path, "cannot be read as MCAP")
+    refused(path, "cannot be read as MCAP (after byte", "it ends too early. Is the file damaged or cut off?")
     logs.ros1_bag(tmp_path / "log.bag", T, Q, QD, TAU, "lz4")
     content = (tmp_path / "log.bag").read_bytes()
     (tmp_path / "log.bag").write_bytes(content[: len(content) // 2])
