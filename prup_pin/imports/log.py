@@ -133,7 +133,7 @@ def frozen(columns: Mapping[str, Iterable[float] | Array]) -> Mapping[str, Array
     out = {}
     for name, values in columns.items():
         array = np.array(values, float)
-        array[np.abs(array) > _LARGEST] = np.nan
+        array[~(np.abs(array) <= _LARGEST)] = np.nan  # also a nan of bytes that warn where it is used
         array.flags.writeable = False
         out[name] = array
     return MappingProxyType(out)

@@ -1,11 +1,9 @@
-"""Logs as named arrays: MATLAB's variables and fields of structures by scipy, version 7.3 and HDF5 by h5py, numpy's."""
+"""Logs as named arrays: MATLAB's variables and fields of structures, version 7.3 and HDF5 by h5py, numpy's."""
 
 from __future__ import annotations
 
 import math
-import struct
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from io import BytesIO
@@ -19,11 +17,7 @@ from ..errors import RecordingFileError, imported
 from ..recordings.problems import shown
 from ..spatial import Array
 from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
-
-#: The kind of a packed variable in a MATLAB file, and bytes of it that are unpacked at a time.
-_PACKED, _PIECE = 15, 2**20
-#: Structures within structures that are looked into.
-_DEEPEST = 50
+from .matlab_elements import variables
 
 
 def read(path: Path) -> Log:
@@ -89,42 +83,13 @@ def _variables(path: Path) -> Iterator[tuple[str, Any]]:
         yield from _from_hdf(path)
     else:
         with reading(path, "a MATLAB file"):
-            _check_unpacked(path)
-            content = loadmat(path, simplify_cells=True)
-        for name, value in content.items():
-            if not name.startswith("__"):
-                yield from _fields(name, value)
-
-
-def _check_unpacked(path: Path) -> None:
-    """Raise RecordingFileError where the packed variables of a MATLAB file (5 to 7.2) are too large for memory.
-
-    Each begins with its own size. All are unpacked piece by piece, and nothing kept, to see that it is true.
-    """
-    with path.open("rb") as file:
-        order = {b"IM": "<", b"MI": ">"}.get(file.read(128)[126:])
-        whole = 0
-        while order and len(tag := file.read(8)) == 8:
-            kind, size = struct.unpack(f"{order}II", tag)
-            if kind != _PACKED:
-                file.seek(size, 1)
-                continue
-            begin, declared, there = file.tell(), 0, 0
-            for piece in _unpacked(file.read(size)):
-                if not there:
-                    declared = struct.unpack(f"{order}II", piece[:8])[1]
-                    whole += declared
-                    check_size(path, whole)
-                there += len(piece)
-                if there > declared + 16:
-                    raise ValueError(f"what is packed at byte {begin} is larger than it declares")
-
-
-def _unpacked(packed: bytes) -> Iterator[bytes]:
-    unpacking = zlib.decompressobj()
-    while packed and not unpacking.eof:
-        yield unpacking.decompress(packed, _PIECE)
-        packed = unpacking.unconsumed_tail
+            with path.open("rb") as file:
+                old = b"\0" in file.read(4)  # version 4 begins with numbers
+            if not old:
+                yield from variables(path)
+                return
+            content = loadmat(path, squeeze_me=True)
+        yield from ((name, value) for name, value in content.items() if not name.startswith("__"))
 
 
 def _of_numpy(path: Path) -> Iterator[tuple[str, Any]]:
@@ -161,14 +126,6 @@ def _is_hdf(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(4096)
     return any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (0, 512, 1024, 2048))
-
-
-def _fields(name: str, value: Any, depth: int = 0) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, Mapping) and depth < _DEEPEST:
-        for key, inner in value.items():
-            yield from _fields(f"{name}.{key}", inner, depth + 1)
-    else:
-        yield name, value
 
 
 def _from_hdf(path: Path) -> Iterator[tuple[str, Any]]:

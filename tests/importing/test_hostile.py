@@ -246,6 +246,30 @@ def test_a_small_file_that_unpacks_to_a_large_one_is_refused_by_what_it_declares
     refused(path, "declares", "more than the 0.0004 GB that are read; export a part of it")
 
 
+def test_a_matlab_file_with_an_element_of_an_unknown_kind(tmp_path):
+    scipy.io.savemat(tmp_path / "log.mat", {"t": T})
+    content = bytearray((tmp_path / "log.mat").read_bytes())
+    at = content.index(bytes((9, 0, 0, 0)) + (8 * len(T)).to_bytes(4, "little"), 128)
+    content[at] = 25
+    (tmp_path / "log.mat").write_bytes(content)
+    refused(tmp_path / "log.mat", "cannot be read as a MATLAB file: the variable at byte 128 lacks its numbers")
+
+
+def test_any_other_byte_in_a_matlab_file_is_numbers_or_a_sentence(tmp_path):
+    data = {"s": {"t": T[:4], "cell": np.array([1, "a"], object), "z": T[:4] + 1j}, "b": T[:4] > 0.01}
+    scipy.io.savemat(tmp_path / "log.mat", data)
+    content = (tmp_path / "log.mat").read_bytes()
+    refusals = 0
+    for at in range(124, len(content)):
+        for other in (0, 255, 14, content[at] ^ 64):
+            (tmp_path / "log.mat").write_bytes(content[:at] + bytes((other,)) + content[at + 1 :])
+            try:
+                read_log(tmp_path / "log.mat")
+            except RecordingFileError:
+                refusals += 1
+    assert refusals > 300
+
+
 def test_what_unpacks_to_more_than_it_declares_is_refused(tmp_path):
     path = mcap_of(tmp_path / "log.mcap", [b'{"a": ' + b" " * 10**6 + b"1}"] * 3, CompressionType.ZSTD, crcs=False)
     content = bytearray(path.read_bytes())
