@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import Problem, RecordingFileError
 from ..numbers import number
 from ..recordings import Recording
-from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, marker_of
+from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, largest, marker_of
 from ..spatial import WRENCH_NAMES, Array
 from .clocks import at_rest, rests
 from .log import Log, Stream
@@ -89,6 +89,7 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
         columns |= {f"{name}.{axis}": vectors[:, k] for k, axis in enumerate(AXES)}
     for group in plan.motors:
         _to_joints(columns, group)
+    _check_sizes(log, {"time": time, **columns})
     used_columns = plan.sources
     unused = tuple(name for name in log.names if name not in used_columns)
     unscaled = [name for name, column in plan.columns.items() if column.unit.needs_scale and column.scale == 1.0]
@@ -126,6 +127,20 @@ def _moved(still: np.ndarray, spans: tuple[tuple[int, int], ...], times: Array) 
     return f"{count} rows in which a joint moved were left out{which}; {rests(still)} rests are left."
 
 
+def _check_sizes(log: Log, columns: Mapping[str, Array]) -> None:
+    """Raise RecordingFileError where numbers are larger than a recording's may be."""
+    problems = []
+    for name, values in columns.items():
+        far = np.flatnonzero(np.abs(values) > largest(name))
+        if len(far):
+            value = f"{values[far[0]]:.3g} in row {far[0] + 1}"
+            message = f"becomes {value}; expected at most {largest(name):g}. Are unit, scale and offset right?"
+            problems.append(Problem(f"{name}: {message}"))
+    if problems:
+        raise RecordingFileError(log.path, problems)
+
+
+@np.errstate(over="ignore", invalid="ignore")
 def in_si(values: Array, column: Column) -> Array:
     """Return a column of the log (N,) in SI."""
     si = values * column.unit.factor + column.unit.offset
@@ -309,6 +324,7 @@ def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(Non
     return known, turns
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _to_joints(columns: dict[str, Array], group: Motors) -> None:
     """Put joints in the place of the motors that move them: by power, efforts by the inverse, transposed."""
     for prefix in JOINT_GROUPS:

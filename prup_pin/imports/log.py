@@ -16,14 +16,14 @@ import numpy as np
 
 from ..errors import Problem, PrupPinError, RecordingFileError
 from ..numbers import number
-from ..recordings.problems import shown
+from ..recordings.problems import MAX_NAMES, shown
 from ..spatial import Array
 from .headings import unique_names
 
 #: Longer vectors in one message are pictures or clouds, not signals.
 MAX_VECTOR = 64
 #: More columns than that are names which change from row to row, or a matrix.
-MAX_COLUMNS = 10_000
+MAX_COLUMNS = MAX_NAMES
 #: What to do with a file that no library can read.
 _AGAIN = "Is the file damaged or cut off? Copy or export it again"
 #: Longer names are cut off.

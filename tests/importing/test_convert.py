@@ -264,6 +264,15 @@ def test_a_map_that_is_none(tmp_path, text, message):
         converted(tmp_path, text, log_of({"t": logs.T, "a": Q[:, 0]}))
 
 
+@pytest.mark.parametrize("line", ["scale: 1e300", "scale: 1e308, unit: rev/s", "offset: -1e12", "offset: -1e308"])
+def test_numbers_of_no_bench_are_refused_with_their_column(tmp_path, line):
+    text = f"time: {{from: t}}\ncolumns: {{q.j: {{from: a, unit: rad}}, qd.j: {{from: b, {line}}}}}\n"
+    log = log_of({"t": logs.T, "a": Q[:, 0], "b": 1 + logs.T})
+    message = r"qd\.j: becomes \S+ in row 1; expected at most 1e\+09\. Are unit, scale"
+    with pytest.raises(RecordingFileError, match=message):
+        converted(tmp_path, text, log)
+
+
 def test_noise_of_the_map_is_the_recordings_own(tmp_path):
     text = "time: {from: t}\ncolumns: {q.j: {from: a, unit: rad}}\nnoise: {position_noise: 2e-5, effort_noise: 0.1}\n"
     done = converted(tmp_path, text, log_of({"t": logs.T, "a": Q[:, 0]}))
