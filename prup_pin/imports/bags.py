@@ -123,7 +123,7 @@ def _check(file: Path) -> None:
                 pass
     elif ending == ".db3":
         if set("?#%") & set(str(file)):
-            raise ValueError("rename it: ?, # and % in its path mean something else to a database")
+            raise refuse(file, "has ?, # or % in its path, which mean something else to a database; rename it")
         with closing(sqlite3.connect(f"file:{file}?mode=ro&immutable=1", uri=True)) as database:
             found = database.execute("PRAGMA quick_check(1)").fetchone()
         if found != ("ok",):

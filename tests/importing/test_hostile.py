@@ -140,6 +140,12 @@ def test_a_database_that_is_damaged_is_refused(tmp_path):
     assert database.name in text
 
 
+def test_a_path_that_a_database_takes_for_something_else(tmp_path):
+    folder = logs.ros2_bag(tmp_path / "run", T, Q, QD, TAU).rename(tmp_path / "run#3")
+    with pytest.raises(RecordingFileError, match=r"has \?, # or % in its path.*; rename it"):
+        read_log(folder)
+
+
 # -- other files -------------------------------------------------------------------------------------------------------
 
 
