@@ -127,7 +127,7 @@ class RobotDescription:
     content: bytes
     tool: str | None = None
     tool_part: str | None = None
-    gravity: tuple[float, ...] = (0.0, 0.0, -9.80665)
+    gravity: tuple[float, ...] | None = None  # None: that of Pinocchio's models, as everywhere the file says nothing
     actuated: tuple[str, ...] | None = None
     rotation: str = "xyz"
     tasks: tuple[TaskDescription, ...] = ()
