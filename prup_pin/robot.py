@@ -80,7 +80,7 @@ class Robot:
     @cached_property
     def _statics(self) -> StaticsLayout:
         layout = StaticsLayout(self.mechanism)
-        layout.check_beams(self.home)
+        layout.check_beams(self._kinematics.evaluate(self._kinematics.home).placements)
         return layout
 
     @cached_property
@@ -140,8 +140,8 @@ class Robot:
 
     @cached_property
     def home(self) -> ClosedPose:
-        """The closed pose at the robot file's home position."""
-        return self._kinematics.pose_from_configuration(self._kinematics.home)
+        """The closed pose at the robot file's home position. Raises UnreachablePoseError, SingularPoseError."""
+        return self._kinematics.home_pose()
 
     @property
     def characteristic_length(self) -> float:

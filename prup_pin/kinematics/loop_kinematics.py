@@ -221,6 +221,10 @@ class LoopKinematics:
             residual=(metres, radians),
         )
 
+    def home_pose(self) -> ClosedPose:
+        """Return the closed pose at home. Raises UnreachablePoseError, SingularPoseError."""
+        return self.pose_from_configuration(self.home)
+
     @cached_property
     def _home(self) -> Configuration:
         """The evaluation at home, where every cold start begins."""
@@ -489,6 +493,10 @@ class LoopKinematics:
         limits = self.lower, self.upper
         return nearest_feasible(self.task, requested, self.evaluate, limits, self.length, (q, self.home))
 
+    def _place(self, placements: Array) -> str:
+        """Return what a configuration is called that nobody asked for by coordinates."""
+        return "home" if np.allclose(placements, self._home.placements, atol=_AT_LIMIT) else "this configuration"
+
     def _last_regular(self, requested: Mapping[str, float]) -> dict[str, float] | None:
         if not self._are_tasks(requested):
             return None
@@ -542,7 +550,7 @@ class LoopKinematics:
         if nearest is None and name in requested:
             nearest = {**requested, name: min(max(value, lower), upper)}
         raise UnreachablePoseError(
-            f"'{self.mechanism.name}' cannot reach {self._listed(requested) or 'this configuration'}: {text}. "
+            f"'{self.mechanism.name}' cannot reach {self._listed(requested) or self._place(self.evaluate(q).placements)}: {text}. "
             + (
                 f"Nearest feasible: {self._listed(nearest)}"
                 if nearest
@@ -594,10 +602,10 @@ class LoopKinematics:
             if (size_of > NEGLIGIBLE).any():
                 worst = int(np.argmax(size_of))
                 twist = np.concatenate((moved[:3, worst] * self.length, moved[3:, worst]))
-                self._refuse_singular(twist, idle[:, worst], requested)
+                self._refuse_singular(twist, idle[:, worst], requested, evaluation.placements)
         return PassiveBalance(inverted, self_stress, idle)
 
-    def _refuse_singular(self, twist: Array, motion: Array, requested: dict) -> None:
+    def _refuse_singular(self, twist: Array, motion: Array, requested: dict, placements: Array) -> None:
         names = [self.mechanism.dof_names[dof] for dof in self.mechanism.free_dofs]
         strongest = [names[i] for i in np.argsort(-np.abs(motion))[:3] if abs(motion[i]) > 1e-6]
         twist = twist / np.abs(twist).max()
@@ -606,12 +614,12 @@ class LoopKinematics:
         )
         nearest = self._last_regular(requested)
         raise SingularPoseError(
-            f"singular pose{' ' + self._listed(requested) if requested else ''}: with the actuators locked the tool "
-            f"can still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
+            f"{self._listed(requested) or self._place(placements)} is a singular pose: with the actuators locked the "
+            f"tool can still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
             + (
                 f"Nearest regular: {self._listed(nearest)}"
                 if nearest
-                else "Lock or actuate one of these joints, or leave this pose"
+                else "Lock or actuate one of these joints, or ask for another pose"
             ),
             requested,
             nearest,

@@ -134,7 +134,7 @@ class Engine:
         """Where the modules stand in arrays of loads."""
         layout = StaticsLayout(self.mechanism)
         if self.mechanism.modules:
-            layout.check_beams(self.kinematics.pose_from_configuration(self.kinematics.home))
+            layout.check_beams(self.kinematics.evaluate(self.kinematics.home).placements)
         return layout
 
     @cached_property
