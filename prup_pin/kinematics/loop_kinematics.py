@@ -64,9 +64,7 @@ class LoopKinematics:
         self.mechanism = mechanism
         self.model = mechanism.model
         self._tree = tree or LoopedTree(mechanism)
-        self.task = TaskFrame(
-            mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
-        )
+        self.task = TaskFrame.of(mechanism)
         self.closure = self._tree.closure
         self._factors = Factors()
         # Which velocities move what: loops, then task coordinates.

@@ -77,6 +77,7 @@ def answer_as_json(
         },
         "C": compliance.C,
         "K": answer.stiffness,
+        "K_task": answer.task_stiffness,
         "rigid_directions": compliance.rigid_directions,
         "load": {"wrench": answer.load.wrench, "source": "given" if answer.load.given else "softest direction"},
         "linearised_at": compliance.load,
