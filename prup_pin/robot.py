@@ -217,7 +217,8 @@ class Robot:
         Where: task coordinates as numbers, which are fixed, and rising arrays, which span a grid in the order given
         (z=0.3, theta=np.linspace(-.5, .5, 41), phi=…) [m, rad]; or `poses`, an array (N, t) in the order of
         `task_coordinates`, or a list or generator of rows or mappings; or `draws` poses between two ends each,
-        theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints.
+        theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints. What is not named stays at a home
+        that the robot file declares, as in `pose`.
 
         `force` [N] and `moment` [N m] are half the sides of the box of wrenches, one alone if the other is zero;
         `wrench` (6,) is a load for shares and buckling; `direction` (3,) in base axes, or "tool z"; `length` [m] makes

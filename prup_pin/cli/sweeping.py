@@ -96,7 +96,10 @@ def sweep(
         names = [*(["extremes"] if force is not None or moment is not None else []), "translational", _index(loaded)]
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
     kinds = _dimensions(loaded.mechanism)
+    given = loaded._kinematics.completed(asked)
     text = {"over": "; ".join(_axis(name, kinds[name], value) for name, value in asked.items())}
+    if len(given) > len(asked):
+        text["at home"] = "; ".join(_axis(name, kinds[name], given[name]) for name in given if name not in asked)
     for name, given, kind in (("force", force, "force"), ("moment", moment, "moment"), ("length", length, "length")):
         if given is not None:
             asked[name] = parse_quantity(given, kind, f"--{name}")
@@ -173,9 +176,12 @@ def _values(text: str, dimension: str, item: str, ends: bool) -> Any:
             meant = text.replace(":", "..", 1)
             hint = f": {meant}" if ":" in meant else ""
             raise InputError(f"--over {item}: expected a value, or FROM..TO:COUNT with two dots between the ends{hint}")
-        return parse_quantity(text, dimension, f"--over {item}")
+        return parse_quantity(text, dimension, "--over", item, len(item) - len(text))
     high, colon, count = rest.partition(":")
-    first, last = (parse_quantity(part, dimension, f"--over {item}") for part in (low, high))
+    starts = len(item) - len(text), len(item) - len(rest)
+    first, last = (
+        parse_quantity(part, dimension, "--over", item, start) for part, start in zip((low, high), starts, strict=True)
+    )
     if ends:
         if colon:
             raise InputError(f"--over {item}: with --draws, give the two ends alone, without ':{count}'")

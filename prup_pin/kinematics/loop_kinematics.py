@@ -11,6 +11,7 @@ from contextlib import suppress
 from functools import cached_property
 from math import hypot, inf
 from operator import le
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -312,7 +313,7 @@ class LoopKinematics:
 
     def pose(self, wanted: Mapping[str, float]) -> ClosedPose:
         """Return the pose with the wanted task coordinates; those not given stay at a home that the file declares."""
-        given = wanted if len(wanted) >= len(self.task.names) else self._completed(wanted)
+        given = wanted if len(wanted) >= len(self.task.names) else self.completed(wanted)
         target = self.task.target(given)
         requested = dict(zip(self.task.names, target, strict=True))
         start = self.start(target)
@@ -325,13 +326,20 @@ class LoopKinematics:
                 pass
         return self.reach(np.array(target), requested, self.task.goal)
 
-    def _completed(self, wanted: Mapping[str, float]) -> Mapping[str, float]:
-        """Return what is wanted with home's value of every task coordinate that is not."""
-        names = self.task.names
-        if not wanted or not self.mechanism.description.home or set(wanted) - set(names):
+    def completed(self, wanted: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return what is wanted with home's value of every coordinate that is not, where the file declares a home.
+
+        Of a robot without task coordinates these are its actuated joints; where it has no loops home is always there.
+        """
+        names, home = self.task.names or self.mechanism.actuated, self.mechanism.description.home
+        declared = home or not (self.task.names or self.mechanism.loops)
+        if not wanted or not declared or set(names) <= set(wanted) or set(wanted) - set(names):
             return wanted
-        home = np.round(self.task.values(self._home.placements), _HOME_DIGITS) + 0.0
-        return dict(zip(names, home.tolist(), strict=True)) | dict(wanted)
+        if self.task.names:
+            values = (np.round(self.task.values(self._home.placements), _HOME_DIGITS) + 0.0).tolist()
+        else:
+            values = [float(self.mechanism.joint(name).position(self.home)) for name in names]
+        return {name: value for name, value in zip(names, values, strict=True) if name not in wanted} | dict(wanted)
 
     @cached_property
     def start(self) -> PolynomialStart:
