@@ -124,8 +124,11 @@ class Robot:
     def _pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
         return self._kinematics.pose_of_joints(values)
 
-    def pose_from_actuators(self, positions: Sequence[float], near: ClosedPose | None = None) -> ClosedPose:
-        """Return the closed pose at actuator positions (in the order of `actuated`) [m, rad].
+    def pose_from_actuators(
+        self, positions: Mapping[str, float] | Sequence[float], near: ClosedPose | None = None
+    ) -> ClosedPose:
+        """Return the closed pose at actuator positions [m, rad]: by joint, {"leg1_slide": 0.4, …}, or in the order of
+        `mechanism.actuated`.
 
         Of several assembly modes, the one connected to home, or to the pose `near`. A tree also takes a whole
         Pinocchio configuration. Raises like `pose`.

@@ -113,13 +113,9 @@ def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPo
         names = robot.mechanism.actuated
         dimensions = {name: dimension(robot.mechanism, name) for name in names}
         if "=" in actuators:
-            given = parse_assignments(actuators, dimensions, "--actuators", "actuated joint")
-            missing = [name for name in names if name not in given]
-            if missing:
-                raise InputError(f"--actuators: missing {', '.join(missing)}; give all of {', '.join(names)}")
-            values = [given[name] for name in names]
-        else:
-            values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
+            by_name = parse_assignments(actuators, dimensions, "--actuators", "actuated joint")
+            return robot.pose_from_actuators(by_name), "actuators", []
+        values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
         return robot.pose_from_actuators(values), "actuators", []
     if at is None:
         return robot.home, "home", []
