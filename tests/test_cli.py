@@ -210,6 +210,35 @@ def test_documented_json_keys_are_the_ones_written(run):
     assert keys == set(answer_as_json(run))
 
 
+def test_info_is_told_as_json_too(run, tmp_path):
+    done = run("info", "3prup", "--tolerances", "typical", "--json", "-")
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+    robot = prup_pin.load("3prup")
+    assert told["gravity"] == robot.mechanism.gravity.tolist()
+    assert told["joints"]["leg1_slide"] == {
+        "unit": "m", "actuated": True, "type": "prismatic", "limits": [0.101, 0.609],
+    }  # fmt: skip
+    assert told["home"]["mobility"] == 3
+    assert told["home"]["actuators"] == pytest.approx(robot.home.actuators)
+    assert set(told["parameters"]) == set(robot.parameters)
+    assert told["parameters"]["leg1/linear_rod.diameter"]["value"] == 0.02
+    path = tmp_path / "info.json"
+    beside = run("info", "3prup", "--json", str(path))
+    assert "Compliant modules" in beside.stdout
+    assert json.loads(path.read_text(encoding="utf-8"))["robot"] == "3prup"
+
+
+def test_what_the_paper_prints_wrongly_is_told_where_it_is_used(run):
+    plain, printed = run("stiffness", "3prup").stdout, run("stiffness", "3prup_as_published").stdout
+    assert "Eq. (90)" not in plain
+    assert "15 and 12.5 mm" not in " ".join(plain.split())
+    assert "the sign of Eq. (90)" in " ".join(printed.split())
+    info = " ".join(run("info", "3prup").stdout.split())
+    assert "as_published: as the paper prints it: the sign of Eq. (90)" in info
+    assert "Table 1, A_r: of 15 mm; the paper calls both" in info
+
+
 # -- the other commands ----------------------------------------------------------------------------------------------
 
 

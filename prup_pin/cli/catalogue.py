@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from .. import __version__
 from ..errors import UnknownNameError
 from ..laws import LAWS
 from ..modules import KINDS
+from ..views.report.as_json import dump, info_as_json
 from ..views.text import robot_text, terminal
 from ..views.text.law_text import print_laws
-from .options import Reading, RobotName, TolerancesOption, tolerances_named
+from .files import list_written, write
+from .options import AsJson, Reading, RobotName, TolerancesOption, tolerances_named
 from .question import limits_as_notes
 
 __all__ = ["info", "kinds", "laws", "robots"]
 
 
-def info(robot: RobotName = "3prup", tolerances: TolerancesOption = None, *, reading: Reading) -> None:
+def info(
+    robot: RobotName = "3prup", tolerances: TolerancesOption = None, as_json: AsJson = None, *, reading: Reading
+) -> None:
     """Joints, loops, mobility, modules and parameters of a robot, with their tolerances."""
     with limits_as_notes([]):
         wanted = None if tolerances is None else tolerances_named(tolerances)
-        robot_text.print_info(terminal.console(), reading.load(robot), wanted)
+        loaded = reading.load(robot)
+        document = dump(info_as_json(loaded, wanted, __version__)) if as_json is not None else ""
+        if as_json == "-":
+            typer.echo(document)
+            return
+        robot_text.print_info(terminal.console(), loaded, wanted)
+    if as_json is not None:
+        write(Path(as_json), document + "\n", "--json")
+        list_written([Path(as_json)])
 
 
 def robots() -> None:

@@ -196,7 +196,10 @@ def test_what_is_not_given_stays_at_a_home_that_the_file_declares(robot, tmp_pat
         (lambda robot: robot.pose(z="0,4", theta=0, phi=0), "z = '0,4': expected a finite number"),
         (lambda robot: robot.pose_from_actuators([0.3, 0.3]), r"expected 3 actuator positions \(leg1_slide"),
         (lambda robot: robot.pose_from_actuators([0.3, 0.3, np.inf]), "must be finite"),
-        (lambda robot: robot.pose_from_actuators({"leg1_slide": 0.3}), "missing actuator positions: leg2_slide, leg3_s"),
+        (
+            lambda robot: robot.pose_from_actuators({"leg1_slide": 0.3}),
+            "missing actuator positions: leg2_slide, leg3_s",
+        ),
         (lambda robot: robot.pose_from_actuators({"leg1_side": 0.3}), "no actuated joint named 'leg1_side'. Did you"),
         (lambda robot: robot.pose_from_configuration([0.0]), "expected a configuration of 15 finite numbers"),
         (

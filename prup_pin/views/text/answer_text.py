@@ -224,5 +224,10 @@ def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:
     table = make_table(("", "left"), *headers)
     for index, (name, cells) in enumerate(zip(matrix.rows, matrix.cells, strict=True)):
         first, *others = (cells[block] for block in blocks)
-        table.add_row(name, *first, *(cell for other in others for cell in ("|", *other)), end_section=index == 2 and len(others) > 0)
+        table.add_row(
+            name,
+            *first,
+            *(cell for other in others for cell in ("|", *other)),
+            end_section=index == 2 and len(others) > 0,
+        )
     return table

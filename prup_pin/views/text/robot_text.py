@@ -50,7 +50,8 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
         _print_tolerances(out, tolerances)
     if description.variants:
         heading(out, "Variants")
-        listed(out, "", description.variants, ", ")
+        for name, variant in description.variants.items():
+            paragraph(out, ": ".join((name, "; ".join(variant.notes))) if variant.notes else name)
     heading(out, "Assumed")
     for note in robot.assumptions or ("nothing besides small deflections",):
         paragraph(out, note, "- ")
