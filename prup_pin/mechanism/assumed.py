@@ -37,6 +37,12 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
             yield "no masses are given: sag, weight and vibration are those of a robot without weight"
     elif named:
         yield f"without mass: {_listed(named)}"
+    yielding = {module.joint for module in mechanism.modules if mechanism.gives_way(module)}
+    stiff = [
+        name for name in mechanism.actuated if mechanism.joint_id(name) not in yielding | mechanism.load_paths.idle
+    ]
+    if mechanism.modules and stiff:
+        yield f"drives that are rigid, as no module yields along them: {_listed(stiff)}"
     if not description.home:
         yield "no home is given: home is every joint at 0, or at its nearest limit"
     if description.meshes_missing:

@@ -335,6 +335,10 @@ class Mechanism:
             return True
         return not joint.slides and self.askew(module) < _PARALLEL
 
+    def gives_way(self, module: Module) -> bool:
+        """Return True where a module yields along its joint's own motion: a drive's part, a spring."""
+        return isinstance(module.kind, DriveModule) or self.holds(module)
+
     def askew(self, module: Module) -> float:
         """Return the angle [rad] between a module's axis and that of its joint at the file's home, 0 to pi/2."""
         data, joint = self.model.createData(), self.joint(module.joint)

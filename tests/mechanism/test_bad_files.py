@@ -192,6 +192,7 @@ def test_what_is_usual_is_not_remarked(write):
     assert prup_pin.load(write(("<visual>", usual))).assumptions == (
         "no gravity is given: it is that of Pinocchio's models, (0 0 -9.81) m/s^2 in base axes",
         "without mass: lower",
+        "drives that are rigid, as no module yields along them: elbow",
         "no home is given: home is every joint at 0, or at its nearest limit",
     )
 
