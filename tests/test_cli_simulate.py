@@ -315,3 +315,29 @@ def test_laws_of_another_robot(run):
     text = run("laws", "stiffness_changed", "--robot", "ur5", "--joint-stiffness", "1e4", "--tool", "tool0").stdout
     assert "elbow_joint" in text
     assert "none on 'ur5" in run("laws", "geometric_offset", "--robot", "ur5").stdout
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [("play", "backlash"), ("Backlash", "backlash"), ("torque ripple", "cogging"), ("a hose", "external_spring"),
+     ("stribeck friction", "stribeck_friction"), ("sticks and slips", "coulomb_friction")],
+)  # fmt: skip
+def test_a_law_is_found_by_the_word_that_verdicts_and_people_use(run, word, name):
+    text = run("laws", word).stdout
+    assert text.startswith(name)
+    assert "parameter" in text
+
+
+def test_a_word_of_several_laws_lists_them(run):
+    text = run("laws", "friction").stdout
+    assert all(f"{name}: " in text for name in ("coulomb_friction", "viscous_friction", "stribeck_friction"))
+    assert "backlash: " not in text
+
+
+def test_laws_of_efforts_are_shown_with_their_joints(run):
+    text = run("laws", "stribeck_friction", "--robot", "ur5").stdout
+    assert text.startswith("stribeck_friction, in efforts")
+    assert "shoulder_pan_joint" in text
+    both = run("laws", "coulomb_friction").stdout
+    assert both.index("\ncoulomb_friction, in efforts") > both.index("coulomb_friction\n")
+    refused(run("laws", "stribek_friction"), "'stribeck_friction'")
