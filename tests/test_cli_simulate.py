@@ -253,6 +253,7 @@ def test_which_robot(run, bench):
         ("backlash@leg2/ball_nutt half_gap=1e-5 closing_load=1", "'leg2/ball_nut'"),
         ("backlash@leg2/R_phi half_gap=1e-5 closing_load=1", "radial, axial, radial by axis; say which"),
         ("backlash@leg2/R_phi:tilting half_gap=1e-5 closing_load=1", "radial, axial"),
+        ("shear@robot", "missing scale (> 0 and <= 50; a fit starts at 1)"),
         ("backlash@leg2/ball_nut half_gap=1e-5", "missing closing_load (> 0.02 and <= 1e+06 N; a fit starts at 1)"),
         ("backlash@leg2/ball_nut gap=1e-5 closing_load=1", "Valid: half_gap, closing_load"),
         ("backlash@leg2/ball_nut half_gap=1 closing_load=1", "half_gap = 1.0 m: expected > 0 and <= 0.005 m"),
