@@ -65,8 +65,8 @@ def thinner(length: float, **diameter: float) -> None:
     for name, value in diameter.items():
         if float(value) > length:
             raise InputError(
-                f"{name} = {value:g} m is more than its bar is long, {length:g} m: is it in millimetres? Lengths are in "
-                f"metres: {name}={float(value) / 1e3:g}"
+                f"{name} = {value:g} m is more than its bar is long, {length:g} m: is it in millimetres? Lengths are "
+                f"in metres: {name}={float(value) / 1e3:g}"
             )
 
 

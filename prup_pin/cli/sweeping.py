@@ -49,8 +49,8 @@ def sweep(
         str | None,
         typer.Option(
             metavar="C,K,extremes,…",
-            help="What is wanted of each pose; list: --quantities help. Default: translational, homogenised_ksi (K_task where "
-            "home has no K), and extremes where --force or --moment is given.",
+            help="What is wanted of each pose; list: --quantities help. Default: translational, homogenised_ksi ("
+            "K_task where home has no K), and extremes where --force or --moment is given.",
             show_default=False,
         ),
     ] = None,
@@ -96,10 +96,10 @@ def sweep(
         names = [*(["extremes"] if force is not None or moment is not None else []), "translational", _index(loaded)]
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
     kinds = _dimensions(loaded.mechanism)
-    given = loaded._kinematics.completed(asked)
+    whole = loaded._kinematics.completed(asked)
     text = {"over": "; ".join(_axis(name, kinds[name], value) for name, value in asked.items())}
-    if len(given) > len(asked):
-        text["at home"] = "; ".join(_axis(name, kinds[name], given[name]) for name in given if name not in asked)
+    if len(whole) > len(asked):
+        text["at home"] = "; ".join(_axis(name, kinds[name], whole[name]) for name in whole if name not in asked)
     for name, given, kind in (("force", force, "force"), ("moment", moment, "moment"), ("length", length, "length")):
         if given is not None:
             asked[name] = parse_quantity(given, kind, f"--{name}")

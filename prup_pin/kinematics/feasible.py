@@ -27,9 +27,9 @@ def nearest_feasible(
 ) -> dict[str, float] | None:
     """Return the feasible task coordinates nearest to the requested ones, or None.
 
-    Nearest in the root of the sum of squares of angles [rad] and distances by the characteristic `length` [m], within joint
-    `limits` (lower, upper) and with closed loops, of what SciPy's SLSQP finds from `starts`, and confirmed by closing
-    the loops there. `evaluate` gives the kinematics at a configuration whose coordinates may vary one by one.
+    Nearest in the root of the sum of squares of angles [rad] and distances by the characteristic `length` [m], within
+    joint `limits` (lower, upper) and with closed loops, of what SciPy's SLSQP finds from `starts`, and confirmed by
+    closing the loops there. `evaluate` gives the kinematics at a configuration whose coordinates may vary one by one.
     """
     from scipy.optimize import minimize
 

@@ -604,8 +604,9 @@ class LoopKinematics:
             places = {name: self.mechanism.joint(name).first_q for name in requested}
             within = {at: min(max(requested[at], self.lower[k]), self.upper[k]) for at, k in places.items()}
             nearest = self._confirmed(requested, within)
+        wanted = self._listed(requested) or self._place(self.evaluate(q).placements)
         raise UnreachablePoseError(
-            f"'{self.mechanism.name}' cannot reach {self._listed(requested) or self._place(self.evaluate(q).placements)}: {text}. "
+            f"'{self.mechanism.name}' cannot reach {wanted}: {text}. "
             + (
                 f"Nearest feasible: {self._listed(nearest)}"
                 if nearest

@@ -92,8 +92,8 @@ class LengthDescription:
 
 @dataclass(frozen=True)
 class VariantDescription:
-    """Changes that make another model of the same robot: kinds of modules, values and tolerances of parameters; notes on
-    it alone."""
+    """Changes that make another model of the same robot: kinds of modules, values and tolerances of parameters, and
+    notes on it alone."""
 
     name: str
     kinds: Mapping[str, str]

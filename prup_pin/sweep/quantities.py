@@ -115,7 +115,7 @@ class Solved:
     @cached_property
     def eigenvalues(self) -> Array:
         """Of K, ascending, (n, 6)."""
-        return self._where_stiff(np.linalg.eigvalsh)
+        return self._where_stiff(np.linalg.eigvalsh)  # type: ignore[arg-type]
 
     @cached_property
     def homogenised(self) -> Array:

@@ -46,9 +46,9 @@ def test_the_loaded_robot_and_its_picture_need_no_home(radial, tmp_path):
 
 
 def test_home_itself_is_called_home(radial):
-    with pytest.raises(SingularPoseError, match="^home is a singular pose.*ask for another pose"):
+    with pytest.raises(SingularPoseError, match=r"^home is a singular pose.*ask for another pose"):
         _ = radial.home
-    with pytest.raises(SingularPoseError, match="^x = 0 m, y = 0 m, phi = 0 rad .* is a singular pose"):
+    with pytest.raises(SingularPoseError, match=r"^x = 0 m, y = 0 m, phi = 0 rad .* is a singular pose"):
         radial.pose(x=0, y=0, phi=0)
 
 

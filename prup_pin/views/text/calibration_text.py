@@ -61,8 +61,8 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     if unseen:
         heading(out, "Never seen by these data", f"({len(unseen)} parameters)")
         alike: dict[str, list[str]] = {}
-        for name in unseen:
-            owner, _, kind = name.rpartition(".")
+        for parameter in unseen:
+            owner, _, kind = parameter.rpartition(".")
             alike.setdefault(kind, []).append(owner)
         for kind, owners in alike.items():
             paragraph(out, f"{kind} of {', '.join(some(owners, _NAMED))}", "- ")
