@@ -111,7 +111,8 @@ class UnreachablePoseError(PrupPinError):
     """No closed configuration reaches the wanted coordinates.
 
     `requested` and `nearest` are the coordinates asked for and the nearest feasible ones (SI), or None where no
-    feasible pose could be found; `residual` is the closure residual left, (metres, radians).
+    feasible pose could be found; `residual`, (metres, radians), is how far these are apart, or, without a nearest one,
+    by how much the loops stayed open; None where a joint's limit is in the way.
     """
 
     def __init__(

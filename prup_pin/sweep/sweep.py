@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import cached_property
 from math import prod
@@ -33,6 +33,10 @@ class Engines:
     def __init__(self, mechanism: Mechanism, kinematics: LoopKinematics):
         self._mechanism, self._kinematics = mechanism, kinematics
         self._made: dict[tuple[Asked, bool, bool], Engine] = {}
+
+    def completed(self, pose: Any) -> Any:
+        """Return coordinates by name with home's value of those that may be left out; what is no mapping as it is."""
+        return self._kinematics.completed(pose) if isinstance(pose, Mapping) else pose
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -80,7 +84,7 @@ def sweep(
     """Return what is asked for at every pose; see `Robot.sweep`."""
     asked = _asked(quantities, force, moment, wrench, direction, length)
     try:
-        places = _places(engines.coordinates, poses, axes, draws, seed)
+        places = _places(engines, poses, axes, draws, seed)
     except MemoryError as error:
         raise InputError("so many poses do not fit into memory; take fewer at a time") from error
     engine = engines.of(asked, compiled, len(places))
@@ -158,15 +162,17 @@ def _direction(given: Any) -> tuple[tuple[float, ...] | None, bool]:
     return tuple((line / np.linalg.norm(line)).tolist()), False
 
 
-def _places(coordinates: Coordinates, poses: Any, axes: Mapping[str, Any], draws: int | None, seed: int) -> Places:
+def _places(engines: Engines, poses: Any, axes: Mapping[str, Any], draws: int | None, seed: int) -> Places:
+    coordinates = engines.coordinates
     if poses is not None:
         if axes or draws is not None:
             given = ", ".join([*axes, *(["draws"] if draws is not None else [])])
             raise InputError(f"poses= says where all poses are; leave out {given}")
-        return scattered(coordinates, poses)
+        one_by_one = isinstance(poses, Iterable) and not isinstance(poses, np.ndarray | Mapping | str)
+        return scattered(coordinates, map(engines.completed, poses) if one_by_one else poses)
     if draws is not None:
-        return drawn(coordinates, axes, draws, seed)
-    return grid(coordinates, axes)
+        return drawn(coordinates, engines.completed(axes), draws, seed)
+    return grid(coordinates, engines.completed(axes))
 
 
 def _bytes_of(engine: Engine, count: int) -> int:

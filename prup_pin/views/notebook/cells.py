@@ -24,6 +24,7 @@ from ..text.tables import (
     percent_text,
     rigid_texts,
     stiffness_table,
+    task_table,
     yielding_table,
 )
 
@@ -80,7 +81,7 @@ def compliance_html(compliance: Compliance) -> str:
     if answer.stiffness is None:
         texts = "; ".join(rigid_texts(answer))
         parts.append(_facts([("K does not exist", f"no module yields under {texts}")]))
-    table = stiffness_table(answer) or yielding_table(answer)
+    table = stiffness_table(answer) or task_table(answer) or yielding_table(answer)
     if table is not None:
         parts.append(_matrix(table))
     parts.append(_matrix(compliance_table(answer)))
