@@ -33,7 +33,12 @@ function build(controls) {
         input.setAttribute("aria-label", `${control.label} ${control.unit}`);
       }
       number.removeAttribute("min"); number.removeAttribute("max");
-      slider.addEventListener("input", () => { number.value = Number(Number(slider.value).toPrecision(4)); ask(); });
+      // beside the middle of a slider numbers are rounding, and their exponents do not fit into the box
+      const rounding = 1e-6 * (control.high - control.low);
+      slider.addEventListener("input", () => {
+        number.value = Math.abs(slider.value) < rounding ? 0 : Number(Number(slider.value).toPrecision(4));
+        ask();
+      });
       number.addEventListener("input", () => { if (number.value !== "") { slider.value = number.value; ask(); } });
       inputs[control.name] = { group: group.name, number, factor: control.factor, start: control.value, slider };
     }

@@ -17,13 +17,14 @@ import numpy as np
 
 from ...errors import InputError, JointLimitWarning, PrupPinError
 from ...kinematics import ClosedPose
+from ...numbers import number
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES, Array, as_wrench
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.painter import Painter
 from ..scene.scene import Part, Scene
 from ..text.answer import Answer
-from ..text.joints import coordinate_dimensions, dimension, limits
+from ..text.joints import clean, coordinate_dimensions, dimension, limits
 from ..text.tables import rigid_texts, stiffness_table
 from .commands import changes, folders, packed, stage
 from .server import Message, Served, Server
@@ -35,6 +36,8 @@ __all__ = ["Explorer"]
 REACH, TURN = 0.5, np.radians(45)
 #: How far those of loads reach, where the load asked for is smaller [N], [N m].
 FORCE, MOMENT = 500.0, 100.0
+#: The largest load that a box takes [N, N m]: beyond it, squares of loads and stiffnesses leave a computer's numbers.
+MOST_LOAD = 1e9
 #: Shown unit and its size in SI, by dimension.
 _UNITS = {"length": ("mm", 1e-3), "angle": ("°", np.pi / 180), "number": ("", 1.0)}
 
@@ -52,7 +55,7 @@ class Control:
     def described(self) -> dict[str, Any]:
         """Return what the page makes of it, in the unit that it shows."""
         unit, factor = _UNITS.get(self.dimension, (self.dimension, 1.0))
-        shown = {key: float(f"{getattr(self, key) / factor:.6g}") for key in ("value", "low", "high")}
+        shown = {key: float(f"{clean(getattr(self, key)) / factor:.6g}") for key in ("value", "low", "high")}
         return {"name": self.name, "label": self.name, "unit": unit, "factor": factor, **shown}
 
 
@@ -186,16 +189,20 @@ class Session:
             if scale is not None and not 0 < float(scale) < np.inf:
                 raise InputError(f"the deflection cannot be drawn {scale} times larger; expected a number above 0")
             wrench = as_wrench({name: float(value) for name, value in load.items()})
+            if np.abs(wrench).max() > MOST_LOAD:
+                name = WRENCH_NAMES[int(np.abs(wrench).argmax())]
+                raise InputError(f"{name} is {number(load[name])}; expected at most {number(MOST_LOAD)} N or N m")
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", JointLimitWarning)
                 pose = self.explorer.pose_at(values)
             scene = self.explorer.scene(pose, wrench, None if scale is None else float(scale))
+            said = {"scale": scene.scale or None, "trouble": " ".join(str(item.message) for item in caught)}
+            answer = self._told(scene, pose, wrench, {**told, **said})
         except PrupPinError as error:
             return [json.dumps({**told, "trouble": str(error)})]
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
             return [json.dumps({**told, "trouble": "this question was not understood"})]
-        told |= {"scale": scene.scale or None, "trouble": " ".join(str(item.message) for item in caught)}
-        return [*self._difference(scene), self._told(scene, pose, wrench, told)]
+        return [*self._difference(scene), answer]
 
     def _difference(self, scene: Scene) -> list[Message]:
         """Return the commands from what the browser has to a scene."""

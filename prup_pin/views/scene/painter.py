@@ -28,6 +28,9 @@ from .visuals import Visual, visuals
 
 __all__ = ["Painter", "pose_scene", "pose_words"]
 
+#: How far a deflection may be drawn at most, in sizes of the robot, or rotated [rad].
+_FARTHEST = 100.0
+
 
 class Painter:
     """Draws poses of one robot: reads its geometry once, keeps eye and sizes the same for all poses."""
@@ -247,7 +250,7 @@ class Painter:
             assert compliance is not None
             assert wrench is not None
             moved = moved or Deflections(compliance, wrench)
-            scale = fitting_scale(moved, self.size) if scale is None else scale
+            scale = fitting_scale(moved, self.size) if scale is None else self._drawable(scale, moved)
             try:
                 shares = compliance.shares(wrench)
             except InputError:
@@ -302,6 +305,17 @@ class Painter:
         return Scene(
             self.robot.name, tuple(parts), tuple(labels), legend, self.up, self.viewer, balls, float(scale or 0.0)
         )
+
+    def _drawable(self, scale: float, moved: Deflections) -> float:
+        """Return the factor asked for. Raises InputError where the deflection would leave any picture by it."""
+        metres, radians = moved.largest()
+        most = _FARTHEST / max(metres / self.size, radians, np.finfo(float).tiny)
+        if scale > most:
+            raise InputError(
+                f"the deflection of {length_text(metres)} cannot be drawn {number(scale, 3)} times larger: it would "
+                f"leave the picture. Expected at most {number(nice_below(most), 3)}"
+            )
+        return scale
 
     # -- signs -----------------------------------------------------------------------------------------------------
 
