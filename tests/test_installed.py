@@ -39,7 +39,9 @@ def test_nobody_is_told_to_fetch_a_distribution_that_does_not_exist():
     texts |= {path: path.read_text(encoding="utf-8") for path in ROOT.glob("*.md")}
     assert not [path for path, text in texts.items() if told.search(text)]
     assert "pip install prup" not in f"{MissingExtraError('jinja2')} {MissingExtraError('yourdfpy', 'check')}"
-    assert "pip install yourdfpy (it is part of prup_pin's extra 'check')" in str(MissingExtraError("yourdfpy", "check"))
+    assert "pip install yourdfpy (it is part of prup_pin's extra 'check')" in str(
+        MissingExtraError("yourdfpy", "check")
+    )
 
 
 def test_what_is_missed_is_told_by_the_name_that_pip_knows():

@@ -14,6 +14,8 @@ import pytest
 from prup_pin.diagnosis.diagnosis import Detectable, Finding
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
 from prup_pin.errors import MissingExtraError
+from prup_pin.laws.deviations import deviations_of
+from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
 from prup_pin.views.drawing.diagnosis_figures import _lines
@@ -22,9 +24,11 @@ from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
 from prup_pin.views.text.diagnosis_words import (
     alternative_text,
+    cost_text,
     hidden_rows,
     parameter_texts,
     places_text,
+    summary_text,
     verdict_text,
 )
 
@@ -74,6 +78,60 @@ def test_it_says_what_was_found(diagnosed, page):
     assert "prup-pin predict corrected_model.json" in text
     for remark in diagnosis.remarks:
         assert remark in text
+
+
+def test_a_mechanic_reads_at_its_top_what_is_wrong_and_what_to_do_first(diagnosed, page):
+    _, _, diagnosis = diagnosed
+    said, first = summary_text(diagnosis), diagnosis.findings[0]
+    text = words(page)
+    assert text.index(said) < text.index("What was measured")
+    assert f"{quantity(1e-6 * diagnosis.by_channel['position']['before_um'], 'm')} (root mean square)" in said
+    assert first.statement in said
+    assert f"To do first: {first.remedy}." in said
+    assert "nothing has to be mended" in summary_text(replace(diagnosis, findings=(), verdict="nothing_missing"))
+    strange = replace(diagnosis, findings=(), verdict="unexplained")
+    assert "No law of the library takes it away: something is missing that has no name here" in summary_text(strange)
+
+
+def test_each_finding_says_what_leaving_it_out_costs_and_what_to_do(diagnosed, page):
+    """Shares of one residual that each add up to more than all of it read as a contradiction."""
+    _, _, diagnosis = diagnosed
+    first = diagnosis.findings[0]
+    assert "Alone it" not in words(page)
+    assert f"To do: T{first.remedy[1:]}." in words(page)
+    # held out, without it: what the diagnosis says that it takes away, over what is left with it
+    squares = 1 / (1 - first.heldout_gain)
+    assert f"Without it {number(squares**0.5, 3)} times as much would be left." in words(page)
+    little = replace(first, heldout_gain=1 - 1 / 1.05**2)
+    assert cost_text(little) == "without it 5 % more would be left"
+    assert cost_text(replace(first, heldout_gain=1.0)) == "without it more than 1000 times as much would be left"
+    assert cost_text(replace(first, heldout_gain=0.0)) == "what else is off could make up for it"
+    unknown = replace(first, physics="unknown", effect=None, heldout_gain=0.4)
+    assert cost_text(unknown) == "a law for it would take 40 % of the squared residual"
+
+
+def test_what_has_no_effect_of_its_own_is_told_by_its_physics(diagnosed):
+    robot, _, _ = diagnosed
+    words = {item.physics for item in deviations_of(robot.mechanism)} | {"effort_gain", "inertial_parameters"}
+    for physics in sorted(words | {"finite_deflection", "unknown"}):
+        found = Finding(physics, "leg1", ("leg1",), {}, 0.5, "off")
+        assert len(found.remedy.split()) > 4, physics
+        assert "{" not in found.remedy
+    many = Finding("coulomb_friction", "robot", ("robot",), {}, 0.5, "dry friction at 5 of 6 drives")
+    assert many.remedy.startswith("feed this friction of each of these places forward in the controller")
+
+
+def test_a_next_experiment_has_a_heading_where_there_is_one_and_a_column_for_each_pose(diagnosed):
+    robot, recording, diagnosis = diagnosed
+    none = diagnosis_html(replace(diagnosis, next_experiment={"why": "", "plan": {}}), robot, recording)
+    assert "The next experiment" not in none
+    poses = [{"actuators": dict.fromkeys(robot.mechanism.actuated, 0.1 * n)} for n in (1, 2, 3, 4)]
+    plan = {"poses": poses, "loads": [{"wrench": {"fz": 7.0}}, {"wrench": {"fz": 9.0}, "poses": [1]}]}
+    page = diagnosis_html(replace(diagnosis, next_experiment={"why": "", "plan": plan}), robot, recording)
+    name = robot.mechanism.actuated[0]
+    assert f"unit pose 1 pose 2 pose 3 pose 4 {name} mm 100 200 300 400" in words(page)
+    assert "fz N 7 7 7 7" in words(page)
+    assert "mx N m" not in words(page)
 
 
 def test_it_is_self_contained(page):

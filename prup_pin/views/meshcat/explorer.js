@@ -49,7 +49,7 @@ function build(controls) {
     element("span", "", "drawn ×", row);
     drawn = element("input", "", undefined, row);
     Object.assign(drawn, { type: "number", min: 0, step: "any", value: controls.scale });
-    drawn.style.cssText = "font: inherit; width: 5em";
+    drawn.style.width = "5em";
     drawn.setAttribute("aria-label", "deflection drawn so many times larger");
     drawn.addEventListener("input", () => { if (Number(drawn.value) > 0) ask(); });
     const fit = element("button", "", "fit", row);

@@ -14,8 +14,9 @@ from ...robot import Robot
 from .diagnosis_words import (
     alternative_text,
     channel_rows,
+    cost_text,
+    effort_rows,
     finding_text,
-    gain_text,
     hidden_rows,
     noise_text,
     parameter_texts,
@@ -52,6 +53,12 @@ def print_diagnosis(
     for row in channel_rows(diagnosis):
         table.add_row(*row)
     print_table(out, table)
+    if rows := effort_rows(diagnosis):
+        heading(out, "Efforts, joint by joint", "(held out)")
+        table = make_table(("joint", "left"), ("noise", "right"), ("× noise", "right"), ("% of the effort", "right"))
+        for row in rows:
+            table.add_row(*row)
+        print_table(out, table)
     if diagnosis.not_detectable:
         heading(out, "What these data could not show", "(and from which size they would)")
         for physics, where, needed in hidden_rows(diagnosis.not_detectable):
@@ -73,7 +80,7 @@ def _verdict(out: Console, text: str) -> None:
 
 
 def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
-    paragraph(out, f"{finding_text(finding)}: {gain_text(finding)}", f"{index}  ")
+    paragraph(out, finding_text(finding), f"{index}  ")
     paragraph(out, finding.statement, "   ")
     for name, value, interval in parameter_texts(finding.parameters):
         paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
@@ -81,5 +88,8 @@ def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Find
         pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
         points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
         paragraph(out, f"curve, load [N, N m]: deformation [µm, µrad]  {points}", "   ")
-    for text in alternative_text(diagnosis, finding):
-        paragraph(out, text, "   ")
+    for text in (*alternative_text(diagnosis, finding), cost_text(finding)):
+        if text:
+            paragraph(out, text, "   ")
+    if finding.remedy:
+        paragraph(out, f"to do: {finding.remedy}", "   ")
