@@ -1,4 +1,4 @@
-"""What is printed about installing is true: a clone is what there is, and each optional package belongs to its extra."""
+"""What is printed about installing is true: a clone is all there is, and an optional package is in its extra."""
 
 import ast
 import re
