@@ -88,6 +88,10 @@ def test_a_mechanic_reads_at_its_top_what_is_wrong_and_what_to_do_first(diagnose
     assert f"{quantity(1e-6 * diagnosis.by_channel['position']['before_um'], 'm')} (root mean square)" in said
     assert first.statement in said
     assert f"To do first: {first.remedy}." in said
+    # that loads move a robot is no fault: it is told where nothing else is
+    moved = Finding("finite_deflection", "robot", ("robot",), {}, 0.1, "loads move it far")
+    assert "One thing accounts for it:" in summary_text(replace(diagnosis, findings=(first, moved)))
+    assert "One thing accounts for it: loads move it far." in summary_text(replace(diagnosis, findings=(moved,)))
     assert "nothing has to be mended" in summary_text(replace(diagnosis, findings=(), verdict="nothing_missing"))
     strange = replace(diagnosis, findings=(), verdict="unexplained")
     assert "No law of the library takes it away: something is missing that has no name here" in summary_text(strange)
@@ -264,6 +268,31 @@ def test_a_browser_shows_it_without_a_network(page, tmp_path):
             pixels = np.asarray(image.convert("RGB")).astype(int)
         assert pixels.shape[1] == width
         assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
+
+
+@needs_chromium
+def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path):
+    """Whatever stands in a box that scrolls sideways fits into it; on a phone the plan of five poses as well."""
+    robot, recording, diagnosis = diagnosed
+    browser = chromium.Browser(str(tmp_path / "chromium"), (1200, 900))
+    wider = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth).length"
+    try:
+        for width, count in ((1200, 8), (390, 5)):
+            at = dict.fromkeys(robot.mechanism.actuated, 0.356789)
+            load = {name: -123.456 for name in ("fx", "fy", "fz", "mx", "my", "mz")}
+            plan = {"poses": [{"actuators": at}] * count, "loads": [{"wrench": load}]}
+            planned = replace(diagnosis, next_experiment={"why": "to tell them apart", "plan": plan})
+            file = tmp_path / f"{width}.html"
+            file.write_text(diagnosis_html(planned, robot, recording), encoding="utf-8")
+            sizes = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
+            browser.call("Emulation.setDeviceMetricsOverride", **sizes)
+            browser.call("Page.navigate", url=file.as_uri())
+            browser._until(lambda: browser.evaluate("document.readyState") == "complete", "no page")
+            assert browser.evaluate("document.querySelectorAll('table.plan th').length") > count
+            assert browser.evaluate(wider) == 0
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    finally:
+        browser.close()
 
 
 def test_what_no_law_takes_away_is_not_drawn_with_a_laws_curve():

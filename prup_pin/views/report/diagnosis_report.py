@@ -55,6 +55,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         version=__version__,
         path=robot.mechanism.description.path.name,
         recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
+        many=len(recordings) > 1,
         verdict=diagnosis.verdict,
         sentence=verdict_text(diagnosis),
         summary=summary_text(diagnosis),

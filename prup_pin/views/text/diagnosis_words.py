@@ -136,7 +136,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
     first, last = _beside(diagnosis)
     if not first:
         return ""
-    named = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
+    every = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
+    named = [finding for finding in every if finding.physics != "finite_deflection"] or every  # that is no fault
     causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     texts = [first]
