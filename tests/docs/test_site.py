@@ -46,7 +46,15 @@ def test_pictures_load_quickly():
 def test_a_reader_finds_the_words_of_the_field():
     """Search leads to pages whose headings and text hold a word."""
     text = (DOCS / "words.md").read_text(encoding="utf-8")
-    for word in ("Manipulability", "condition number", "VJM", "MSA", "virtual joint method", "Jacobian", "eigenfrequency"):
+    for word in (
+        "Manipulability",
+        "condition number",
+        "VJM",
+        "MSA",
+        "virtual joint method",
+        "Jacobian",
+        "eigenfrequency",
+    ):
         assert word.lower() in text.lower(), word
     rows = re.findall(r"^\| (\*\*.*) \| (.*) \|$", text, re.MULTILINE)
     assert len(rows) > 20

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from prup_pin.diagnosis.diagnosis import Detectable, Finding
+from prup_pin.diagnosis.diagnosis import Detectable, Finding, FittedParameter
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
 from prup_pin.errors import MissingExtraError
 from prup_pin.laws.deviations import deviations_of
@@ -24,6 +24,7 @@ from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
 from prup_pin.views.text.diagnosis_words import (
     alternative_text,
+    by_place,
     cost_text,
     hidden_rows,
     parameter_texts,
@@ -123,6 +124,19 @@ def test_what_has_no_effect_of_its_own_is_told_by_its_physics(diagnosed):
         assert "{" not in found.remedy
     many = Finding("coulomb_friction", "robot", ("robot",), {}, 0.5, "dry friction at 5 of 6 drives")
     assert many.remedy.startswith("feed this friction of each of these places forward in the controller")
+
+
+def test_what_many_drives_have_is_one_line_a_joint(diagnosed):
+    robot, recording, diagnosis = diagnosed
+    pair = {"limit": FittedParameter(2.5, "N", (2.0, 3.0)), "presliding": FittedParameter(1e-5, "m", (0.0, 2e-5))}
+    joints = ("leg1_slide", "leg2_slide", "leg3_slide")
+    parameters = {f"{joint}.{key}": fitted for joint in joints for key, fitted in pair.items()}
+    many = Finding("coulomb_friction", "robot", ("robot", *joints), parameters, 0.5, "dry friction at 3 of 3 drives")
+    text = words(diagnosis_html(replace(diagnosis, findings=(many,)), robot, recording))
+    line = "2.5 N 2 to 3 N 10 µm 0 to 20 µm"
+    assert f"limit presliding leg1_slide {line} leg2_slide {line} leg3_slide {line}" in text
+    assert by_place(replace(many, candidates=("robot",))) == {}
+    assert by_place(diagnosis.findings[0]) == {}
 
 
 def test_a_next_experiment_has_a_heading_where_there_is_one_and_a_column_for_each_pose(diagnosed):
@@ -279,7 +293,7 @@ def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path):
     try:
         for width, count in ((1200, 8), (390, 5)):
             at = dict.fromkeys(robot.mechanism.actuated, 0.356789)
-            load = {name: -123.456 for name in ("fx", "fy", "fz", "mx", "my", "mz")}
+            load = dict.fromkeys(("fx", "fy", "fz", "mx", "my", "mz"), -123.456)
             plan = {"poses": [{"actuators": at}] * count, "loads": [{"wrench": load}]}
             planned = replace(diagnosis, next_experiment={"why": "to tell them apart", "plan": plan})
             file = tmp_path / f"{width}.html"

@@ -17,7 +17,6 @@ import numpy as np
 
 from ...errors import InputError, JointLimitWarning, PrupPinError
 from ...kinematics import ClosedPose
-from ...numbers import number
 from ...robot import Robot
 from ...spatial import WRENCH_NAMES, Array, as_wrench
 from ..scene.elastic import Deflections, fitting_scale
@@ -36,8 +35,6 @@ __all__ = ["Explorer"]
 REACH, TURN = 0.5, np.radians(45)
 #: How far those of loads reach, where the load asked for is smaller [N], [N m].
 FORCE, MOMENT = 500.0, 100.0
-#: The largest load that a box takes [N, N m]: beyond it, squares of loads and stiffnesses leave a computer's numbers.
-MOST_LOAD = 1e9
 #: Shown unit and its size in SI, by dimension.
 _UNITS = {"length": ("mm", 1e-3), "angle": ("°", np.pi / 180), "number": ("", 1.0)}
 
@@ -189,9 +186,6 @@ class Session:
             if scale is not None and not 0 < float(scale) < np.inf:
                 raise InputError(f"the deflection cannot be drawn {scale} times larger; expected a number above 0")
             wrench = as_wrench({name: float(value) for name, value in load.items()})
-            if np.abs(wrench).max() > MOST_LOAD:
-                name = WRENCH_NAMES[int(np.abs(wrench).argmax())]
-                raise InputError(f"{name} is {number(load[name])}; expected at most {number(MOST_LOAD)} N or N m")
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", JointLimitWarning)
                 pose = self.explorer.pose_at(values)

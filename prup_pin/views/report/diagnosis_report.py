@@ -22,11 +22,13 @@ from ..drawing import diagnosis_figures as figures
 from ..drawing.effort_figures import effort_curve_figure, effort_figure
 from ..text.diagnosis_words import (
     alternative_text,
+    by_place,
     channel_rows,
     cost_text,
     effort_rows,
     finding_text,
     hidden_rows,
+    length_of,
     noise_text,
     parameter_texts,
     recording_rows,
@@ -104,15 +106,11 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
     recording = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity).recording
-    blocks = len(np.unique(recording.blocks())) if len(recording) else 0
     used = len(diagnosis.samples)
     rows = [("Samples", [str(len(recording)), f"{used} used"] if used != len(recording) else [str(used)])]
     if len(recordings) > 1:
         rows += [(name, [*texts]) for name, *texts in recording_rows(diagnosis)]
-    if diagnosis.efforts is not None and 2 * blocks > len(recording):
-        rows.append(("Motion", [f"{number(float(np.ptp(diagnosis.efforts.time)), 3)} s"]))
-    else:
-        rows.append(("Poses", [f"{blocks} standstills of the actuators"]))
+    rows.append(("Length", [length_of(diagnosis, recording)]))
     sizes = []
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
         size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
@@ -148,7 +146,8 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "statement": _sentence(finding.statement),
         "cost": _sentence(cost_text(finding)),
         "remedy": _sentence(finding.remedy),
-        "parameters": parameter_texts(finding.parameters),
+        "places": (places := by_place(finding)),
+        "parameters": [] if places else parameter_texts(finding.parameters),
         "response": _response(diagnosis, finding, many),
         "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
     }

@@ -309,11 +309,11 @@ class Painter:
     def _drawable(self, scale: float, moved: Deflections) -> float:
         """Return the factor asked for. Raises InputError where the deflection would leave any picture by it."""
         metres, radians = moved.largest()
-        most = _FARTHEST / max(metres / self.size, radians, np.finfo(float).tiny)
-        if scale > most:
+        far = max(metres / float(self.size), radians)
+        if scale * far > _FARTHEST:
             raise InputError(
                 f"the deflection of {length_text(metres)} cannot be drawn {number(scale, 3)} times larger: it would "
-                f"leave the picture. Expected at most {number(nice_below(most), 3)}"
+                f"leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
             )
         return scale
 
@@ -477,7 +477,8 @@ class Painter:
             rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
             turned = "does not turn" if rigid else f"turns {quantity(angle, 'rad')}"
             if not headline:
-                lines.append(f"The tool moves {moved_text} and {turned}; drawn {number(scale or 0, 3)} times larger")
+                drawn = f"; drawn {number(scale, 3)} times larger" if scale else ""
+                lines.append(f"The tool moves {moved_text} and {turned}{drawn}")
             names = ranked(shares)
             shown = names[:6] if len(names) > 7 else names  # one more is named rather than counted
             rows = [Row(map_colour(shares[name] / top), name, f"{100 * shares[name]:.1f} %") for name in shown if top]

@@ -13,11 +13,13 @@ from ...recordings import Recording
 from ...robot import Robot
 from .diagnosis_words import (
     alternative_text,
+    by_place,
     channel_rows,
     cost_text,
     effort_rows,
     finding_text,
     hidden_rows,
+    length_of,
     noise_text,
     parameter_texts,
     recording_rows,
@@ -41,8 +43,8 @@ def print_diagnosis(
             listed(out, "recording", [name, *texts], ", ")
     else:
         used = len(diagnosis.samples)
-        blocks = len(set(recordings[0].blocks().tolist()))
-        listed(out, "recording", [f"{len(recordings[0])} samples, {used} used", f"{blocks} poses"], ", ")
+        held = length_of(diagnosis, recordings[0])
+        listed(out, "recording", [f"{len(recordings[0])} samples, {used} used", held], ", ")
     listed(out, "noise", noise_text(diagnosis), ", ")
     if diagnosis.findings:
         heading(out, "Left out")
@@ -82,7 +84,11 @@ def _verdict(out: Console, text: str) -> None:
 def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
     paragraph(out, finding_text(finding), f"{index}  ")
     paragraph(out, finding.statement, "   ")
-    for name, value, interval in parameter_texts(finding.parameters):
+    places = by_place(finding)
+    for place, texts in places.items():
+        told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
+        paragraph(out, f"{place}: {told}", "   ")
+    for name, value, interval in () if places else parameter_texts(finding.parameters):
         paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
     if finding.curve is not None:
         pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)

@@ -5,20 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
 from ...laws.joint_compliance import EACH_JOINT
 from ...numbers import number, quantity, readable_unit
+from ...recordings import Recording
 
 __all__ = [
     "alternative_text",
+    "by_place",
     "channel_rows",
     "cost_text",
     "diagnosis_text",
     "effort_rows",
     "finding_text",
     "hidden_rows",
+    "length_of",
     "noise_text",
     "parameter_texts",
     "places_text",
@@ -203,6 +208,18 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
     return rows
 
 
+def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
+    """Return what `parameter_texts` does by place, where a finding has the same parameters at several; else nothing."""
+    groups: dict[str, dict[str, FittedParameter]] = {}
+    for name, fitted in finding.parameters.items():
+        place, _, key = name.rpartition(".")
+        groups.setdefault(place, {})[key] = fitted
+    keys = {tuple(group) for group in groups.values()}
+    if len(groups) < 2 or len(keys) > 1 or not groups.keys() <= {*finding.candidates}:
+        return {}
+    return {place: parameter_texts(group) for place, group in groups.items()}
+
+
 def _end(value: float) -> str:
     """Return an end of an interval; beyond a million it means that the data set no bound."""
     return number(value, 4) if 1e-9 < abs(value) < 1e9 or value == 0 else f"{value:.1e}"
@@ -262,6 +279,14 @@ def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
         shares = [number(100 * values[key], 3) for key in ("before_share", "left_share")]
         rows.append((joint or "all", noise, " → ".join(ends), " → ".join(shares)))
     return rows
+
+
+def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
+    """Return how much a recording holds: '8 poses', or '21.8 s of motion'."""
+    poses = len(set(recording.blocks().tolist())) if len(recording) else 0
+    if diagnosis.efforts is None or 2 * poses <= len(recording):
+        return f"{poses} poses"
+    return f"{number(float(np.ptp(diagnosis.efforts.time)), 3)} s of motion"
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
