@@ -12,6 +12,8 @@ from ..channels import Columns, Noise
 from ..errors import imported
 from ..laws import LAWS, Effect
 from ..laws.efforts import EFFORT_LAWS
+from ..laws.efforts.all_links import AllLinks
+from ..laws.joint_compliance import EACH_JOINT
 from ..simulation import Run
 from ..spatial import Array
 from .by_recording import ByRecording
@@ -76,11 +78,18 @@ class Finding:
         """What to do about it, in one short sentence; of what has no effect of its own by its physics."""
         if self.effect is not None and self.physics not in _REMEDIES:
             return self.effect.law.advice(self.effect.place, self.effect.values)
-        known = {law.physics: law.remedy for law in reversed((*LAWS, *EFFORT_LAWS))} | _REMEDIES
-        known |= {law.physics: law.remedy for law in EFFORT_LAWS if law.everywhere}  # told of many drives at once
-        everywhere = "the robot" if self.physics == "unknown" else "each of these places"
-        where = everywhere if self.location == "robot" else self.location
+        laws = [law for law in (*EFFORT_LAWS, AllLinks(())) if law.everywhere] if self.at_each else []
+        known = {law.physics: law.remedy for law in reversed((*laws, *LAWS, *EFFORT_LAWS))} | _REMEDIES
+        here = "the robot" if self.location == "robot" else self.location
+        where = "each of these places" if self.at_each else here
         return known.get(self.physics, "").format(place=where)
+
+    @property
+    def at_each(self) -> tuple[str, ...]:
+        """The places of what is told of several at once, each of which has it; else nothing."""
+        if self.location != "robot" or (self.effect is not None and self.effect.place.aspect != EACH_JOINT):
+            return ()
+        return tuple(place for place in self.candidates if place != "robot")
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from prup_pin.laws.deviations import deviations_of
 from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
-from prup_pin.views.drawing.diagnosis_figures import _lines
+from prup_pin.views.drawing.diagnosis_figures import _lines, marks
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
@@ -122,8 +122,23 @@ def test_what_has_no_effect_of_its_own_is_told_by_its_physics(diagnosed):
         found = Finding(physics, "leg1", ("leg1",), {}, 0.5, "off")
         assert len(found.remedy.split()) > 4, physics
         assert "{" not in found.remedy
-    many = Finding("coulomb_friction", "robot", ("robot",), {}, 0.5, "dry friction at 5 of 6 drives")
-    assert many.remedy.startswith("feed this friction of each of these places forward in the controller")
+    many = Finding("coulomb_friction", "robot", ("robot", "elbow", "wrist"), {}, 0.5, "dry friction at 2 of 3 drives")
+    assert many.remedy.startswith("feed the friction at each of these places forward in the controller")
+    assert many.at_each == ("elbow", "wrist")
+    masses = replace(many, physics="inertial_parameters")
+    assert masses.remedy.startswith("take the masses of the corrected model")
+    assert replace(masses, location="elbow").remedy.startswith("weigh elbow")
+    assert alternative_text(SimpleNamespace(), many) == []
+    assert "look at the robot itself" in Finding("unknown", "robot", ("robot",), {}, 0.0, "left").remedy
+
+
+def test_all_places_of_what_several_have_are_marked_by_its_number(diagnosed):
+    robot, _, _ = diagnosed
+    joints = tuple(robot.mechanism.actuated)
+    many = Finding("coulomb_friction", "robot", ("robot", *joints), {}, 0.5, "dry friction at 3 of 3 drives")
+    assert [(mark.name, mark.number) for mark in marks(robot, robot.home, [many])] == [(name, 1) for name in joints]
+    alike = replace(many, location=joints[0])
+    assert [mark.number for mark in marks(robot, robot.home, [alike])] == [1, 0, 0]
 
 
 def test_what_many_drives_have_is_one_line_a_joint(diagnosed):

@@ -42,7 +42,7 @@ class SlidingFriction(JointEffortLaw):
     physics = "coulomb_friction"
     summary = "dry friction"
     remedy = (
-        "feed this friction of {place} forward in the controller; where sister joints have less, check "
+        "feed the friction at {place} forward in the controller; where sister joints have less, check "
         "lubricant, seals and brake"
     )
     everywhere = True
@@ -81,7 +81,7 @@ class LoadedFriction(MovingEffortLaw):
 
     physics = "coulomb_friction"
     summary = "dry friction that grows with the load"
-    remedy = "feed this friction of {place} forward in the controller, by its load; where it has grown, check the gear"
+    remedy = "feed the friction at {place} forward in the controller, by its load; where it has grown, check the gear"
     family = "dry friction"
     variant = f"{EFFORT} by load"
     of_motion = True

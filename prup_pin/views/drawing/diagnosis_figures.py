@@ -55,10 +55,11 @@ def marks(robot: Robot, pose: ClosedPose, findings: Sequence[Finding]) -> list[M
     made: list[Mark] = []
     named: set[str] = set()
     for index, finding in enumerate(findings, 1):
-        at = _points(robot, pose, parts, finding.location)
-        if at is not None:
-            made.append(Mark(finding.location, at, index))
-            named.add(finding.location)
+        for name in finding.at_each or (finding.location,):
+            at = _points(robot, pose, parts, name)
+            if at is not None:
+                made.append(Mark(name, at, index))
+                named.add(name)
     for finding in findings:
         for name in finding.candidates:
             at = None if name in named else _points(robot, pose, parts, name)

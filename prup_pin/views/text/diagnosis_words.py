@@ -10,7 +10,6 @@ import numpy as np
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
-from ...laws.joint_compliance import EACH_JOINT
 from ...numbers import number, quantity, readable_unit
 from ...recordings import Recording
 
@@ -215,7 +214,7 @@ def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
         place, _, key = name.rpartition(".")
         groups.setdefault(place, {})[key] = fitted
     keys = {tuple(group) for group in groups.values()}
-    if len(groups) < 2 or len(keys) > 1 or not groups.keys() <= {*finding.candidates}:
+    if len(groups) < 2 or len(keys) > 1 or not groups.keys() <= {*finding.at_each}:
         return {}
     return {place: parameter_texts(group) for place, group in groups.items()}
 
@@ -228,10 +227,8 @@ def _end(value: float) -> str:
 def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
-    here, effect = finding.location, finding.effect
-    others = [place for place in finding.candidates if place != here]
-    if here == "robot" and (effect is None or effect.place.aspect == EACH_JOINT):
-        others = []
+    here = finding.location
+    others = [place for place in finding.candidates if place not in (here, *finding.at_each)]
     wholes = [place for place in others if here.startswith(f"{place}/")]
     parts = [place for place in others if place.startswith(f"{here}/")]
     if rivals := [place for place in others if place not in (*wholes, *parts)]:
