@@ -1,48 +1,30 @@
 """Stiffness of robots with closed loops, on Pinocchio: how stiff, here, in this direction, and which part is soft."""
 
-from typing import TYPE_CHECKING
+# ruff: noqa: F403, F405 - the names are those of _public
 
-from . import build
-from .design import Design, Target
-from .errors import (
-    InfeasibleDesignError,
-    InputError,
-    JointLimitWarning,
-    MissingExtraError,
-    NoStiffnessError,
-    NotConvergedError,
-    ParameterError,
-    Problem,
-    PrupPinError,
-    RobotFileError,
-    SimulationStoppedError,
-    SingularPoseError,
-    UnknownNameError,
-    UnreachablePoseError,
-)
-from .kinematics import ClosedPose, Mobility
-from .loaded import LoadedPose
-from .loading import load
-from .parameters import Parameter
-from .robot import Robot
-from .sensitivity import Sensitivity
-from .simulation import Prediction, simulate
-from .statics import Compliance
-from .workspace import Workspace
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # completion and type checkers see it
+    from ._public import *
     from .diagnosis import diagnose
 
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str):
-    # The diagnosis brings optimisers along, which a robot's stiffness does not need.
-    if name == "diagnose":
-        from .diagnosis import diagnose
-
-        return diagnose
+def __getattr__(name: str) -> Any:
+    # Loaded where it is asked for: what starts the command must be in charge first. The diagnosis brings optimisers
+    # along, which a robot's stiffness does not need.
+    if name in __all__:
+        return getattr(import_module(".diagnosis" if name == "diagnose" else "._public", __name__), name)
+    if not name.startswith("_") and find_spec(f"{__name__}.{name}") is not None:
+        return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 __all__ = [

@@ -111,7 +111,8 @@ class UnreachablePoseError(PrupPinError):
     """No closed configuration reaches the wanted coordinates.
 
     `requested` and `nearest` are the coordinates asked for and the nearest feasible ones (SI), or None where no
-    feasible pose could be found; `residual` is the closure residual left, (metres, radians).
+    feasible pose could be found; `residual`, (metres, radians), is how far these are apart, or, without a nearest one,
+    by how much the loops stayed open; None where a joint's limit is in the way.
     """
 
     def __init__(
@@ -184,7 +185,7 @@ class MissingExtraError(PrupPinError, ImportError):
 
     def __init__(self, package: str, extra: str | None = None):
         self.package, self.extra = package, extra
-        where = f"prup_pin's extra '{extra}'" if extra else "what a plain `pip install prup_pin` brings"
+        where = f"prup_pin's extra '{extra}'" if extra else "what a plain installation brings"
         super().__init__(
             f"this needs the package '{package}', which is not installed: pip install {package} (it is part of {where})"
         )
@@ -195,7 +196,7 @@ def imported(package: str, extra: str) -> ModuleType:
     try:
         return importlib.import_module(package)
     except ImportError as error:
-        raise MissingExtraError(package, extra) from error
+        raise MissingExtraError(package.partition(".")[0], extra) from error
 
 
 class JointLimitWarning(UserWarning):

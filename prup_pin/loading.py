@@ -11,7 +11,7 @@ import numpy as np
 
 from . import robots
 from .errors import InputError, ParameterError, named, shortened
-from .mechanism import Mechanism
+from .mechanism import Mechanism, Module
 from .mechanism.description import KIND_BY_NAME, ModuleDescription, RobotDescription
 from .mechanism.readers import read
 from .parameters import Parameter
@@ -38,7 +38,7 @@ def load(
         links named closing_<name>_1 and _2, which close a point; those of MJCF from connect and weld.
     tool: name of the tool frame (a link, body, joint or site), where the file does not say.
     joint_stiffness: stiffness of the actuated joints [N m/rad or N/m], one number or one per joint name. A joint
-        named here that is not actuated becomes a sprung joint.
+        named here that is not actuated becomes a sprung joint; one that yields already is refused.
     actuated: names of the actuated joints, where the file does not say (MJCF: with <actuator>); of a tree all are.
     home: joint values near which the loops close, where the file does not say.
     variant: a <variant> of the file.
@@ -127,11 +127,34 @@ def _values(what: str, given: Mapping[str, float]) -> dict[str, float]:
     return values
 
 
+def _refuse_series(mechanism: Mechanism, joints: Iterable[str]) -> None:
+    """Raise InputError where one of the joints gives way along its own motion already: springs would be in series."""
+    yielding: dict[str, list[Module]] = {}
+    for module in mechanism.modules:
+        if mechanism.gives_way(module):
+            yielding.setdefault(mechanism.joint(module.joint).name, []).append(module)
+    found = {name: yielding[name] for name in joints if name in yielding}
+    if not found:
+        return
+    listed = "; ".join(f"'{name}' by {', '.join(module.name for module in of)}" for name, of in found.items())
+    values = [
+        f"{module.name}.{known.name}" for module in next(iter(found.values())) for known in module.kind.quantities
+    ]
+    value = next((name for name in values if name.endswith(".stiffness")), values[0])
+    without = [name for name in mechanism.actuated if name not in yielding]
+    rest = f", or give springs to {', '.join(without)} alone, by name" if without else ""
+    raise InputError(
+        f"joint_stiffness: joints that yield already, so that springs would be in series with what the file says: "
+        f"{listed}. Change that instead, with_parameters({{'{value}': …}}) or --set {value}=…{rest}"
+    )
+
+
 def _with_joint_springs(description: RobotDescription, mechanism: Mechanism, stiffness) -> RobotDescription:
     """Return the description with a spring on every actuated joint, or on the joints of a mapping."""
     springs = dict(stiffness) if isinstance(stiffness, Mapping) else dict.fromkeys(mechanism.actuated, stiffness)
     quantity = KIND_BY_NAME["joint_spring"].quantities[0]
     taken = {module.name for module in description.modules}
+    _refuse_series(mechanism, springs)
     modules = list(description.modules)
     for name, value in springs.items():
         joint = mechanism.joint(name)

@@ -68,10 +68,11 @@ class Quantity:
         return SMALLEST_VALUE if self.lower == 0 else float(np.nextafter(self.lower, np.inf))
 
     def expected(self) -> str:
-        """Return the range in words: '> 0 N/m'."""
+        """Return the range in words: '> 0 N/m'. The unit of a mere number is not told."""
         low = f"{'>' if self.positive else '>='} {self.lower:g}" if np.isfinite(self.lower) else ""
         high = f"<= {self.upper:g}" if np.isfinite(self.upper) else ""
-        return " and ".join(part for part in (low, high) if part) + f" {self.unit}" if low or high else self.unit
+        bounds = " and ".join(part for part in (low, high) if part)
+        return " ".join(part for part in (bounds, "" if self.unit == "1" else self.unit) if part) or "any number"
 
     def _is_inside(self, number: float) -> bool:
         return (self.lower < number if self.positive else self.lower <= number) and number <= self.upper

@@ -80,7 +80,7 @@ class Robot:
     @cached_property
     def _statics(self) -> StaticsLayout:
         layout = StaticsLayout(self.mechanism)
-        layout.check_beams(self.home)
+        layout.check_beams(self._kinematics.evaluate(self._kinematics.home).placements)
         return layout
 
     @cached_property
@@ -124,8 +124,11 @@ class Robot:
     def _pose_of_joints(self, values: Mapping[str, float]) -> ClosedPose:
         return self._kinematics.pose_of_joints(values)
 
-    def pose_from_actuators(self, positions: Sequence[float], near: ClosedPose | None = None) -> ClosedPose:
-        """Return the closed pose at actuator positions (in the order of `actuated`) [m, rad].
+    def pose_from_actuators(
+        self, positions: Mapping[str, float] | Sequence[float], near: ClosedPose | None = None
+    ) -> ClosedPose:
+        """Return the closed pose at actuator positions [m, rad]: by joint, {"leg1_slide": 0.4, …}, or in the order of
+        `mechanism.actuated`.
 
         Of several assembly modes, the one connected to home, or to the pose `near`. A tree also takes a whole
         Pinocchio configuration. Raises like `pose`.
@@ -140,8 +143,8 @@ class Robot:
 
     @cached_property
     def home(self) -> ClosedPose:
-        """The closed pose at the robot file's home position."""
-        return self._kinematics.pose_from_configuration(self._kinematics.home)
+        """The closed pose at the robot file's home position. Raises UnreachablePoseError, SingularPoseError."""
+        return self._kinematics.home_pose()
 
     @property
     def characteristic_length(self) -> float:
@@ -217,7 +220,8 @@ class Robot:
         Where: task coordinates as numbers, which are fixed, and rising arrays, which span a grid in the order given
         (z=0.3, theta=np.linspace(-.5, .5, 41), phi=…) [m, rad]; or `poses`, an array (N, t) in the order of
         `task_coordinates`, or a list or generator of rows or mappings; or `draws` poses between two ends each,
-        theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints.
+        theta=(-0.5, 0.5). A robot without task coordinates takes its actuated joints. What is not named stays at a home
+        that the robot file declares, as in `pose`.
 
         `force` [N] and `moment` [N m] are half the sides of the box of wrenches, one alone if the other is zero;
         `wrench` (6,) is a load for shares and buckling; `direction` (3,) in base axes, or "tool z"; `length` [m] makes

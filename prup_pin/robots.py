@@ -162,7 +162,7 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
         if examples is None:
             from .errors import MissingExtraError
 
-            raise MissingExtraError("example-robot-data")
+            raise MissingExtraError("example-robot-data", "robots")
         return examples / EXAMPLE_ROBOTS[name], (examples.parents[1], examples.parent), None
     every = example_files()
     if examples is not None and name in every:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 #: Names of the components of a wrench, and of the displacements they are conjugate to.
 WRENCH_NAMES = ("fx", "fy", "fz", "mx", "my", "mz")
 TWIST_NAMES = ("dx", "dy", "dz", "rx", "ry", "rz")
+#: The largest component of a wrench [N, N m]: squares of what is far beyond leave a computer's numbers.
+MOST_LOAD = 1e12
 
 # v @ _CROSS is the skew matrix of v, row by row.
 _CROSS = np.zeros((3, 9))
@@ -121,7 +123,10 @@ def axis_as_z(axis: Array) -> Array:
 
 
 def as_wrench(value, name: str = "wrench") -> Array:
-    """Return `value` as a finite (6,) wrench, or raise InputError. A mapping names components: {'fx': 300}."""
+    """Return `value` as a wrench (6,), or raise InputError. A mapping names components: {'fx': 300}.
+
+    Each component is finite and no larger than MOST_LOAD.
+    """
     if isinstance(value, Mapping):
         wrench = np.zeros(6)
         for key, component in value.items():
@@ -140,6 +145,10 @@ def as_wrench(value, name: str = "wrench") -> Array:
         raise InputError(f"{name} must be six numbers fx fy fz mx my mz [N, N m]; got {shortened(value)}") from error
     if wrench.shape != (6,) or not np.isfinite(wrench).all():
         raise InputError(f"{name} must be six finite numbers fx fy fz mx my mz [N, N m]; got {shortened(value)}")
+    most = int(np.abs(wrench).argmax())
+    if abs(wrench[most]) > MOST_LOAD:
+        given = f"{WRENCH_NAMES[most]} is {wrench[most]:.3g}"
+        raise InputError(f"{name}: {given}; expected at most {MOST_LOAD:g} [{'N' if most < 3 else 'N m'}]")
     return wrench
 
 

@@ -3,7 +3,7 @@
     python scripts/dask_sweep.py
 
 Where a cluster is running already, `distributed.Client("tcp://address:8786")` takes the place of `cluster()`. What is
-needed: pip install 'prup_pin' distributed
+needed on every machine of it: this package, and distributed
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 "${PYTHON:-python3}" -m venv "$folder/venv"
 python="$folder/venv/bin/python"
 # "name>=1.2" of the dependencies becomes "name==1.2"; pin says which numpy goes with it.
-sed -n '/^dependencies = \[/,/^\]/p' "$root/pyproject.toml" |
-  sed -nE 's/^ *"([A-Za-z0-9_-]+)>=([0-9.]+)",?$/\1==\2/p' | grep -v '^numpy==' >"$folder/oldest.txt"
+sed -n -e '/^dependencies = \[/,/^\]/p' -e '/^\(robots\|check\) = /p' "$root/pyproject.toml" |
+  sed -nE 's/^ *([a-z]+ = \[)?"([A-Za-z0-9_-]+)>=([0-9.]+)".*$/\2==\3/p' | grep -v '^numpy==' >"$folder/oldest.txt"
 "$python" -m pip install --quiet --disable-pip-version-check --no-input --prefer-binary -c "$folder/oldest.txt" \
-  "$root" 'pytest>=8.0'
+  "$root[robots,check]" 'pytest>=8.0'
 "$python" -m pip list --disable-pip-version-check 2>/dev/null |
   grep -iE "^($(sed 's/==.*//' "$folder/oldest.txt" | paste -sd'|')|numpy) "
 

@@ -82,17 +82,13 @@ def drawings() -> None:
 
 
 def diagnosis() -> None:
-    """Draw what a diagnosis finds: a bench test of a device with play in one drive, its place, its local curve."""
+    """Draw what a diagnosis finds in the recording that ships: play in one drive, its place, its local curve."""
     from prup_pin.diagnosis import diagnose
     from prup_pin.recordings import read_recording
     from prup_pin.views.drawing.diagnosis_figures import place_figure
-    from tests.reference.concealed.draw import draw, write
 
     robot, _ = three_prup()
-    with tempfile.TemporaryDirectory() as folder:
-        drawn = draw(10, ["backlash"], (15.0, 25.0), 60.0, poses=(14, 2))
-        write(drawn, Path(folder), Path(folder) / "sealed", "bench")
-        found = diagnose(robot, read_recording(Path(folder) / "bench.csv"))
+    found = diagnose(robot, read_recording(ROOT / "examples" / "bench.csv"))
     place_figure(robot, found, found.findings[0]).savefig(OUT / "diagnosis.png")
 
 

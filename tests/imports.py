@@ -57,8 +57,8 @@ def room_of(path: Path) -> str:
 
 
 def files() -> list[Path]:
-    """Return the files of all rooms; what starts the command line is none."""
-    return [path for path in sorted(ROOT.rglob("*.py")) if path.parent != ROOT or not path.name.startswith("__")]
+    """Return the files of all rooms; what starts the command line is none, nor what gathers the public names."""
+    return [path for path in sorted(ROOT.rglob("*.py")) if path.parent != ROOT or not path.name.startswith("_")]
 
 
 @cache
@@ -95,7 +95,7 @@ def _imported(path: Path) -> Iterator[tuple[str, ...]]:
 
 def public_names() -> dict[str, str]:
     """Return the rooms in which the package's public names are made."""
-    tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / "_public.py").read_text(encoding="utf-8"))
     found = [node for node in tree.body if isinstance(node, ast.ImportFrom) and node.module]
     return {alias.asname or alias.name: str(node.module).split(".")[0] for node in found for alias in node.names}
 

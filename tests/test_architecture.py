@@ -48,7 +48,7 @@ def test_imports_are_read_from_the_source():
 @pytest.fixture(scope="module")
 def loaded():
     """The modules that Python has loaded after importing the package, and after importing its diagnosis too."""
-    code = "import sys, prup_pin; print(*sys.modules); import prup_pin.diagnosis; print(*sys.modules)"
+    code = "import sys, prup_pin; prup_pin.load; print(*sys.modules); import prup_pin.diagnosis; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return [set(line.split()) for line in done.stdout.splitlines()]
 

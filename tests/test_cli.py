@@ -52,6 +52,24 @@ def shell(*arguments, **environment):
     )
 
 
+@pytest.mark.parametrize("module", ["prup_pin.cli", "numpy", "pinocchio", "typer", "prup_pin.views.text.terminal"])
+def test_an_interrupt_while_it_starts_prints_no_traceback(module):
+    code = f"""
+import os, runpy, signal, sys
+class Interrupts:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupts())
+sys.argv = ["prup-pin", "robots"]
+runpy.run_module("prup_pin", run_name="__main__")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert not done.stderr
+
+
 # -- stiffness: text -------------------------------------------------------------------------------------------------
 
 
@@ -210,6 +228,35 @@ def test_documented_json_keys_are_the_ones_written(run):
     assert keys == set(answer_as_json(run))
 
 
+def test_info_is_told_as_json_too(run, tmp_path):
+    done = run("info", "3prup", "--tolerances", "typical", "--json", "-")
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+    robot = prup_pin.load("3prup")
+    assert told["gravity"] == robot.mechanism.gravity.tolist()
+    assert told["joints"]["leg1_slide"] == {
+        "unit": "m", "actuated": True, "type": "prismatic", "limits": [0.101, 0.609],
+    }  # fmt: skip
+    assert told["home"]["mobility"] == 3
+    assert told["home"]["actuators"] == pytest.approx(robot.home.actuators)
+    assert set(told["parameters"]) == set(robot.parameters)
+    assert told["parameters"]["leg1/linear_rod.diameter"]["value"] == 0.02
+    path = tmp_path / "info.json"
+    beside = run("info", "3prup", "--json", str(path))
+    assert "Compliant modules" in beside.stdout
+    assert json.loads(path.read_text(encoding="utf-8"))["robot"] == "3prup"
+
+
+def test_what_the_paper_prints_wrongly_is_told_where_it_is_used(run):
+    plain, printed = run("stiffness", "3prup").stdout, run("stiffness", "3prup_as_published").stdout
+    assert "Eq. (90)" not in plain
+    assert "15 and 12.5 mm" not in " ".join(plain.split())
+    assert "the sign of Eq. (90)" in " ".join(printed.split())
+    info = " ".join(run("info", "3prup").stdout.split())
+    assert "as_published: as the paper prints it: the sign of Eq. (90)" in info
+    assert "Table 1, A_r: of 15 mm; the paper calls both" in info
+
+
 # -- the other commands ----------------------------------------------------------------------------------------------
 
 
@@ -270,6 +317,10 @@ def test_robots_and_kinds(run):
         (["--at", "z=0.4,teta=25deg,phi=0"], ["'teta'", "'theta'", "character 7"]),
         (["--at", "z=25deg,theta=0,phi=0"], ["angle", "mm", "character 5"]),
         (["--at", "z=0.4,theta=25,phi=0"], ["25deg"]),
+        (["--actuators", "350,0.51,0.36"], ["350 would be 350 m", "write 350mm", "character 1"]),
+        (["ur5", "--joint-stiffness", "1e4", "--actuators", "1,2,3,40,5,6"], ["40 rad", "write 40deg", "character 7"]),
+        (["ur5", "--actuators", "elbow_joint=-90"], ["write elbow_joint=-90deg, or elbow_joint=-90rad"]),
+        (["--set", "leg1/linear_rod.diameter=22"], ["write leg1/linear_rod.diameter=22mm"]),
         (["--at", ""], ["nothing"]),
         (["--at", "z=0.4,theta=nan,phi=0"], ["'nan'"]),
         (["--at", "z=0.4,z=0.4,theta=0,phi=0"], ["twice"]),

@@ -1,5 +1,6 @@
 """`prup-pin check`: what a reviewer would say; robots by name; what is taken for granted is said."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -137,3 +138,12 @@ def test_coordinates_that_are_not_given_stay_at_home(run):
             assert pose.joints[name] == value
     text = told(run("stiffness", "ur5", "--joint-stiffness", "1e4", "--at", "elbow_joint=40deg"))
     assert "elbow_joint 40 deg" in text
+
+
+def test_a_home_that_does_not_close_ends_the_check_with_two(run, tmp_path):
+    text = (Path(__file__).parents[1] / "examples" / "five_bar.urdf").read_text()
+    (tmp_path / "apart.urdf").write_text(re.sub(r'(child link="right_mount"/><origin xyz=")\S+', r"\g<1>9", text))
+    done = run("check", tmp_path / "apart.urdf")
+    assert done.exit_code == 2
+    assert "- the loops of 'five_bar' do not close from its home position" in done.stdout
+    assert "Assumed" in done.stdout

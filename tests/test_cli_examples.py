@@ -1,5 +1,8 @@
 """`prup-pin examples`: what ships to begin with, listed and copied."""
 
+import subprocess
+import sys
+
 import pytest
 from typer.testing import CliRunner
 
@@ -43,6 +46,20 @@ def test_a_file_of_ones_own_is_never_replaced(run, tmp_path):
     assert "has other files of these names: bench.csv. Nothing was copied" in " ".join(done.output.split())
     assert [path.name for path in tmp_path.iterdir()] == ["bench.csv"]
     assert (tmp_path / "bench.csv").read_text() == "mine"
+
+
+def test_a_disk_that_is_full_leaves_nothing_and_the_next_call_copies(run, tmp_path):
+    limited = (
+        "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)); "
+        f"sys.argv = ['prup-pin', 'examples', '--copy', {str(tmp_path)!r}]; "
+        "runpy.run_module('prup_pin', run_name='__main__')"
+    )
+    done = subprocess.run([sys.executable, "-c", limited], capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert "nothing was copied" in " ".join(done.stderr.split())
+    assert not list(tmp_path.iterdir())
+    assert run("--copy", tmp_path).exit_code == 0
+    assert (tmp_path / "bench.csv").read_bytes() == (examples_folder() / "bench.csv").read_bytes()
 
 
 def test_a_file_is_no_folder(run, tmp_path):

@@ -253,6 +253,7 @@ def test_which_robot(run, bench):
         ("backlash@leg2/ball_nutt half_gap=1e-5 closing_load=1", "'leg2/ball_nut'"),
         ("backlash@leg2/R_phi half_gap=1e-5 closing_load=1", "radial, axial, radial by axis; say which"),
         ("backlash@leg2/R_phi:tilting half_gap=1e-5 closing_load=1", "radial, axial"),
+        ("shear@robot", "missing scale (> 0 and <= 50; a fit starts at 1)"),
         ("backlash@leg2/ball_nut half_gap=1e-5", "missing closing_load (> 0.02 and <= 1e+06 N; a fit starts at 1)"),
         ("backlash@leg2/ball_nut gap=1e-5 closing_load=1", "Valid: half_gap, closing_load"),
         ("backlash@leg2/ball_nut half_gap=1 closing_load=1", "half_gap = 1.0 m: expected > 0 and <= 0.005 m"),
@@ -315,3 +316,29 @@ def test_laws_of_another_robot(run):
     text = run("laws", "stiffness_changed", "--robot", "ur5", "--joint-stiffness", "1e4", "--tool", "tool0").stdout
     assert "elbow_joint" in text
     assert "none on 'ur5" in run("laws", "geometric_offset", "--robot", "ur5").stdout
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [("play", "backlash"), ("Backlash", "backlash"), ("torque ripple", "cogging"), ("a hose", "external_spring"),
+     ("stribeck friction", "stribeck_friction"), ("sticks and slips", "coulomb_friction")],
+)  # fmt: skip
+def test_a_law_is_found_by_the_word_that_verdicts_and_people_use(run, word, name):
+    text = run("laws", word).stdout
+    assert text.startswith(name)
+    assert "parameter" in text
+
+
+def test_a_word_of_several_laws_lists_them(run):
+    text = run("laws", "friction").stdout
+    assert all(f"{name}: " in text for name in ("coulomb_friction", "viscous_friction", "stribeck_friction"))
+    assert "backlash: " not in text
+
+
+def test_laws_of_efforts_are_shown_with_their_joints(run):
+    text = run("laws", "stribeck_friction", "--robot", "ur5").stdout
+    assert text.startswith("stribeck_friction, in efforts")
+    assert "shoulder_pan_joint" in text
+    both = run("laws", "coulomb_friction").stdout
+    assert both.index("\ncoulomb_friction, in efforts") > both.index("coulomb_friction\n")
+    refused(run("laws", "stribek_friction"), "'stribeck_friction'")

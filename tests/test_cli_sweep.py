@@ -1,5 +1,7 @@
 """`prup-pin sweep` as a user meets it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -82,6 +84,8 @@ def test_what_can_be_asked_is_listed(run):
         (["--over", "teta=0.3"], "Did you mean 'theta'"),
         (["--over", "theta=5..1:3"], "reversed"),
         (["--over", "theta=0..1"], "how many"),
+        (["--over", "theta=0..1:9999999999"], "expected at most 100000000 values on one axis"),
+        (["--over", "theta=0..1:" + "9" * 5000], "expected at most 100000000 values on one axis"),
         (["--over", "theta=-10deg:10deg:5"], "two dots between the ends: -10deg..10deg:5"),
         (["--over", "theta=0..1:3", "--draws", "4"], "without ':3'"),
         (["--over", "theta=0..30:3"], "30deg"),
@@ -122,3 +126,16 @@ def test_maps_are_drawn_beside_the_table(run, tmp_path):
     refused = run("3prup", *GRID, *BOX, "--plots", str(tmp_path / "file"))
     assert refused.exit_code == 2
     assert "--plots: cannot make the folder" in " ".join(refused.stderr.split())
+
+
+def test_a_planar_robot_is_swept_by_default_quantities(run):
+    path = str(Path(__file__).parent / "robots" / "five_bar" / "five_bar.urdf")
+    over = ["--over", "x=-20mm..20mm:3", "--over", "y=360mm..380mm:2"]
+    done = run(path, "--joint-stiffness", "2e4", *over)
+    assert done.exit_code == 0, done.output
+    assert "6 ok" in done.output
+    assert "translational 1" in done.output
+    assert "K_task" in done.output
+    done = run(path, "--joint-stiffness", "2e4", *over, "--quantities", "homogenised_ksi")
+    assert done.exit_code == 0, done.output
+    assert "6 no stiffness" in done.output

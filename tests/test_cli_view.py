@@ -217,3 +217,18 @@ def test_a_robots_name_as_a_file(name, file):
 
 def test_prup_pin_has_a_template_in_its_package():
     assert (Path(prup_pin.__file__).parent / "views" / "report" / "report_page.html").is_file()
+
+
+@pytest.mark.parametrize("command", ["view", "report", "stiffness"])
+def test_a_load_that_no_number_holds_is_refused_with_the_bound(run, tmp_path, command):
+    out = {"view": ["--html", str(tmp_path / "a.html")], "report": ["--out", str(tmp_path / "a.html")]}
+    done = run(command, "3prup", "--wrench", "fx=1e155", *out.get(command, []))
+    assert done.exit_code == 2
+    assert "wrench: fx is 1e+155; expected at most 1e+12 [N]" in " ".join(done.stderr.split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_deflection_is_drawn_no_larger_than_a_picture_holds(run, tmp_path):
+    done = run("view", "3prup", "--wrench", "fx=300", "--scale", "1e300", "--html", str(tmp_path / "a.html"))
+    assert done.exit_code == 2
+    assert "it would leave the picture. Expected at most" in " ".join(done.stderr.split())

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..robot import Robot
-from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, positive
+from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, disc, in_metres, positive, round_bar, thinner
 
 __all__ = ["delta"]
 
@@ -40,12 +40,14 @@ def delta(
     C = S^-T (diag(rod/(E A)) + G^T G / motor_stiffness + arms) S^-1, G (3, 6) the motors' torques per unit rod force.
     Raises InputError where arms and rods do not reach.
     """
-    positive(
+    in_metres(
         base_radius=base_radius, platform_radius=platform_radius, arm=arm, rod=rod, rod_spacing=rod_spacing,
-        height=height, motor_stiffness=motor_stiffness, rod_diameter=rod_diameter, youngs_modulus=youngs_modulus,
+        height=height,
     )  # fmt: skip
+    positive(motor_stiffness=motor_stiffness, youngs_modulus=youngs_modulus)
+    thinner(rod, rod_diameter=rod_diameter)
     if arm_diameter is not None:
-        positive(arm_diameter=arm_diameter)
+        thinner(arm, arm_diameter=arm_diameter)
     # In the plane of an arm: r outwards, z up. The elbow is where the circles about motor and platform joint meet.
     across, down = base_radius - platform_radius, height
     distance = float(np.hypot(across, down))
@@ -76,7 +78,7 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
         file.comment(f"leg {leg}: the arm turns about its motor, the two rods on universal joints at its end")
         file.frame(f"leg{leg}_mount", "base", base_radius * outwards)
         mass = 0.0 if arm_diameter is None else bar_mass(arm, arm_diameter, density)
-        file.link(f"leg{leg}_arm", mass, tuple(arm_line / 2), arm / 3)
+        file.link(f"leg{leg}_arm", mass, arm_line / 2, round_bar(mass, arm_line, arm_diameter or 0.0))
         file.joint(f"leg{leg}_motor", "revolute", f"leg{leg}_mount", f"leg{leg}_arm", axis=-sideways)
         file.frame(f"leg{leg}_elbow", f"leg{leg}_arm", arm_line)
         for side, sign in (("a", 1.0), ("b", -1.0)):
@@ -86,7 +88,8 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
             file.frame(f"{rod_name}_top", f"leg{leg}_elbow", offset)
             file.link(f"{rod_name}_fork")
             file.joint(f"{rod_name}_u1", "revolute", f"{rod_name}_top", f"{rod_name}_fork", axis=sideways)
-            file.link(f"{rod_name}_rod", bar_mass(rod, rod_diameter, density), tuple(rod_line / 2), rod / 3)
+            mass = bar_mass(rod, rod_diameter, density)
+            file.link(f"{rod_name}_rod", mass, rod_line / 2, round_bar(mass, rod_line, rod_diameter))
             turning = np.cross(rod_line / rod, sideways)
             file.joint(f"{rod_name}_u2", "revolute", f"{rod_name}_fork", f"{rod_name}_rod", axis=turning)
             file.frame(f"{rod_name}_bottom", f"{rod_name}_rod", rod_line)
@@ -95,7 +98,7 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
     parent = "leg1a_bottom"
     for axis in "xyz":
         link = "platform" if axis == "z" else f"ball_{axis}"
-        file.link(link, *((platform_mass, tuple(-first), platform_radius) if axis == "z" else ()))
+        file.link(link, *((platform_mass, -first, disc(platform_mass, platform_radius)) if axis == "z" else ()))
         file.joint(f"ball_{axis}", "revolute", parent, link, axis=[float(axis == a) for a in "xyz"])
         parent = link
     for rod_name, seat in seats.items():

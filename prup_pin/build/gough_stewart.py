@@ -9,11 +9,13 @@ import numpy as np
 from ..errors import InputError
 from ..robot import Robot
 from ..spatial import Array
-from .urdf_file import STEEL_MODULUS, UrdfFile, positive
+from .urdf_file import STEEL_MODULUS, UrdfFile, disc, in_metres, positive, round_bar, thinner
 
 __all__ = ["stewart"]
 
 LEGS = range(1, 7)
+#: How much longer a leg is than it is thick where nothing says so.
+_SLENDER = 20
 
 
 def stewart(
@@ -43,14 +45,14 @@ def stewart(
     leg_diameter, youngs_modulus: if given, each leg also stretches as a round bar from joint to joint.
     stroke: how far a leg can get longer or shorter from home [m]; a third of its length where not given.
     platform_mass: centred at the tool [kg]. cylinder_mass, rod_mass: of a leg's two parts [kg], their centres so far
-        from the base's joint and from the platform's [m]; a quarter of the leg where not given.
+        from the base's joint and from the platform's [m]; a quarter of the leg where not given. Their inertias are
+        those of uniform bars of half the leg.
 
     Legs carry force along themselves alone, so K = sum of k_i s_i s_i^T with the legs' unit lines s_i about the tool,
     and 1/k_i = 1/drive_stiffness + length/(E A). Raises InputError for sizes that are not positive.
     """
-    positive(base_radius=base_radius, platform_radius=platform_radius, height=height, youngs_modulus=youngs_modulus)
-    if leg_diameter is not None:
-        positive(leg_diameter=leg_diameter)
+    in_metres(base_radius=base_radius, platform_radius=platform_radius, height=height)
+    positive(youngs_modulus=youngs_modulus)
     stiffness = np.ravel(np.asarray(drive_stiffness, float))
     if len(stiffness) not in (1, 6):
         raise InputError(f"drive_stiffness has {len(stiffness)} numbers; expected one, or one for each of six legs")
@@ -63,7 +65,9 @@ def stewart(
     legs = seats - base + np.array([0.0, 0.0, height])
     lengths = np.linalg.norm(legs, axis=1)
     reach = float(lengths.min() / 3 if stroke is None else stroke)
-    positive(stroke=reach)
+    in_metres(stroke=reach)
+    if leg_diameter is not None:
+        thinner(float(lengths.min()), leg_diameter=leg_diameter)
 
     file = UrdfFile(
         name,
@@ -83,9 +87,10 @@ Drawn at home, where all joints are at zero: a slide's value is how much its leg
         file.joint(f"leg{leg}_u1", "revolute", "base", f"leg{leg}_yoke", at, axis=across)
         near = length / 4 if cylinder_centre is None else cylinder_centre
         far = length / 4 if rod_centre is None else rod_centre
-        file.link(f"leg{leg}_cylinder", cylinder_mass, tuple(near * along), length / 4)
+        thick = length / _SLENDER if leg_diameter is None else leg_diameter
+        file.link(f"leg{leg}_cylinder", cylinder_mass, near * along, round_bar(cylinder_mass, line / 2, thick))
         file.joint(f"leg{leg}_u2", "revolute", f"leg{leg}_yoke", f"leg{leg}_cylinder", axis=np.cross(along, across))
-        file.link(f"leg{leg}_rod", rod_mass, tuple(-far * along), length / 4)
+        file.link(f"leg{leg}_rod", rod_mass, -far * along, round_bar(rod_mass, line / 2, thick))
         file.joint(
             f"leg{leg}_slide",
             "prismatic",
@@ -97,7 +102,7 @@ Drawn at home, where all joints are at zero: a slide's value is how much its leg
         )
         if leg == 1:
             _ball_joint(file, "leg1", "leg1_rod", "leg1_ball")
-            file.link("platform", platform_mass, tuple(-seats[0]), platform_radius)
+            file.link("platform", platform_mass, -seats[0], disc(platform_mass, platform_radius))
             file.joint("platform", "fixed", "leg1_ball", "platform")
         else:
             file.frame(f"leg{leg}_seat", "platform", seats[leg - 1] - seats[0])

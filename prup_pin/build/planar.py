@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..robot import Robot
 from ..spatial import Array
-from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, positive
+from .urdf_file import STEEL_DENSITY, STEEL_MODULUS, UrdfFile, bar_mass, disc, in_metres, positive, round_bar, thinner
 
 __all__ = ["five_bar", "three_rrr"]
 
@@ -38,7 +38,7 @@ def three_rrr(
     motor.
     Raises InputError where the legs do not reach.
     """
-    positive(base_radius=base_radius, platform_radius=platform_radius)
+    in_metres(base_radius=base_radius, platform_radius=platform_radius)
     angles = np.radians([90.0, 210.0, 330.0])
     circle = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
     motors, seats = base_radius * circle, platform_radius * circle
@@ -54,7 +54,7 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
         elbow = _elbow(motor, seat, arm, rod, left=True)
         _leg(file, f"leg{leg}", motor, elbow, seat, arm_diameter, rod_diameter, density)
         if leg == 1:
-            file.link("platform", platform_mass, tuple(-seat), platform_radius)
+            file.link("platform", platform_mass, -seat, disc(platform_mass, platform_radius))
             file.joint("leg1_hinge", "revolute", "leg1_rod", "platform", seat - elbow)
         else:
             file.frame(f"leg{leg}_seat", "platform", seat - seats[0])
@@ -92,7 +92,7 @@ def five_bar(
     A force in the plane is shared by the two rods along themselves: C_xy = U^-T diag(c_1, c_2) U^-1, the rods' unit
     vectors in the columns of U, c_i as in `three_rrr`. Raises InputError where the legs do not reach.
     """
-    positive(base=base, height=height)
+    in_metres(base=base, height=height)
     tool = np.array([0.0, height, 0.0])
     file = UrdfFile(
         name,
@@ -116,7 +116,7 @@ Drawn at home, where all joints are at zero and all links have the base's axes.
 
 def _elbow(motor: Array, end: Array, arm: float, rod: float, left: bool) -> Array:
     """Return where arm and rod meet, to the left or right of the line from motor to end."""
-    positive(arm=arm, rod=rod)
+    in_metres(arm=arm, rod=rod)
     line = end - motor
     distance = float(np.linalg.norm(line))
     if not abs(arm - rod) < distance < arm + rod:
@@ -134,22 +134,23 @@ def _leg(file, name: str, motor: Array, elbow: Array, end: Array, arm_diameter, 
     """Add a motor, an arm and a rod; frames at the ends of both, on the moving side and on the fixed one."""
     arm, rod = elbow - motor, end - elbow
     file.comment(f"{name}: the arm turns about its motor, the rod about the arm's end")
+    thinner(float(np.linalg.norm(arm)), arm_diameter=arm_diameter)
+    thinner(float(np.linalg.norm(rod)), rod_diameter=rod_diameter)
     masses = [
         bar_mass(float(np.linalg.norm(line)), diameter, density)
         for line, diameter in ((arm, arm_diameter), (rod, rod_diameter))
     ]
     file.frame(f"{name}_mount", "base", motor)
-    file.link(f"{name}_arm", masses[0], tuple(arm / 2), float(np.linalg.norm(arm)) / 3)
+    file.link(f"{name}_arm", masses[0], arm / 2, round_bar(masses[0], arm, arm_diameter))
     file.joint(f"{name}_motor", "revolute", f"{name}_mount", f"{name}_arm")
     file.frame(f"{name}_elbow", f"{name}_arm", arm)
-    file.link(f"{name}_rod", masses[1], tuple(rod / 2), float(np.linalg.norm(rod)) / 3)
+    file.link(f"{name}_rod", masses[1], rod / 2, round_bar(masses[1], rod, rod_diameter))
     file.joint(f"{name}_hinge_at_elbow", "revolute", f"{name}_elbow", f"{name}_rod")
     file.frame(f"{name}_rod_end", f"{name}_rod", rod)
 
 
 def _modules(file, name: str, motor_stiffness, arm_diameter, rod_diameter, modulus) -> None:
-    positive(motor_stiffness=motor_stiffness, arm_diameter=arm_diameter, rod_diameter=rod_diameter,
-             youngs_modulus=modulus)  # fmt: skip
+    positive(motor_stiffness=motor_stiffness, youngs_modulus=modulus)
     file.spring(f"{name}/motor", f"{name}_motor", motor_stiffness, "N m/rad")
     file.bar(f"{name}/arm", f"{name}_motor", f"{name}_mount", f"{name}_elbow", arm_diameter, modulus)
     file.bar(f"{name}/rod", f"{name}_hinge_at_elbow", f"{name}_elbow", f"{name}_rod_end", rod_diameter, modulus)

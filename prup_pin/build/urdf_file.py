@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -14,11 +15,24 @@ from ..mechanism.readers import read_content
 from ..robot import Robot
 from ..spatial import Array
 
-__all__ = ["STEEL_DENSITY", "STEEL_MODULUS", "UrdfFile", "bar_mass", "positive"]
+__all__ = [
+    "STEEL_DENSITY",
+    "STEEL_MODULUS",
+    "Shape",
+    "UrdfFile",
+    "bar_mass",
+    "disc",
+    "in_metres",
+    "positive",
+    "round_bar",
+    "thinner",
+]
 
 STEEL_MODULUS, STEEL_DENSITY = 206e9, 7850.0  # Pa, kg/m^3
 _POISSON = 0.3
 _ORIGIN = (0.0, 0.0, 0.0)
+#: No robot of these families has a longer part [m].
+_LONGEST = 20.0
 #: A turn that nothing stops; URDF asks for limits.
 _LIMIT = 3.1
 
@@ -32,6 +46,48 @@ def positive(**values: float) -> None:
             fits = False
         if not fits:
             raise InputError(f"{name} = {value!r}: expected a number > 0, in SI units")
+
+
+def in_metres(**lengths: float) -> None:
+    """Raise InputError where one of the named lengths is none, or so long that it can only be in millimetres."""
+    positive(**lengths)
+    for name, value in lengths.items():
+        if float(value) > _LONGEST:
+            raise InputError(
+                f"{name} = {value:g} m is longer than any part of such a robot: is it in millimetres? Lengths are in "
+                f"metres: {name}={float(value) / 1e3:g}"
+            )
+
+
+def thinner(length: float, **diameter: float) -> None:
+    """Raise InputError where the named diameter is no length, or larger than the `length` [m] of its bar."""
+    in_metres(**diameter)
+    for name, value in diameter.items():
+        if float(value) > length:
+            raise InputError(
+                f"{name} = {value:g} m is more than its bar is long, {length:g} m: is it in millimetres? Lengths are "
+                f"in metres: {name}={float(value) / 1e3:g}"
+            )
+
+
+class Shape(NamedTuple):
+    """What a link weighs like, in words, and its inertia (3, 3) about its centre, base axes at home [kg m^2]."""
+
+    words: str
+    inertia: Array
+
+
+def round_bar(mass: float, line: Array, diameter: float) -> Shape:
+    """Return a uniform round bar along a line (3,) [m]: m d^2/8 about it, m (l^2/12 + d^2/16) across."""
+    length = float(np.linalg.norm(line))
+    along = np.outer(line, line) / length**2
+    across = mass * (length**2 / 12 + diameter**2 / 16)
+    return Shape("uniform round bars", mass * diameter**2 / 8 * along + across * (np.eye(3) - along))
+
+
+def disc(mass: float, radius: float) -> Shape:
+    """Return a thin disc about z: m r^2/2, across m r^2/4."""
+    return Shape("thin discs about z", mass * radius**2 / 4 * np.diag([1.0, 1.0, 2.0]))
 
 
 def bar_mass(length: float, diameter: float, density: float) -> float:
@@ -52,6 +108,7 @@ class UrdfFile:
         self._about = about
         self._tree: list[str] = []
         self._extension: list[str] = []
+        self._shapes: dict[str, list[str]] = {}
 
     def comment(self, text: str, of: str = "tree") -> None:
         """Add a comment to the tree, or to the extension."""
@@ -59,15 +116,19 @@ class UrdfFile:
         indent = "  " if of == "tree" else "    "
         lines += ["", f"{indent}<!-- {text} -->"]
 
-    def link(self, name: str, mass: float = 0.0, centre: Sequence[float] = _ORIGIN, size: float = 0.0) -> str:
-        """Add a link. Its inertia is that of a ball of radius `size` with its mass: sags do not ask for it."""
-        if mass == 0:
+    def link(
+        self, name: str, mass: float = 0.0, centre: Sequence[float] | Array = _ORIGIN, shape: Shape | None = None
+    ) -> str:
+        """Add a link, with the inertia of its shape where it has a mass; `text` says of which."""
+        if mass == 0 or shape is None:
             self._tree.append(f"  <link name={quoteattr(name)}/>")
             return name
-        moment = f"{0.4 * mass * max(size, 1e-3) ** 2:.6g}"
+        self._shapes.setdefault(shape.words, []).append(name)
+        entries = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+        inertia = " ".join(f'{key}="{shape.inertia[at] + 0.0:.12g}"' for key, at in entries.items())
         self._tree.append(
             f'  <link name={quoteattr(name)}><inertial><origin xyz="{_words(centre)}"/><mass value="{mass:.9g}"/>'
-            f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/></inertial></link>'
+            f"<inertia {inertia}/></inertial></link>"
         )
         return name
 
@@ -119,10 +180,6 @@ class UrdfFile:
             f'    <loop name={quoteattr(name)} frame1={quoteattr(first)} frame2={quoteattr(second)} free="{free}"/>'
         )
 
-    def note(self, text: str) -> None:
-        """Add an assumption, which `prup-pin info` prints."""
-        self._extension.append(f"    <note>{escape(text)}</note>")
-
     def module(self, name: str, kind: str, joint: str, values: Mapping[str, tuple[float, str]], **places: str) -> None:
         """Add a compliant module: its values with their units, and where it sits."""
         at = "".join(f" {key}={quoteattr(value)}" for key, value in places.items())
@@ -143,6 +200,8 @@ class UrdfFile:
 
     def text(self) -> str:
         """Return the whole file."""
+        inertias = [f"{words}: {', '.join(names)}" for words, names in self._shapes.items()]
+        notes = [f"    <note>{escape(f'inertias are those of {text}')}</note>" for text in inertias]
         lines = [
             '<?xml version="1.0"?>',
             "<!--",
@@ -153,6 +212,7 @@ class UrdfFile:
             "",
             '  <prup_pin version="1">',
             *self._extension,
+            *notes,
             "  </prup_pin>",
             "</robot>",
         ]

@@ -16,7 +16,7 @@ from ..views.text.answer import Answer
 from ..views.text.answer_text import print_answer
 from ..views.text.sensitivity_text import print_stiffen_first
 from .files import list_written, write
-from .options import Frame
+from .options import AsJson, Frame
 from .question import Question
 
 __all__ = ["stiffness"]
@@ -25,9 +25,7 @@ __all__ = ["stiffness"]
 def stiffness(
     question: Question,
     frame: Frame = None,
-    as_json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE|-", help="Write all numbers in SI; - is stdout, without text.")
-    ] = None,
+    as_json: AsJson = None,
     pictures: Annotated[Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there.")] = None,
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity", help="Also say which values to change first to make it stiffer.")

@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from .. import __version__
 from ..errors import UnknownNameError
-from ..laws import LAWS
 from ..modules import KINDS
+from ..views.report.as_json import dump, info_as_json
 from ..views.text import robot_text, terminal
-from ..views.text.law_text import print_laws
-from .options import Reading, RobotName, TolerancesOption, tolerances_named
+from ..views.text.law_text import laws_named, print_laws
+from .files import list_written, write
+from .options import AsJson, Reading, RobotName, TolerancesOption, tolerances_named
 from .question import limits_as_notes
 
 __all__ = ["info", "kinds", "laws", "robots"]
 
 
-def info(robot: RobotName = "3prup", tolerances: TolerancesOption = None, *, reading: Reading) -> None:
+def info(
+    robot: RobotName = "3prup", tolerances: TolerancesOption = None, as_json: AsJson = None, *, reading: Reading
+) -> None:
     """Joints, loops, mobility, modules and parameters of a robot, with their tolerances."""
     with limits_as_notes([]):
         wanted = None if tolerances is None else tolerances_named(tolerances)
-        robot_text.print_info(terminal.console(), reading.load(robot), wanted)
+        loaded = reading.load(robot)
+        document = dump(info_as_json(loaded, wanted, __version__)) if as_json is not None else ""
+        if as_json == "-":
+            typer.echo(document)
+            return
+        robot_text.print_info(terminal.console(), loaded, wanted)
+    if as_json is not None:
+        write(Path(as_json), document + "\n", "--json")
+        list_written([Path(as_json)])
 
 
 def robots() -> None:
@@ -41,14 +54,15 @@ def kinds(
 
 def laws(
     physics: Annotated[
-        str | None, typer.Argument(metavar="[PHYSICS]", help="One law only.", show_default=False)
+        str | None,
+        typer.Argument(
+            metavar="[PHYSICS]", help="One law only, by its name or a word such as play.", show_default=False
+        ),
     ] = None,
     robot: Annotated[str, typer.Option(metavar="ROBOT", help="The robot whose places are listed.")] = "3prup",
     *,
     reading: Reading,
 ) -> None:
     """Physics that a simulation can be given: places, parameters, sources."""
-    chosen = [law for law in LAWS if physics in (None, law.physics)]
-    if not chosen:
-        raise UnknownNameError("law", str(physics), sorted({law.physics for law in LAWS}))
-    print_laws(terminal.console(), chosen, reading.load(robot))
+    loaded = reading.load(robot)
+    print_laws(terminal.console(), laws_named(physics, loaded.mechanism), loaded)

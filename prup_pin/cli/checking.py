@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import InputError
+from ..errors import InputError, SingularPoseError, UnreachablePoseError
 from ..recordings import read_recording
 from ..views.text import terminal
 from ..views.text.check_text import print_check
@@ -27,7 +27,10 @@ def check(
     *,
     reading: Reading,
 ) -> None:
-    """All that is wrong or open in a robot file, or what a recording could show and what it could not."""
+    """All that is wrong or open in a robot file, or what a recording could show and what it could not.
+
+    Ends with exit code 2 where a robot's loops do not close at home.
+    """
     _CHECKED.get(Path(file).suffix.lower(), _robot)(file, reading, robot)
 
 
@@ -35,7 +38,14 @@ def _robot(file: str, reading: Reading, robot: str | None) -> None:
     if robot is not None:
         raise InputError("--robot names the robot of a recording; expected a recording (.csv) before it")
     with limits_as_notes([]):
-        print_check(terminal.console(), reading.load(file))
+        loaded = reading.load(file)
+        print_check(terminal.console(), loaded)
+        try:
+            _ = loaded.home
+        except SingularPoseError:
+            pass  # other poses may be regular
+        except UnreachablePoseError:
+            raise typer.Exit(2) from None
 
 
 def _recording(file: str, reading: Reading, robot: str | None) -> None:

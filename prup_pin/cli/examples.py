@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ..errors import InputError, PrupPinError
+from ..recordings.writer import write_whole
 from ..views.text import terminal
 from ..views.text.terminal import make_table, print_table
 
@@ -42,8 +42,9 @@ def examples(
         )
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for path in files:
-            shutil.copyfile(path, target / path.name)
+        write_whole({target / path.name: (path.read_bytes().decode("utf-8"),) for path in files})
+    except InputError as error:
+        raise InputError(f"--copy: {error}; nothing was copied") from error
     except OSError as error:
         raise InputError(f"--copy: cannot write to '{copy}': {error.strerror}") from error
     typer.echo(f"{len(files)} files in {target}; README.md tells what they are")

@@ -21,6 +21,7 @@ from ..simulation import CorrectedModel
 from ..views.text.quantities import UNITS, parse_assignments, parse_quantity
 
 __all__ = [
+    "AsJson",
     "Frame",
     "Open",
     "PredictionFile",
@@ -53,6 +54,9 @@ Frame = Annotated[str | None, typer.Option(metavar="FRAME", help="Also show the 
 Scale = Annotated[
     float | None,
     typer.Option(metavar="50", help="Draw the deflection this many times larger. Default: so that it shows."),
+]
+AsJson = Annotated[
+    str | None, typer.Option("--json", metavar="FILE|-", help="Write all numbers in SI; - is stdout, without text.")
 ]
 Open = Annotated[bool, typer.Option("--open", help="Open it in the browser.")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING.csv", help="A recording; docs/recording_file.md.")]

@@ -113,13 +113,9 @@ def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPo
         names = robot.mechanism.actuated
         dimensions = {name: dimension(robot.mechanism, name) for name in names}
         if "=" in actuators:
-            given = parse_assignments(actuators, dimensions, "--actuators", "actuated joint")
-            missing = [name for name in names if name not in given]
-            if missing:
-                raise InputError(f"--actuators: missing {', '.join(missing)}; give all of {', '.join(names)}")
-            values = [given[name] for name in names]
-        else:
-            values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
+            by_name = parse_assignments(actuators, dimensions, "--actuators", "actuated joint")
+            return robot.pose_from_actuators(by_name), "actuators", []
+        values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
         return robot.pose_from_actuators(values), "actuators", []
     if at is None:
         return robot.home, "home", []
@@ -130,22 +126,6 @@ def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPo
             f"--at: the file of '{robot.name}' defines no task coordinates; use --actuators, in the order {order}"
         )
     wanted = parse_assignments(at, dimensions, "--at", "coordinate")
-    for name, value in wanted.items():
-        hint = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}.get(dimensions[name])
-        if hint and abs(value) > hint[0] and not _has_unit(at, name):
-            raise InputError(
-                f"--at: {name}={value:g} would be {value:g} {hint[1]}; write {name}={value:g}{hint[2]}, "
-                f"or {name}={value:g}{hint[1]} if it is meant"
-            )
     idle = {str(robot.mechanism.model.names[joint]) for joint in robot.mechanism.load_paths.idle}
     kept = [name for name in dimensions if name not in wanted and name not in idle]
     return robot.pose(**wanted), "task coordinates", kept
-
-
-def _has_unit(at: str, name: str) -> bool:
-    """Return True where the value of a coordinate was typed with a unit."""
-    for item in at.replace(";", ",").split(","):
-        key, _, value = item.partition("=")
-        if key.strip() == name:
-            return not value.strip()[-1:].isdigit() and not value.strip().endswith(".")
-    return False

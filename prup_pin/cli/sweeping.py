@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,12 +13,13 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError, PrupPinError, UnknownNameError, shortened
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..robot import Robot
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
+from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 from ..views.text.sweep_text import axis_text, print_sweep
@@ -49,8 +51,8 @@ def sweep(
         str | None,
         typer.Option(
             metavar="C,K,extremes,…",
-            help="What is wanted of each pose; list: --quantities help. Default: translational,homogenised_ksi, and "
-            "extremes where --force or --moment is given.",
+            help="What is wanted of each pose; list: --quantities help. Default: translational, homogenised_ksi ("
+            "K_task where home has no K), and extremes where --force or --moment is given.",
             show_default=False,
         ),
     ] = None,
@@ -86,18 +88,20 @@ def sweep(
     reading: Reading,
 ) -> None:
     """Stiffness over the workspace: grids or draws of poses, indices, extremes over a box of loads."""
-    if quantities is None:
-        boxed = force is not None or moment is not None
-        quantities = f"{'extremes,' if boxed else ''}translational,homogenised_ksi"
-    names = [name.strip() for name in quantities.split(",") if name.strip()]
+    names = [name.strip() for name in (quantities or "").split(",") if name.strip()]
     if names == ["help"]:
         _print_quantities()
         return
     folder_for(plots, "--plots")
     loaded, _ = reading.changed(robot, set_parameters)
+    if quantities is None:
+        names = [*(["extremes"] if force is not None or moment is not None else []), "translational", _index(loaded)]
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
     kinds = _dimensions(loaded.mechanism)
+    whole = loaded._kinematics.completed(asked)
     text = {"over": "; ".join(_axis(name, kinds[name], value) for name, value in asked.items())}
+    if len(whole) > len(asked):
+        text["at home"] = "; ".join(_axis(name, kinds[name], whole[name]) for name in whole if name not in asked)
     for name, given, kind in (("force", force, "force"), ("moment", moment, "moment"), ("length", length, "length")):
         if given is not None:
             asked[name] = parse_quantity(given, kind, f"--{name}")
@@ -121,6 +125,16 @@ def sweep(
         written += write_figures(plots, figures_of(found), "--plots")
     if written:
         list_written(written)
+
+
+def _index(robot: Robot) -> str:
+    """Return what a robot's stiffness is told by where nothing else is asked for: an index of K, else K_task."""
+    if not robot.mechanism.tasks:
+        return "homogenised_ksi"
+    with suppress(PrupPinError):
+        if not len(robot.compliance(robot.home).rigid_directions):
+            return "homogenised_ksi"
+    return "K_task"
 
 
 @contextmanager
@@ -164,15 +178,20 @@ def _values(text: str, dimension: str, item: str, ends: bool) -> Any:
             meant = text.replace(":", "..", 1)
             hint = f": {meant}" if ":" in meant else ""
             raise InputError(f"--over {item}: expected a value, or FROM..TO:COUNT with two dots between the ends{hint}")
-        return parse_quantity(text, dimension, f"--over {item}")
+        return parse_quantity(text, dimension, "--over", item, len(item) - len(text))
     high, colon, count = rest.partition(":")
-    first, last = (parse_quantity(part, dimension, f"--over {item}") for part in (low, high))
+    starts = len(item) - len(text), len(item) - len(rest)
+    first, last = (
+        parse_quantity(part, dimension, "--over", item, start) for part, start in zip((low, high), starts, strict=True)
+    )
     if ends:
         if colon:
             raise InputError(f"--over {item}: with --draws, give the two ends alone, without ':{count}'")
         return first, last
-    if not count.strip().isdigit() or int(count) < 1:
+    if re.fullmatch("0*[1-9][0-9]*", count.strip()) is None:
         raise InputError(f"--over {item}: expected how many values after ':', for example {low}..{high}:41")
+    if len(count.strip()) > 20 or int(count) > MAX_DRAWS:
+        raise InputError(f"--over {shortened(item)}: expected at most {MAX_DRAWS} values on one axis")
     if first >= last:
         raise InputError(f"--over {item}: from {low} to {high} is a reversed or empty range; give the lower end first")
     return np.linspace(first, last, int(count))

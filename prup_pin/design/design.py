@@ -140,7 +140,7 @@ class _Search:
         self.rigid = {length.parameter.name for length in mechanism.description.lengths}
         engine = Engine(mechanism, Asked(("C",)), kinematics)
         if poses is None and not axes:
-            names, home = engine.coordinates.names, kinematics.pose_from_configuration(kinematics.home)
+            names, home = engine.coordinates.names, kinematics.home_pose()
             at = home.coordinates if mechanism.tasks else home.actuators
             poses = [[float(at[name]) for name in names]]
         self.names = engine.coordinates.names
@@ -230,7 +230,7 @@ class _Search:
         mechanism = self.mechanism.with_parameters(self.changes(x))
         home = self._kinematics_of(mechanism)
         engine = Engine(mechanism, Asked(("C",)), home)
-        statics = solve_statics(engine.layout, home.pose_from_configuration(home.home))
+        statics = solve_statics(engine.layout, home.home_pose())
         cost, slope = _mass(statics), np.zeros(len(x))
         for column, variable in enumerate(self.variables):
             value = float(np.exp(x[column]))
@@ -249,7 +249,7 @@ class _Search:
         for sign in (-1, 1):
             other = mechanism.with_parameters({name: value * (1 + sign * _STEP)})
             kinematics = LoopKinematics(other)
-            pose = kinematics.pose_from_configuration(kinematics.home)
+            pose = kinematics.home_pose()
             ends.append(_mass(solve_statics(Engine(other, Asked(("C",)), kinematics).layout, pose)))
         return (ends[1] - ends[0]) / (2 * _STEP * value)
 
@@ -351,7 +351,7 @@ class _Search:
     def _before(self) -> tuple[Array, float, float]:
         there = self._start
         values = np.array([target.worst(there) for target in self.targets])
-        pose = self.kinematics.pose_from_configuration(self.kinematics.home)
+        pose = self.kinematics.home_pose()
         mass = _mass(solve_statics(Engine(self.mechanism, Asked(("C",)), self.kinematics).layout, pose))
         known = self.mechanism.parameters
         more = sum(v.cost * float(np.mean([known[name].value for name in v.parameters])) for v in self.variables)

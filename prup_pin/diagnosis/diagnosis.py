@@ -10,7 +10,10 @@ import numpy as np
 
 from ..channels import Columns, Noise
 from ..errors import imported
-from ..laws import Effect
+from ..laws import LAWS, Effect
+from ..laws.efforts import EFFORT_LAWS
+from ..laws.efforts.all_links import AllLinks
+from ..laws.joint_compliance import EACH_JOINT
 from ..simulation import Run
 from ..spatial import Array
 from .by_recording import ByRecording
@@ -24,6 +27,12 @@ if TYPE_CHECKING:
     from .efforts import EffortDiagnosis
 
 __all__ = ["Detectable", "Diagnosis", "Finding", "FittedParameter"]
+
+#: What to do about what is no law.
+_REMEDIES = {
+    "finite_deflection": "predict with robot.equilibrium, as the corrected model does, and not with C times the load",
+    "unknown": "look at {place} itself, record more there, and trust the corrected model only near what was recorded",
+}
 
 VERDICTS = ("nothing_missing", "explained", "unexplained")
 
@@ -42,8 +51,9 @@ class Finding:
     """One thing that the simulation left out.
 
     `candidates` are the places that these data cannot tell apart, `alternatives` other laws that fit as well;
-    `heldout_gain` is the share of the held-out squared residual that this finding alone removes; `effect` is None for
-    `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it has no place.
+    `heldout_gain`: by which share the held-out squared residual falls as this finding comes to all the others; `effect`
+    is None for `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it
+    has no place.
     `recovered` is what the samples ask for, to be drawn.
     """
 
@@ -57,6 +67,29 @@ class Finding:
     alternatives: tuple[str, ...] = ()
     curve: LocalCurve | None = field(default=None, repr=False)
     recovered: Recovered | Agreement | None = field(default=None, repr=False)
+
+    @property
+    def cost(self) -> float:
+        """How many times as large the held-out residual (RMS) would be without this finding; infinite without end."""
+        return float(1 / np.sqrt(1 - self.heldout_gain)) if self.heldout_gain < 1 else float("inf")
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it, in one short sentence; of what has no effect of its own by its physics."""
+        if self.effect is not None and self.physics not in _REMEDIES:
+            return self.effect.law.advice(self.effect.place, self.effect.values)
+        laws = [law for law in (*EFFORT_LAWS, AllLinks(())) if law.everywhere] if self.at_each else []
+        known = {law.physics: law.remedy for law in reversed((*laws, *LAWS, *EFFORT_LAWS))} | _REMEDIES
+        here = "the robot" if self.location == "robot" else self.location
+        where = "each of these places" if self.at_each else here
+        return known.get(self.physics, "").format(place=where)
+
+    @property
+    def at_each(self) -> tuple[str, ...]:
+        """The places of what is told of several at once, each of which has it; else nothing."""
+        if self.location != "robot" or (self.effect is not None and self.effect.place.aspect != EACH_JOINT):
+            return ()
+        return tuple(place for place in self.candidates if place != "robot")
 
 
 @dataclass(frozen=True)

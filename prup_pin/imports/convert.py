@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import Problem, RecordingFileError
 from ..numbers import number
 from ..recordings import Recording
-from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, marker_of
+from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, largest, marker_of
 from ..spatial import WRENCH_NAMES, Array
 from .clocks import at_rest, rests
 from .log import Log, Stream
@@ -27,15 +27,22 @@ SWAPPED, APART = 0.01, 20
 MOST_RUNS, FEWEST_ROWS = 1000, 20
 #: A stream that is so much faster than the clock it is put on is averaged over the clock's period.
 FASTER = 1.5
+#: Rows of an even clock; spans of rows that are listed.
+MAX_ROWS, _SPANS = 10_000_000, 12
 
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """A recording, the log's columns that were not used, and what was done on the way, for a person."""
+    """A recording, the log's columns that were not used, and what was done on the way, for a person.
+
+    moving: (first, last) of the rows that `at_rest` left out, span by span; rows of the log counted from 1, of the new
+    clock where the map resamples.
+    """
 
     recording: Recording
     unused: tuple[str, ...]
     remarks: tuple[str, ...]
+    moving: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +89,7 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
         columns |= {f"{name}.{axis}": vectors[:, k] for k, axis in enumerate(AXES)}
     for group in plan.motors:
         _to_joints(columns, group)
+    _check_sizes(log, {"time": time, **columns})
     used_columns = plan.sources
     unused = tuple(name for name in log.names if name not in used_columns)
     unscaled = [name for name, column in plan.columns.items() if column.unit.needs_scale and column.scale == 1.0]
@@ -93,18 +101,46 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
     runs = next(iter(told.values())).runs
     if runs is not None and "run" not in columns:
         columns["run"] = runs + 1.0
+    moving: tuple[tuple[int, int], ...] = ()
     if plan.at_rest:
         still = at_rest(time, [values for name, values in columns.items() if name.startswith("q.")])
         if not still.any():
             raise RecordingFileError(log.path, [Problem("at_rest: the joints never stand; leave the key out")])
-        remarks.append(
-            f"{int((~still).sum())} rows in which a joint moved were left out; {rests(still)} rests are left."
-        )
+        ends = np.flatnonzero(np.diff(still, prepend=True, append=True)).reshape(-1, 2) - [0, 1]
+        rows = next((item.rows for item in told.values() if item.time is time), np.arange(len(time)))
+        moving = tuple((int(first) + 1, int(last) + 1) for first, last in rows[ends])
+        remarks.append(_moved(still, moving, time[ends]))
         time, columns = time[still], {name: values[still] for name, values in columns.items()}
     recording = _recording(time - time[0], columns, log, plan, mechanism)
-    return Conversion(recording, unused, tuple(remarks))
+    return Conversion(recording, unused, tuple(remarks), moving)
 
 
+def _moved(still: np.ndarray, spans: tuple[tuple[int, int], ...], times: Array) -> str:
+    """Return which rows were left out because a joint moved in them, for a person."""
+    told = [
+        f"rows {first} to {last} ({number(begin, 4)} to {number(end, 4)} s)"
+        for (first, last), (begin, end) in zip(spans[:_SPANS], times.tolist(), strict=False)
+    ]
+    more = [f"{len(spans) - _SPANS} more spans"] if len(spans) > _SPANS else []
+    count = int((~still).sum())
+    which = f": {', '.join(told + more)}" if told else ""
+    return f"{count} rows in which a joint moved were left out{which}; {rests(still)} rests are left."
+
+
+def _check_sizes(log: Log, columns: Mapping[str, Array]) -> None:
+    """Raise RecordingFileError where numbers are larger than a recording's may be."""
+    problems = []
+    for name, values in columns.items():
+        far = np.flatnonzero(np.abs(values) > largest(name))
+        if len(far):
+            value = f"{values[far[0]]:.3g} in row {far[0] + 1}"
+            message = f"becomes {value}; expected at most {largest(name):g}. Are unit, scale and offset right?"
+            problems.append(Problem(f"{name}: {message}"))
+    if problems:
+        raise RecordingFileError(log.path, problems)
+
+
+@np.errstate(over="ignore", invalid="ignore")
 def in_si(values: Array, column: Column) -> Array:
     """Return a column of the log (N,) in SI."""
     si = values * column.unit.factor + column.unit.offset
@@ -213,6 +249,9 @@ def _common(log: Log, plan: LogMap, told: Mapping[str, _Told], remarks: list[str
         whose = f"the clock of {plan.resampling.clock}"
     else:
         assert plan.resampling.rate is not None
+        if not (end - begin) * plan.resampling.rate < MAX_ROWS:
+            message = f"resample: rate: {plan.resampling.rate:g}/s over {number(end - begin, 4)} s"
+            raise RecordingFileError(log.path, [Problem(f"{message} are more than {MAX_ROWS} rows; give a lower rate")])
         time = begin + np.arange(int((end - begin) * plan.resampling.rate + 1e-9) + 1) / plan.resampling.rate
         time = _told_at(time, told)
         whose = f"an even clock of {plan.resampling.rate:g}/s"
@@ -285,6 +324,7 @@ def turns_of(log: Log, stream: Stream, rotation: Rotation, rows: Any = slice(Non
     return known, turns
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _to_joints(columns: dict[str, Array], group: Motors) -> None:
     """Put joints in the place of the motors that move them: by power, efforts by the inverse, transposed."""
     for prefix in JOINT_GROUPS:
@@ -330,7 +370,7 @@ def _recording(
     called = {"p": "position", "r": "rotation", "g": "gravity"}
     fields |= {called[key]: values for key, values in triples.items()}
     notes = plan.notes or f"imported from {Path(log.path).name}"
-    return Recording(time=time, robot=plan.robot, notes=notes, tolerances=plan.tolerances, **fields)
+    return Recording(time=time, robot=plan.robot, notes=notes, noise=plan.noise, tolerances=plan.tolerances, **fields)
 
 
 def _place(order: list[str], joint: str) -> int:

@@ -7,8 +7,8 @@ above those describes the whole table: its rate, its units, its markers.
 from __future__ import annotations
 
 import csv
+import math
 import re
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -52,7 +52,11 @@ def cells_of(line: str, separator: str) -> list[str]:
     """Return the cells of a line without the blanks around them."""
     if separator == " ":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    try:
+        cells = next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:  # a cell of more than 128 kB
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
 
 
 def heading_of(lines: Sequence[str], separators: Sequence[str], number: Number) -> Heading | None:
@@ -139,7 +143,7 @@ def _positive(text: str | None) -> float | None:
         value = float(text or "")
     except ValueError:
         return None
-    return value if value > 0 else None
+    return value if 0 < value < math.inf else None
 
 
 def _named(header: list[list[str]], width: int, bodies: list[str]) -> tuple[list[str], dict[str, str]]:
@@ -163,13 +167,18 @@ def _named(header: list[list[str]], width: int, bodies: list[str]) -> tuple[list
         names = _of_bodies(names, bodies)
     if not header:
         names = names if any(names) else [f"column {k + 1}" for k in range(width)]
-    plain: list[str] = []
-    count = Counter(names)
-    for k, name in enumerate(names):
-        called = name or f"column {k + 1}"
-        plain.append(called if count[name] == 1 or called not in plain else f"{called} ({k + 1})")
+    plain = unique_names(names)
     units = {name: cell.strip("[]()") for name, cell in zip(plain, said, strict=True) if cell} if said else {}
     return plain, units
+
+
+def unique_names(header: Sequence[str]) -> list[str]:
+    """Return the names, those that stand twice with a number, those that are empty by their place."""
+    names: dict[str, None] = {}
+    for k, name in enumerate(header):
+        plain = name or f"column {k + 1}"
+        names[plain if plain not in names else f"{plain} ({k + 1})"] = None
+    return list(names)
 
 
 def _of_bodies(names: list[str], bodies: list[str]) -> list[str]:

@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+import struct
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from unicodedata import category
 
 import numpy as np
 
-from ..errors import Problem, RecordingFileError
+from ..errors import Problem, PrupPinError, RecordingFileError
+from ..numbers import number
+from ..recordings.problems import MAX_NAMES, shown
 from ..spatial import Array
+from .headings import unique_names
 
 #: Longer vectors in one message are pictures or clouds, not signals.
 MAX_VECTOR = 64
+#: More columns than that are names which change from row to row, or a matrix.
+MAX_COLUMNS = MAX_NAMES
+#: What to do with a file that no library can read.
+_AGAIN = "Is the file damaged or cut off? Copy or export it again"
+#: Longer names are cut off.
+_NAME = 200
+#: Larger numbers stand for none, as the largest float does in messages of ROS.
+_LARGEST = 1e60
+#: What the numbers of one log may take in memory, as its file declares them [bytes].
+MAX_NUMBERS = 2 * 2**30
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +84,56 @@ def refuse(path: Path, message: str, line: int | None = None) -> RecordingFileEr
     return RecordingFileError(path, [Problem(message, line)])
 
 
+@dataclass
+class Reading:
+    """A file while a library reads it; `at` says where, for an error."""
+
+    at: str = ""
+
+
+@contextmanager
+def reading(path: Path, what: str) -> Iterator[Reading]:
+    """Whatever a format's library raises within this block is an error of the file, `what`, with the place in it.
+
+    Libraries raise what they like where bytes are damaged: KeyError, zlib.error, AssertionError. Only what they do
+    belongs into such a block, so that no fault of this package hides there.
+    """
+    here = Reading()
+    try:
+        yield here
+    except PrupPinError:
+        raise
+    except Exception as error:
+        place = f" ({here.at})" if here.at else ""
+        raise refuse(path, f"cannot be read as {what}{place}: {_why(error)}. {_AGAIN}") from error
+
+
+def _why(error: Exception) -> str:
+    """Return in words what a library raised; some say nothing but the kind of their error."""
+    said = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
+    if isinstance(error, MemoryError):
+        return "it needs more memory than there is"
+    if isinstance(error, EOFError | struct.error) or type(error).__name__ == "EndOfFile":
+        return "it ends too early"
+    return shown(" ".join(said.split()), 200).rstrip(".") or f"it contradicts itself ({type(error).__name__})"
+
+
+def check_size(path: Path, size: int, what: str = "") -> None:
+    """Raise RecordingFileError where numbers would take more memory than a log may; `size` is declared [bytes].
+
+    What a file declares is checked before any memory is taken for it.
+    """
+    if size > MAX_NUMBERS:
+        most = f"{number(size / 1e9, 3)} GB of numbers, more than the {number(MAX_NUMBERS / 1e9, 3)} GB"
+        raise refuse(path, f"{what + ' ' if what else ''}declares {most} that are read; export a part of it")
+
+
 def frozen(columns: Mapping[str, Iterable[float] | Array]) -> Mapping[str, Array]:
-    """Return columns as read-only arrays of floats."""
+    """Return columns as read-only arrays of floats, nan where a number is infinite or larger than anything measured."""
     out = {}
     for name, values in columns.items():
         array = np.array(values, float)
+        array[~(np.abs(array) <= _LARGEST)] = np.nan  # also a nan of bytes that warn where it is used
         array.flags.writeable = False
         out[name] = array
     return MappingProxyType(out)
@@ -89,23 +152,51 @@ def read_log(path: str | Path) -> Log:
     Raises RecordingFileError for what cannot be read, MissingExtraError where its reader is not installed.
     """
     path = Path(path)
-    if not path.exists():
-        endings = tuple(ending for kinds in FORMATS for ending in kinds)
-        near = sorted(other.name for other in path.parent.glob("*") if other.suffix.lower() in endings)[:8]
-        raise refuse(path, "file not found." + (f" The folder holds: {', '.join(near)}." if near else ""))
-    kind = ".bag" if path.is_dir() else path.suffix.lower()
-    for endings, reader in FORMATS.items():
-        if kind in endings:
-            from importlib import import_module
-
-            module = import_module(f"{__package__}.{reader}")
-            log: Log = module.read(path)
-            if not any(stream.columns for stream in log.streams):
-                raise refuse(path, "holds no columns of numbers" + _besides(log.left_out))
-            return log
+    try:
+        if "\0" in str(path) or not path.exists():
+            endings = tuple(ending for kinds in FORMATS for ending in kinds)
+            near = sorted(other.name for other in path.parent.glob("*") if other.suffix.lower() in endings)[:8]
+            raise refuse(path, "file not found." + (f" The folder holds: {', '.join(near)}." if near else ""))
+        if not (path.is_file() or path.is_dir()):
+            raise refuse(path, "is a pipe or a device; expected a file")
+        kind = ".bag" if path.is_dir() else path.suffix.lower()
+        reader = next((name for endings, name in FORMATS.items() if kind in endings), None)
+        log: Log | None = import_module(f"{__package__}.{reader}").read(path) if reader else None
+    except MemoryError as error:
+        raise refuse(path, "needs more memory than there is; export a part of it") from error
+    except OSError as error:
+        raise refuse(path, f"cannot be read: {error.strerror or error}") from error
+    if log is not None:
+        count = sum(len(stream.columns) for stream in log.streams)
+        if not count:
+            raise refuse(path, "holds no columns of numbers" + _besides(log.left_out))
+        if count > MAX_COLUMNS:
+            raise refuse(path, f"holds {count} columns of numbers; expected at most {MAX_COLUMNS}")
+        return _printable(log)
     known = ", ".join(ending for endings in FORMATS for ending in endings)
     what = f"has the ending '{path.suffix}'; expected one of {known}, or the folder of a ROS 2 bag"
     raise refuse(path, what + (". Export the sheet as CSV (UTF-8)" if kind in (".xlsx", ".xls", ".ods") else ""))
+
+
+def _printable(log: Log) -> Log:
+    """Return a log whose names can be shown: one that breaks a line would write another line into a map."""
+
+    def told(name: str) -> str:
+        fits = len(name) <= _NAME and all(c.isprintable() or category(c) == "Zs" for c in name)
+        return name if fits else shown(name, _NAME)
+
+    left_out = tuple(told(text) for text in log.left_out)
+    every = (*log.names, *(stream.name for stream in log.streams))
+    if all(name == told(name) for name in every):
+        return replace(log, left_out=left_out)
+    names = dict(zip(log.names, unique_names([told(name) for name in log.names]), strict=True))
+    called = unique_names([told(stream.name) for stream in log.streams])
+    streams = []
+    for stream, name in zip(log.streams, called, strict=True):
+        columns = MappingProxyType({names[column]: values for column, values in stream.columns.items()})
+        units, labels = ({names.get(key, key): x for key, x in of.items()} for of in (stream.units, stream.labels))
+        streams.append(replace(stream, name=name, columns=columns, units=units, labels=labels))
+    return replace(log, streams=tuple(streams), left_out=left_out)
 
 
 def read_logs(paths: Sequence[str | Path]) -> Log:
@@ -117,8 +208,7 @@ def read_logs(paths: Sequence[str | Path]) -> Log:
     logs = [read_log(path) for path in paths]
     if len(logs) == 1:
         return logs[0]
-    all_names = [name for log in logs for name in log.names]
-    shared = {name for name in all_names if all_names.count(name) > 1}
+    shared = {name for name, count in Counter(name for log in logs for name in log.names).items() if count > 1}
     for log in logs[1:]:
         if set(log.names) == set(logs[0].names):
             message = (

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..recordings import Tolerances
+from ..recordings import Noise, Tolerances
 from .units import Unit
 
 #: How the orientation of a body may be logged, and how many columns that takes. Matrices turn the body's axes into the
@@ -78,7 +78,7 @@ class Resampling:
 class LogMap:
     """A map, checked against its log: columns of the recording by name, clocks by stream.
 
-    at_rest: rows in which a joint moves are left out.
+    at_rest: rows in which a joint moves are left out. noise: standard deviations of the sensors, where they are known.
     """
 
     columns: Mapping[str, Column]
@@ -90,6 +90,7 @@ class LogMap:
     notes: str = ""
     tolerances: Tolerances = field(default_factory=Tolerances)
     at_rest: bool = False
+    noise: Noise = field(default_factory=Noise)
 
     @property
     def sources(self) -> frozenset[str]:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import nearest_names
-from ..recordings import Tolerances
+from ..recordings import Noise, Tolerances
+from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
 from ..recordings.columns import UNITS as COLUMNS
-from ..recordings.columns import joint_of, marker_of
 from ..recordings.problems import Problems, json_kind, shown
-from ..recordings.reader import tolerances_value
+from ..recordings.reader import noise_value, tolerances_value
 from .log import Log
 from .map import ROTATIONS, Clock, Column, LogMap, Motors, Resampling, Rotation
 from .named import NamedRobot
@@ -28,7 +28,7 @@ _JOINT = {
     "tau": ("moment", "force"),
 }
 #: What a map may hold.
-KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest", "tolerances", "notes")
+KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest", "noise", "tolerances", "notes")
 
 
 def robot_named(path: str | Path) -> str | None:
@@ -87,6 +87,10 @@ class _Reader(KeyReader):
         tolerances = Tolerances()
         if given.get("tolerances") is not None:
             tolerances = tolerances_value(given["tolerances"], self.problems, self.problems.path.name, "tolerances.")
+        deviations = {}
+        for key, value in self.known(given.get("noise"), tuple(NOISE_KEYS), "noise").items():
+            if key in NOISE_KEYS:
+                deviations[NOISE_KEYS[key]] = noise_value(key, value, self.problems, self.problems.path.name, "noise.")
         self.gains_open = tolerances.effort_gain is not None
         clocks = self.clocks(given.get("time"))
         raw = given.get("motors") or []
@@ -107,7 +111,8 @@ class _Reader(KeyReader):
         for group in motors:
             self.complete(group, columns)
         rotations = {}
-        for name, item in self.known(given.get("rotations"), list(given.get("rotations") or {}), "rotations").items():
+        turned = given.get("rotations")
+        for name, item in self.known(turned, list(turned) if isinstance(turned, dict) else (), "rotations").items():
             rotation = self.rotation(str(name), item)
             if rotation is not None:
                 rotations[str(name)] = rotation
@@ -122,7 +127,8 @@ class _Reader(KeyReader):
         if not isinstance(rest, bool):
             self.wrong(f"is {json_kind(rest)}; expected true or false", "at_rest")
         return LogMap(
-            columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances, rest
+            columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances, rest,
+            Noise(**deviations),
         )  # fmt: skip
 
     def clocks(self, given: Any) -> dict[str, Clock]:
@@ -246,7 +252,7 @@ class _Reader(KeyReader):
             self.wrong("is no orientation; expected r (the tool's) or r.<frame>", *place)
             return None
         manner = given.get("as")
-        if manner not in ROTATIONS:
+        if not isinstance(manner, str) or manner not in ROTATIONS:
             plain = [name for name in ROTATIONS if not name.startswith("euler")]
             self.wrong(f"is '{shown(manner)}'; expected one of {', '.join(plain)}, euler_ZYX …", *place, "as")
             return None
@@ -273,10 +279,10 @@ class _Reader(KeyReader):
         except (TypeError, ValueError):
             matrix = np.zeros(0)
         n = len(joints)
-        if matrix.shape != (n, len(names)) or len(names) != n:
+        if matrix.shape != (n, len(names)) or len(names) != n or not np.isfinite(matrix).all():
             self.wrong(f"expected {n} rows of {n} numbers: joint = matrix x motor", *place, "matrix")
             return None
-        if abs(np.linalg.det(matrix)) < 1e-9 * max(np.abs(matrix).max(), 1e-300) ** len(joints):
+        if abs(np.linalg.det(matrix / max(np.abs(matrix).max(), 1e-300))) < 1e-9:
             self.wrong("has no inverse: several motors would do the same", *place, "matrix")
             return None
         driven = self.mechanism.actuated if self.mechanism is not None else joints

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from ..errors import InputError
+from ..recordings.problems import shown
 from ..recordings.writer import write_whole
 from .draft import Guessing, Seen
 from .log import Log
@@ -42,7 +43,8 @@ def written(
         return text
 
     lines = [
-        f"# Map from {Path(log.path).name} to a recording, guessed by prup-pin import. Lines with CHECK are not sure.",
+        f"# Map from {shown(Path(log.path).name)} to a recording, guessed by prup-pin import. "
+        "Lines with CHECK are not sure.",
         "# SI = sign x scale x (value in unit) + offset; docs/import.md says what may stand here.",
     ]
     if robot is not None:

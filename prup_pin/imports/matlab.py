@@ -1,17 +1,23 @@
-"""Logs as named arrays: MATLAB's variables and fields of structures by scipy, version 7.3 and HDF5 by h5py, numpy's."""
+"""Logs as named arrays: MATLAB's variables and fields of structures, version 7.3 and HDF5 by h5py, numpy's."""
 
 from __future__ import annotations
 
+import math
 import zipfile
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.io import loadmat
 
-from ..errors import imported
+from ..errors import RecordingFileError, imported
+from ..recordings.problems import shown
 from ..spatial import Array
-from .log import MAX_VECTOR, Log, Stream, frozen, refuse, spread
+from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
+from .matlab_elements import variables
 
 
 def read(path: Path) -> Log:
@@ -22,14 +28,20 @@ def read(path: Path) -> Log:
     """
     found: dict[str, Array] = {}
     left_out: list[str] = []
+    whole = 0
     for name, value in _variables(path):
-        array = np.asarray(value)
+        try:
+            array = np.asarray(value)
+        except ValueError:  # lists of several lengths
+            array = np.array("lists")
         if array.dtype.kind not in "fiub" or array.ndim > 2:
             left_out.append(f"{name} ({array.dtype.kind if array.dtype.kind in 'OSUV' else array.shape})")
         elif array.size > 1:
+            whole += 8 * array.size
+            check_size(path, whole)
             found[name] = np.atleast_2d(array).astype(float)
     streams: dict[tuple[str, int], dict[str, Array]] = {}
-    lengths = [max(array.shape) for array in found.values()]
+    lengths = {max(array.shape) for array in found.values()}
     for name, array in found.items():
         if array.shape[0] == 1 or (array.shape[1] in lengths and array.shape[1] > MAX_VECTOR > array.shape[0]):
             array = array.T  # a row of samples
@@ -44,14 +56,17 @@ def read(path: Path) -> Log:
 
 def _joined(streams: Mapping[tuple[str, int], Mapping[str, Array]]) -> dict[str, dict[str, Array]]:
     """Return streams by name; where each length has one time of its own or there is one time in all, lengths decide."""
+    timed: dict[int, list[str]] = {}
+    for (group, length), columns in streams.items():
+        if any(_is_time(name) for name in columns):
+            timed.setdefault(length, []).append(group)
+    lengths = Counter(group for group, _ in streams)
     out: dict[str, dict[str, Array]] = {}
     for (group, length), columns in streams.items():
-        timed = any(_is_time(name) for name in columns)
-        same = [other for (other, n), c in streams.items() if n == length and any(_is_time(name) for name in c)]
-        home = group if timed or not same else same[0]
+        same = timed.get(length, [group])
+        home = group if group in same else same[0]
         key = home or "variables"
-        several = sum(1 for g, _ in streams if g == home) > 1
-        out.setdefault(f"{key} ({length} samples)" if several else key, {}).update(columns)
+        out.setdefault(f"{key} ({length} samples)" if lengths[home] > 1 else key, {}).update(columns)
     return out
 
 
@@ -61,76 +76,97 @@ def _is_time(name: str) -> bool:
 
 def _variables(path: Path) -> Iterator[tuple[str, Any]]:
     """Yield the variables of a file, fields of structures by dotted names."""
-    from scipy.io import loadmat
-
-    if path.suffix.lower() in (".npz", ".npy"):
+    ending = path.suffix.lower()
+    if ending in (".npz", ".npy"):
         yield from _of_numpy(path)
-        return
-    if path.suffix.lower() != ".mat":
+    elif ending != ".mat" or _is_hdf(path):  # version 7.3, and what others write
         yield from _from_hdf(path)
-        return
-
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except NotImplementedError:  # version 7.3
-        yield from _from_hdf(path)
-        return
-    except (ValueError, TypeError) as error:
-        if _is_hdf(path):  # of version 7.3, written by others than MATLAB
-            yield from _from_hdf(path)
-            return
-        raise refuse(path, f"cannot be read as a MATLAB file: {error}") from error
-    except (OSError, KeyError, EOFError) as error:
-        raise refuse(path, f"cannot be read as a MATLAB file: {error}") from error
-    for name, value in content.items():
-        if not name.startswith("__"):
-            yield from _fields(name, value)
+    else:
+        with reading(path, "a MATLAB file"):
+            with path.open("rb") as file:
+                old = b"\0" in file.read(4)  # version 4 begins with numbers
+            if not old:
+                yield from variables(path)
+                return
+            content = loadmat(path, squeeze_me=True)
+        yield from ((name, value) for name, value in content.items() if not name.startswith("__"))
 
 
 def _of_numpy(path: Path) -> Iterator[tuple[str, Any]]:
     """Yield the arrays of a file of numpy; objects are not unpacked, for they could be programs."""
-    try:
-        content = np.load(path, allow_pickle=False)
-        arrays = content if path.suffix.lower() == ".npz" else {path.stem: content}
-        for name in arrays:
-            try:
-                yield name, arrays[name]
-            except ValueError:
-                yield name, np.array("object")
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise refuse(path, f"cannot be read as a file of numpy: {error}") from error
+    with reading(path, "a file of numpy") as here:
+        if path.suffix.lower() == ".npy":
+            check_size(path, path.stat().st_size)
+            yield path.stem, _of_npy(path.read_bytes())
+            return
+        with zipfile.ZipFile(path) as archive:
+            check_size(path, sum(member.file_size for member in archive.infolist()))
+            for member in archive.infolist():
+                here.at = f"array '{shown(member.filename)}'"
+                yield member.filename.removesuffix(".npy"), _of_npy(archive.read(member))  # with its checksum
+
+
+def _of_npy(content: bytes) -> Array:
+    """Return an array that is as large as its header says, else raise ValueError; a text where it holds no numbers."""
+    file = BytesIO(content)
+    version = np.lib.format.read_magic(file)
+    header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+    if header is None:  # fields with names
+        return np.array("fields")
+    shape, _, kind = header(file)
+    if kind.hasobject:
+        return np.array("object")
+    declared, there = math.prod(shape) * kind.itemsize, len(content) - file.tell()
+    if declared != there:
+        raise ValueError(f"declares {declared} bytes of numbers, and holds {there}")
+    return np.load(BytesIO(content), allow_pickle=False)
 
 
 def _is_hdf(path: Path) -> bool:
     with path.open("rb") as file:
-        head = file.read(1024)
-    return any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (0, 512))
-
-
-def _fields(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _fields(f"{name}.{key}", inner)
-    else:
-        yield name, value
+        head = file.read(4096)
+    return any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (0, 512, 1024, 2048))
 
 
 def _from_hdf(path: Path) -> Iterator[tuple[str, Any]]:
+    """Yield the datasets of an HDF5 file. Raises RecordingFileError where one of them is kept in another file."""
     hdf = imported("h5py", "mat")
+    matlab = path.suffix.lower() == ".mat"
+    seen: set[int] = set()
+    whole = 0
+    with reading(path, "a MATLAB file of version 7.3 or HDF5") as here, hdf.File(path) as file:
+        left: list[tuple[str, Any]] = [("", file)]
+        while left:
+            name, item = left.pop()
+            here.at = f"'{shown(name)}'" if name else ""
+            address = hdf.h5o.get_info(item.id).addr
+            if address in seen:  # a circle, or a second name
+                continue
+            seen.add(address)
+            if len(seen) > 2 * MAX_COLUMNS:
+                raise refuse(path, f"holds more than {2 * MAX_COLUMNS} groups and datasets; export those of one run")
+            if isinstance(item, hdf.Group):
+                for key in reversed([key for key in item if not key.startswith("#")]):
+                    inner = f"{name}.{key}" if name else key
+                    link = item.get(key, getlink=True)
+                    if isinstance(link, hdf.ExternalLink):
+                        raise _elsewhere(path, inner, link.filename)
+                    if isinstance(link, hdf.HardLink):  # a soft one is a second name
+                        left.append((inner, item[key]))
+            elif isinstance(item, hdf.Dataset):
+                for source in (item.virtual_sources() if item.is_virtual else item.external) or ():
+                    raise _elsewhere(path, name, source[0] if item.external else source.file_name)
+                if not item.size:
+                    continue
+                if item.attrs.get("MATLAB_class", b"double") in (b"char", b"cell") or item.dtype.kind not in "fiub":
+                    yield name, np.array("text")
+                elif "MATLAB_empty" not in item.attrs:
+                    whole += max(item.size, math.prod(item.chunks or ())) * max(8, item.dtype.itemsize)
+                    check_size(path, whole, f"'{shown(name)}'")
+                    yield name, item[()].T if matlab else item[()]  # MATLAB stores column by column
 
-    def inside(name: str, item: Any) -> Iterator[tuple[str, Any]]:
-        if isinstance(item, hdf.Group):
-            for key in item:
-                if not key.startswith("#"):
-                    yield from inside(f"{name}.{key}" if name else key, item[key])
-        elif item.attrs.get("MATLAB_class", b"double") in (b"char", b"cell") or item.dtype.kind not in "fiub":
-            yield name, np.array("text")
-        elif "MATLAB_empty" not in item.attrs:
-            yield name, item[()].T if matlab else item[()]  # MATLAB stores column by column
 
-    try:
-        with hdf.File(path) as file:
-            matlab = path.suffix.lower() == ".mat"
-            yield from inside("", file)
-    except OSError as error:
-        raise refuse(path, f"cannot be read as a MATLAB file of version 7.3 or HDF5: {error}") from error
+def _elsewhere(path: Path, name: str, other: str) -> RecordingFileError:
+    """Return the error of a dataset that another file holds: what a log names is not read."""
+    where = "another dataset (it is a virtual one)" if other == "." else f"another file, '{shown(other, 300)}'"
+    return refuse(path, f"'{shown(name)}' is kept in {where}, which is not read; copy the numbers into this one")

@@ -7,54 +7,74 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import imported
-from ..recordings.thinning import Thinning
-from .log import MAX_VECTOR, Log, Stream, frozen, refuse, spread
+from ..recordings.problems import shown
+from ..recordings.thinning import MOST_ROWS, Thinning
+from ..spatial import Array
+from .log import MAX_VECTOR, Log, Stream, check_size, frozen, reading, refuse, spread
 
 
 def read(path: Path) -> Log:
     """Return a Parquet table as a log of one stream. Columns of lists of one length are taken apart.
 
-    Raises MissingExtraError without pyarrow, RecordingFileError for a file that it cannot read.
+    Pages are compared with their checksums where the file has some. Raises MissingExtraError without pyarrow,
+    RecordingFileError for a file that it cannot read.
     """
     arrow = imported("pyarrow", "tables")
     parquet = imported("pyarrow.parquet", "tables")
-    try:
-        with parquet.ParquetFile(path) as file:
-            thinning = Thinning(file.metadata.num_rows)
-            table = _kept(arrow, file, thinning)
-    except (arrow.ArrowException, OSError) as error:
-        raise refuse(path, f"cannot be read as Parquet: {error}") from error
-    columns, left_out, units = {}, [], {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        kind = column.type
-        if arrow.types.is_timestamp(kind) or arrow.types.is_duration(kind):
-            nanoseconds = column.cast(kind if kind.unit == "ns" else _in_nanoseconds(arrow, kind)).cast("int64")
-            whole = nanoseconds.to_numpy()
-            columns[name] = (whole - whole[0]) * 1e-9 if len(whole) else whole
-            units[name] = "s"
-        elif arrow.types.is_floating(kind) or arrow.types.is_integer(kind) or arrow.types.is_boolean(kind):
-            columns[name] = column.cast("float64").to_numpy()
-        elif arrow.types.is_list(kind) or arrow.types.is_fixed_size_list(kind):
-            rows = [np.asarray(row, float) for row in column.to_pylist() if row is not None]
-            lengths = {len(row) for row in rows}
-            if len(lengths) == 1 and len(rows) == len(column) and 0 < min(lengths) <= MAX_VECTOR:
-                columns |= spread(name, np.array(rows))
-            else:
-                left_out.append(f"{name} (lists of several lengths)")
-        else:
-            left_out.append(f"{name} ({kind})")
+    columns: dict[str, Array] = {}
+    units = {}
+    with reading(path, "Parquet") as here, parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        schema = file.schema_arrow
+        wanted = [field.name for field in schema if _is_stamp(arrow, field.type) or _is_number(arrow, field.type)
+                  or _is_list(arrow, field.type)]  # fmt: skip
+        left_out = [f"{field.name} ({field.type})" for field in schema if field.name not in wanted]
+        thinning = Thinning(file.metadata.num_rows)
+        check_size(path, 8 * min(thinning.count, MOST_ROWS) * len(wanted))
+        table = _kept(arrow, file, thinning, wanted)
+        if not len(table):
+            raise refuse(path, "holds no rows")
+        for name, column in zip(table.column_names, table.columns, strict=True):
+            here.at = f"column '{shown(name)}'"
+            kind = column.type
+            if _is_stamp(arrow, kind):
+                nanoseconds = column.cast(kind if kind.unit == "ns" else _in_nanoseconds(arrow, kind)).cast("int64")
+                whole = nanoseconds.to_numpy()
+                columns[name] = (whole - whole[0]) * 1e-9
+                units[name] = "s"
+            elif _is_number(arrow, kind):
+                columns[name] = column.cast("float64").to_numpy()
+            elif _is_list(arrow, kind):
+                rows = [np.asarray(row, float) for row in column.to_pylist() if row is not None]
+                lengths = {len(row) for row in rows}
+                if len(lengths) == 1 and len(rows) == len(column) and 0 < min(lengths) <= MAX_VECTOR:
+                    columns |= spread(name, np.array(rows))
+                else:
+                    left_out.append(f"{name} (lists of several lengths)")
     return Log(str(path), (Stream("table", frozen(columns), units=units),), tuple(left_out), tuple(thinning.remarks))
 
 
-def _kept(arrow, file, thinning: Thinning):
-    """Return the rows that are kept of a file, read piece by piece."""
+def _is_stamp(arrow, kind) -> bool:
+    return arrow.types.is_timestamp(kind) or arrow.types.is_duration(kind)
+
+
+def _is_number(arrow, kind) -> bool:
+    return arrow.types.is_floating(kind) or arrow.types.is_integer(kind) or arrow.types.is_boolean(kind)
+
+
+def _is_list(arrow, kind) -> bool:
+    listed = arrow.types.is_list(kind) or arrow.types.is_fixed_size_list(kind)
+    return listed and _is_number(arrow, kind.value_type)
+
+
+def _kept(arrow, file, thinning: Thinning, wanted: list[str]):
+    """Return the rows that are kept of some columns, read piece by piece."""
     parts, row = [], 0
-    for batch in file.iter_batches():
+    for batch in file.iter_batches(columns=wanted):
         here = thinning.keeps(np.arange(row, row + len(batch)))
         row += len(batch)
         if here is None or here.any():
             parts.append(batch if here is None else batch.filter(arrow.array(here)))
-    return arrow.Table.from_batches(parts, file.schema_arrow)
+    return arrow.Table.from_batches(parts, None if parts else arrow.schema([]))
 
 
 def _in_nanoseconds(arrow, kind):

@@ -17,8 +17,8 @@ import numpy as np
 from ..recordings.problems import MAX_PROBLEMS, Problems, read_bytes, shown
 from ..recordings.thinning import Thinning
 from ..spatial import Array
-from .headings import Heading, cells_of, heading_of
-from .log import MAX_VECTOR, Log, Stream, frozen, refuse
+from .headings import Heading, cells_of, heading_of, unique_names
+from .log import MAX_COLUMNS, MAX_VECTOR, Log, Stream, frozen, refuse
 from .stamps import past_midnight, seconds_of
 from .units import spelled
 
@@ -196,6 +196,8 @@ def _understood(path: Path) -> tuple[_Manner, list[str]]:
         heading = deep or heading
     if heading is None or heading.body >= len(lines) or not any(line.strip() for line in lines[heading.body :]):
         raise refuse(path, "holds names of columns but no rows", heading.body if heading else begin + 1)
+    if len(heading.names) > MAX_COLUMNS:
+        raise refuse(path, f"holds {len(heading.names)} columns; expected at most {MAX_COLUMNS}", max(heading.body, 1))
     return _columns(lines, heading, encoding)
 
 
@@ -235,7 +237,7 @@ def _plain(lines: list[str], begin: int) -> Heading | None:
             begin -= 1
         elif None not in numbers:
             return Heading(separator, decimal, [f"column {k + 1}" for k in range(len(header))], begin)
-    names = _unique(header)
+    names = unique_names(header)
     units: dict[str, str] = {}
     body = begin + 1
     row = cells_of(lines[body], separator) if body < len(lines) else []
@@ -277,15 +279,6 @@ def _marks(lines: list[str]) -> tuple[str, str]:
             decimal = "," if separator != "," and re.search(r"\d,\d", "".join(full[1:])) else "."
             return separator, decimal
     return (" ", ".") if all(len(line.split()) > 1 for line in full) else (",", ".")
-
-
-def _unique(header: list[str]) -> list[str]:
-    """Return the names, those that stand twice with a number, those that are empty by their place."""
-    names: list[str] = []
-    for k, name in enumerate(header):
-        plain = name or f"column {k + 1}"
-        names.append(plain if plain not in names else f"{plain} ({k + 1})")
-    return names
 
 
 def _number(cell: str, decimal: str) -> float | None:

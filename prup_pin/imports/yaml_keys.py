@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,18 +12,49 @@ import yaml
 from ..errors import nearest_names
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, shown
 
+#: A map of a thousand columns has a tenth of these characters.
+_LONGEST = 1_000_000
+#: Values within values.
+_DEEPEST = 20
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc] # the fast one, where there is one
+    """Reads 2e-5 as a number, which YAML 1.1 takes for a text."""
+
+
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
+
 
 def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict[str, Any], dict[tuple, int]]:
     """Return the content of a map's YAML file, an object of `keys`, and the line of each key."""
     text = read_bytes(path, "a map (YAML)", (".yaml", ".yml")).decode("utf-8-sig", "replace")
+    if len(text) > _LONGEST:
+        problems.add(KeyProblem(f"holds {len(text)} characters; no map has more than {_LONGEST}", None, path.name))
+        return {}, {}
+    content: Any = None
     try:
-        node = yaml.compose(text, yaml.SafeLoader)
-        content = yaml.safe_load(text)
+        depth = 0
+        for event in yaml.parse(text, _Loader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            wrong = "nests its values too deep" if depth > _DEEPEST else ""
+            if isinstance(event, yaml.AliasEvent):  # a few are a value of any size, or one that holds itself
+                wrong = f"*{shown(event.anchor)} is not read; write the value out"
+            if wrong:
+                mark = event.start_mark
+                problems.add(KeyProblem(wrong, mark.line + 1 if mark is not None else None, path.name))
+                return {}, {}
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        content = loader.construct_document(node) if node is not None else None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         what = getattr(error, "problem", None) or str(error)
         line = mark.line + 1 if mark is not None else None
         problems.add(KeyProblem(f"is not valid YAML: {shown(what)}", line, path.name))
+        return {}, {}
+    except (ValueError, TypeError, AttributeError, LookupError) as error:  # a date that is none, a number of digits
+        problems.add(KeyProblem(f"holds a value that cannot be read: {shown(error)}", None, path.name))
         return {}, {}
     if not isinstance(content, dict):
         problems.add(KeyProblem(f"holds {json_kind(content)}; expected keys: {', '.join(keys)}", 1, path.name))

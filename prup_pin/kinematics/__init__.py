@@ -4,6 +4,7 @@ from .closed_pose import ClosedPose, PassiveBalance
 from .loop_kinematics import LONGEST, SURE, TOLERANCE, LoopKinematics
 from .many_poses import AWAY, CLOSED, DOUBTFUL, LIMITS, ManyPoses, Reached
 from .mobility import Mobility, mobility
+from .task import TaskFrame
 
 __all__ = [
     "AWAY",
@@ -19,5 +20,6 @@ __all__ = [
     "Mobility",
     "PassiveBalance",
     "Reached",
+    "TaskFrame",
     "mobility",
 ]

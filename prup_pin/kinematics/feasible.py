@@ -11,6 +11,8 @@ from ..kernel import Configuration
 from ..spatial import Array
 from .task import TaskFrame
 
+#: A closure that asks less than this share of the most is one that others ask as well.
+_IDLE = 1e-7
 #: Distance to keep from the limits [m, rad].
 _MARGIN = 1e-6
 
@@ -25,9 +27,9 @@ def nearest_feasible(
 ) -> dict[str, float] | None:
     """Return the feasible task coordinates nearest to the requested ones, or None.
 
-    Nearest in the sum of squares of angles [rad] and distances over the characteristic `length` [m], within joint
-    `limits` (lower, upper) and with closed loops, of what SciPy's SLSQP finds from `starts`, and confirmed by closing
-    the loops there. `evaluate` gives the kinematics at a configuration whose coordinates may vary one by one.
+    Nearest in the root of the sum of squares of angles [rad] and distances by the characteristic `length` [m], within
+    joint `limits` (lower, upper) and with closed loops, of what SciPy's SLSQP finds from `starts`, and confirmed by
+    closing the loops there. `evaluate` gives the kinematics at a configuration whose coordinates may vary one by one.
     """
     from scipy.optimize import minimize
 
@@ -37,15 +39,18 @@ def nearest_feasible(
     lower, upper = limits[0] + _MARGIN, limits[1] - _MARGIN
 
     def distance(q):
+        # Not its square: of a target far away that is so steep that SLSQP stops on the way.
         evaluation = evaluate(q)
         error, rows_of = goal(q, evaluation.placements)
         rows, error = rows_of(evaluation.jacobian), np.array(error)
-        return float(((error * scale) ** 2).sum()), 2 * (error * scale**2) @ rows
+        size = max(float(np.linalg.norm(error * scale)), _MARGIN)
+        return size, (error * scale**2) @ rows / size
 
     best = None
     for begin in starts:
         if not np.isfinite(begin).all():
             continue
+        asked = _independent(evaluate(begin).closure)
         found = minimize(
             distance,
             np.clip(begin, lower, upper),
@@ -55,8 +60,8 @@ def nearest_feasible(
             constraints=[
                 {
                     "type": "eq",
-                    "fun": lambda q: evaluate(q).residual,
-                    "jac": lambda q: evaluate(q).closure,
+                    "fun": lambda q, asked=asked: asked @ evaluate(q).residual,
+                    "jac": lambda q, asked=asked: asked @ evaluate(q).closure,
                 }
             ],
             options={"maxiter": 300, "ftol": 1e-12},
@@ -67,6 +72,13 @@ def nearest_feasible(
     if best is None:
         return None
     return dict(zip(task.names, task.values(evaluate(best[1]).placements).tolist(), strict=True))
+
+
+def _independent(closure: Array) -> Array:
+    """Return combinations (r, c) of closures that ask different things of the joints: in a plane half of them are idle,
+    and SLSQP takes no constraint twice."""
+    left, sizes, _ = np.linalg.svd(closure)
+    return np.asarray(left[:, : int((sizes > _IDLE * sizes.max(initial=0.0)).sum())].T)
 
 
 def last_regular(here: Array, target: Array, reach: Callable[[Array], object]) -> Array | None:

@@ -9,17 +9,18 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
-from math import hypot, inf
+from math import hypot, inf, remainder, tau
 from operator import le
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError, shortened
+from ..errors import InputError, JointLimitWarning, SingularPoseError, UnreachablePoseError, named, shortened
 from ..kernel import NEGLIGIBLE, Configuration, Factors, LoopedTree, Passing, inverse, rank_of
 from ..mechanism import Mechanism
-from ..numbers import number
+from ..numbers import number, quantity
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
@@ -33,6 +34,8 @@ ROUNDING = 1e-14
 LAST_STEP = 1e-9
 #: Rounding allowed beyond a joint's limit [m, rad].
 _AT_LIMIT = 1e-9
+#: Digits in which coordinates are told, and by which shares of the way home what lies between them is told instead.
+_DIGITS, _INWARDS = 5, (0.0, 1e-4, 1e-3, 1e-2)
 #: Decimals [m, rad] of home's coordinates where a pose takes some of them.
 _HOME_DIGITS = 9
 #: A solution is taken for the same assembly branch where no joint has moved farther than this [m, rad].
@@ -64,9 +67,7 @@ class LoopKinematics:
         self.mechanism = mechanism
         self.model = mechanism.model
         self._tree = tree or LoopedTree(mechanism)
-        self.task = TaskFrame(
-            mechanism.tool, mechanism.tasks, mechanism.description.rotation, mechanism.support, mechanism.dof_joint
-        )
+        self.task = TaskFrame.of(mechanism)
         self.closure = self._tree.closure
         self._factors = Factors()
         # Which velocities move what: loops, then task coordinates.
@@ -221,6 +222,10 @@ class LoopKinematics:
             residual=(metres, radians),
         )
 
+    def home_pose(self) -> ClosedPose:
+        """Return the closed pose at home. Raises UnreachablePoseError, SingularPoseError."""
+        return self.pose_from_configuration(self.home)
+
     @cached_property
     def _home(self) -> Configuration:
         """The evaluation at home, where every cold start begins."""
@@ -310,7 +315,7 @@ class LoopKinematics:
 
     def pose(self, wanted: Mapping[str, float]) -> ClosedPose:
         """Return the pose with the wanted task coordinates; those not given stay at a home that the file declares."""
-        given = wanted if len(wanted) >= len(self.task.names) else self._completed(wanted)
+        given = wanted if len(wanted) >= len(self.task.names) else self.completed(wanted)
         target = self.task.target(given)
         requested = dict(zip(self.task.names, target, strict=True))
         start = self.start(target)
@@ -323,13 +328,20 @@ class LoopKinematics:
                 pass
         return self.reach(np.array(target), requested, self.task.goal)
 
-    def _completed(self, wanted: Mapping[str, float]) -> Mapping[str, float]:
-        """Return what is wanted with home's value of every task coordinate that is not."""
-        names = self.task.names
-        if not wanted or not self.mechanism.description.home or set(wanted) - set(names):
+    def completed(self, wanted: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return what is wanted with home's value of every coordinate that is not, where the file declares a home.
+
+        Of a robot without task coordinates these are its actuated joints; where it has no loops home is always there.
+        """
+        names, home = self.task.names or self.mechanism.actuated, self.mechanism.description.home
+        declared = home or not (self.task.names or self.mechanism.loops)
+        if not wanted or not declared or set(names) <= set(wanted) or set(wanted) - set(names):
             return wanted
-        home = np.round(self.task.values(self._home.placements), _HOME_DIGITS) + 0.0
-        return dict(zip(names, home.tolist(), strict=True)) | dict(wanted)
+        if self.task.names:
+            values = (np.round(self.task.values(self._home.placements), _HOME_DIGITS) + 0.0).tolist()
+        else:
+            values = [float(self.mechanism.joint(name).position(self.home)) for name in names]
+        return {name: value for name, value in zip(names, values, strict=True) if name not in wanted} | dict(wanted)
 
     @cached_property
     def start(self) -> PolynomialStart:
@@ -351,10 +363,19 @@ class LoopKinematics:
         scale = np.array([self.length if task.units[name] == "m" else 1.0 for name in task.names])
         return PolynomialStart(self._tree, self.home, here, scale, solve, costly)
 
-    def pose_from_actuators(self, values: Sequence[float] | Array, near: ClosedPose | None = None) -> ClosedPose:
+    def pose_from_actuators(
+        self, values: Mapping[str, float] | Sequence[float] | Array, near: ClosedPose | None = None
+    ) -> ClosedPose:
         """Return the pose with the given actuator positions, on the assembly branch of home (or of `near`)."""
         model, mechanism = self.model, self.mechanism
         names, dofs = mechanism.actuated, mechanism.actuated_dofs
+        if isinstance(values, Mapping):
+            by_name = values
+            for name in by_name:
+                named("actuated joint", name, dict.fromkeys(names))
+            if missing := [name for name in names if name not in by_name]:
+                raise InputError(f"missing actuator positions: {', '.join(missing)}; give all of {', '.join(names)}")
+            values = [by_name[name] for name in names]
         try:
             array = np.asarray(values, float).ravel()
         except (OverflowError, TypeError, ValueError) as error:
@@ -466,15 +487,17 @@ class LoopKinematics:
 
     def _unreachable(self, requested, target, here, q, reached, residual) -> UnreachablePoseError:
         nearest = self._nearest_feasible(requested, q)
-        if nearest is None and reached > 0:
+        if nearest is None and reached > 0 and requested:
             along = here + reached * (target - here)
-            nearest = dict(zip(requested, along.tolist(), strict=True))
+            nearest = self._confirmed(requested, dict(zip(requested, along.tolist(), strict=True)))
         if max(residual) < 1e-9:
             reason = f"a singular pose lies on the way from home, {100 * reached:.0f} % along it"
         else:
-            reason = (
-                f"the loops do not close there (left open by {number(residual[0], 3)} m, {number(residual[1], 3)} rad)"
-            )
+            reason = "the loops do not close there"
+            if nearest is not None:
+                residual = self._apart(requested, nearest)
+                away = [quantity(far, unit) for far, unit in zip(residual, ("m", "rad"), strict=True) if far > 0]
+                reason += f", {' and '.join(away)} from where they do"
         return UnreachablePoseError(
             f"'{self.mechanism.name}' cannot reach {self._listed(requested)}: {reason}. "
             + (f"Nearest feasible: {self._listed(nearest)}" if nearest else "No feasible pose was found near it"),
@@ -483,11 +506,45 @@ class LoopKinematics:
             residual,
         )
 
+    def _apart(self, requested: Mapping[str, float], nearest: Mapping[str, float]) -> tuple[float, float]:
+        """Return how far two sets of coordinates are apart, over all lengths [m] and over all angles [rad]."""
+        apart: dict[str, list[float]] = {"m": [], "rad": []}
+        for name, value in requested.items():
+            unit = self._unit(name)
+            difference = value - nearest[name]
+            apart[unit].append(remainder(difference, tau) if unit == "rad" and self.task.names else difference)
+        return hypot(*apart["m"]), hypot(*apart["rad"])
+
+    def _confirmed(self, requested: Mapping[str, float], nearest: Mapping[str, float]) -> dict[str, float] | None:
+        """Return coordinates in the digits in which they are told, as little towards home as it takes to reach them."""
+        if tasks := self._are_tasks(requested):
+            home = self.task.values(self._home.placements).tolist()
+        else:
+            home = [float(self.mechanism.joint(name).position(self.home)) for name in requested]
+        for share in _INWARDS:
+            moved = [value + share * (end - value) for value, end in zip(nearest.values(), home, strict=True)]
+            told = {
+                name: float(number(value, _DIGITS)) if abs(value) > _AT_LIMIT else 0.0
+                for name, value in zip(nearest, moved, strict=True)
+            }
+            with suppress(UnreachablePoseError):
+                if tasks:
+                    self.reach(np.array([*told.values()]), {}, self.task.goal)
+                else:
+                    self.pose_from_actuators(told)
+                return told
+        return None
+
     def _nearest_feasible(self, requested: Mapping[str, float], q: Array) -> dict[str, float] | None:
         if not self._are_tasks(requested) or self.model.nq != self.model.nv:
             return None
         limits = self.lower, self.upper
-        return nearest_feasible(self.task, requested, self.evaluate, limits, self.length, (q, self.home))
+        found = nearest_feasible(self.task, requested, self.evaluate, limits, self.length, (q, self.home))
+        return None if found is None else self._confirmed(requested, found)
+
+    def _place(self, placements: Array) -> str:
+        """Return what a configuration is called that nobody asked for by coordinates."""
+        return "home" if np.allclose(placements, self._home.placements, atol=_AT_LIMIT) else "this configuration"
 
     def _last_regular(self, requested: Mapping[str, float]) -> dict[str, float] | None:
         if not self._are_tasks(requested):
@@ -504,11 +561,15 @@ class LoopKinematics:
         """Return 'z = 0.4 m, theta = 0.436 rad (25 deg)'."""
         parts = []
         for name, value in values.items():
-            unit = self.task.units.get(name) or self.mechanism.joint(name).unit
+            unit = self._unit(name)
             value = 0.0 if abs(value) < 1e-12 else value
             degrees = f" ({number(np.degrees(value), 4)} deg)" if unit == "rad" else ""
-            parts.append(f"{name} = {number(value, 5)} {unit}{degrees}")
+            parts.append(f"{name} = {number(value, _DIGITS)} {unit}{degrees}")
         return ", ".join(parts)
+
+    def _unit(self, name: str) -> str:
+        """Return m or rad, of a task coordinate or a joint."""
+        return self.task.units.get(name) or self.mechanism.joint(name).unit or ""
 
     # -- checks ----------------------------------------------------------------------------------------------------
 
@@ -540,9 +601,12 @@ class LoopKinematics:
             return
         nearest = self._nearest_feasible(requested, q)
         if nearest is None and name in requested:
-            nearest = {**requested, name: min(max(value, lower), upper)}
+            places = {name: self.mechanism.joint(name).first_q for name in requested}
+            within = {at: min(max(requested[at], self.lower[k]), self.upper[k]) for at, k in places.items()}
+            nearest = self._confirmed(requested, within)
+        wanted = self._listed(requested) or self._place(self.evaluate(q).placements)
         raise UnreachablePoseError(
-            f"'{self.mechanism.name}' cannot reach {self._listed(requested) or 'this configuration'}: {text}. "
+            f"'{self.mechanism.name}' cannot reach {wanted}: {text}. "
             + (
                 f"Nearest feasible: {self._listed(nearest)}"
                 if nearest
@@ -594,10 +658,10 @@ class LoopKinematics:
             if (size_of > NEGLIGIBLE).any():
                 worst = int(np.argmax(size_of))
                 twist = np.concatenate((moved[:3, worst] * self.length, moved[3:, worst]))
-                self._refuse_singular(twist, idle[:, worst], requested)
+                self._refuse_singular(twist, idle[:, worst], requested, evaluation.placements)
         return PassiveBalance(inverted, self_stress, idle)
 
-    def _refuse_singular(self, twist: Array, motion: Array, requested: dict) -> None:
+    def _refuse_singular(self, twist: Array, motion: Array, requested: dict, placements: Array) -> None:
         names = [self.mechanism.dof_names[dof] for dof in self.mechanism.free_dofs]
         strongest = [names[i] for i in np.argsort(-np.abs(motion))[:3] if abs(motion[i]) > 1e-6]
         twist = twist / np.abs(twist).max()
@@ -606,12 +670,12 @@ class LoopKinematics:
         )
         nearest = self._last_regular(requested)
         raise SingularPoseError(
-            f"singular pose{' ' + self._listed(requested) if requested else ''}: with the actuators locked the tool "
-            f"can still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
+            f"{self._listed(requested) or self._place(placements)} is a singular pose: with the actuators locked the "
+            f"tool can still move ({direction}), through {', '.join(strongest)}; no stiffness holds it. "
             + (
                 f"Nearest regular: {self._listed(nearest)}"
                 if nearest
-                else "Lock or actuate one of these joints, or leave this pose"
+                else "Lock or actuate one of these joints, or ask for another pose"
             ),
             requested,
             nearest,

@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from ..errors import InputError, UnknownNameError, shortened
-from ..mechanism import Frame
+from ..mechanism import Frame, Mechanism
 from ..mechanism.description import TASK_COMPONENTS
 from ..spatial import Array
 
@@ -31,6 +31,12 @@ class TaskFrame:
         self.components = tuple(TASK_COMPONENTS.index(task.component) for task in tasks)
         self.units = {task.name: "m" if task.component in "xyz" else "rad" for task in tasks}
         self._moves = np.repeat(support[dof_joint, self._joint][None], len(self.names), axis=0)
+
+    @classmethod
+    def of(cls, mechanism: Mechanism) -> TaskFrame:
+        """Return the task coordinates of a mechanism, none where its file defines none."""
+        rotation = mechanism.description.rotation
+        return cls(mechanism.tool, mechanism.tasks, rotation, mechanism.support, mechanism.dof_joint)
 
     def target(self, wanted: Mapping[str, float]) -> list[float]:
         """Return the wanted values in order. Raises on unknown, missing or non-finite ones."""

@@ -29,6 +29,7 @@ class Backlash(Law):
 
     physics = "backlash"
     summary = "play"
+    remedy = "take out the play at {place}: check its preload first, then bearings and guides for wear"
     likely = ("ball_nut", "preloaded_ball_nut")
     quantities = (
         Quantity("half_gap", "m", "play to each side of the middle", 2e-5, upper=5e-3),
@@ -77,6 +78,7 @@ class BacklashByAxis(Law):
 
     physics = "backlash"
     summary = "play along each axis for itself"
+    remedy = "take out the play at {place}: check its preload first, then bushes and guides for wear"
     variant = "radial by axis"
     quantities = (
         Quantity("half_gap_x", "m", "play along x to each side of the middle", 2e-5, upper=5e-3),

@@ -24,6 +24,7 @@ class CoulombFriction(Law):
 
     physics = "coulomb_friction"
     summary = "dry friction"
+    remedy = "check lubricant, seals and preload at {place}; until then approach every pose from the same side"
     source = "Prandtl (1928); Jenkins (1962)"
     quantities = (
         Quantity("limit", "N m", "torque (force, in a slide) at which it slides", 0.3, upper=1e3),

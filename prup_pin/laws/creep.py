@@ -27,6 +27,9 @@ class CreepLaw(Law):
 
     physics = "creep"
     summary = "a part that goes on yielding"
+    remedy = (
+        "find what goes on yielding at {place} (a polymer, a joint that works loose), or wait as long at every load"
+    )
     cost = 6.0
     source = "Kelvin-Voigt element; Findley, Creep and Relaxation, ch. 5"
     quantities = (

@@ -70,6 +70,7 @@ class EccentricEncoder(UnevenEncoder):
     """A disc that sits e beside its axis and is read at the radius r errs by e / r, once a turn."""
 
     summary = "an encoder that sits beside its axis"
+    remedy = "centre the encoder's disc at {place}, or give the controller this error as a table over one turn"
     variant = "once a turn"
     waves = 1
     reason = "its disc sits beside the axis"
@@ -79,6 +80,7 @@ class OvalEncoder(UnevenEncoder):
     """A disc or ring that is oval or tilted, or one beside its axis that two heads read, errs twice a turn."""
 
     summary = "an encoder whose ring is oval or tilted"
+    remedy = "true the encoder's ring at {place}, or give the controller this error as a table over one turn"
     variant = "twice a turn"
     waves = 2
     reason = "its ring is oval or tilted"

@@ -56,6 +56,9 @@ class Everywhere(OfAnother):
         for each in self.at(place, setup.mechanism):
             yield from self.law.deeds(each, values, setup)
 
+    def advice(self, place: Place, values: Mapping[str, float]) -> str:
+        return self.law.advice(Place(f"each {place.aspect}"), values)
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         places = self.at(place, mechanism)
         names = [each.name for each in places]

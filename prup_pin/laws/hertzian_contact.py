@@ -27,6 +27,7 @@ class HertzianContact(Law):
 
     physics = "hertzian_contact"
     summary = "stiffness that grows with the load"
+    remedy = "raise the preload at {place}, or keep its contact stiffness in the robot file"
     source = "Hertz (1881); Johnson, Contact Mechanics, ch. 4"
     quantities = (
         Quantity("reference_load", "N", "load at which the stiffness is the robot file's", 2e4, upper=1e12),

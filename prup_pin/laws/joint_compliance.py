@@ -35,6 +35,9 @@ class JointCompliance(Law):
 
     physics = "joint_compliance"
     summary = "a joint yields that the robot file has rigid"
+    remedy = (
+        "give {place} a spring of this stiffness in the robot file; if it should be stiff, check its bearing and gear"
+    )
     source = "Spong, Modeling and control of elastic joint robots, J. Dyn. Syst. Meas. Control 109 (1987)"
     quantities = (Quantity("compliance", "rad/(N m)", "turn of the joint per torque on it", 1e-5, upper=1.0),)
     neutral: ClassVar = {"compliance": 0.0}
@@ -84,6 +87,7 @@ class UnevenJointCompliance(Law):
 
     physics = JointCompliance.physics
     summary = "a joint that the robot file has rigid tilts across its axis, one way more than the other"
+    remedy = "give {place} springs of these stiffnesses in the robot file; if it should be stiff, check its bearing"
     source = JointCompliance.source
     variant = "across by direction"
     quantities = (
@@ -177,6 +181,7 @@ class EveryJointCompliance(Law):
 
     physics = JointCompliance.physics
     summary = "every joint yields that the robot file has rigid, each for itself"
+    remedy = "give the joints springs of these stiffnesses in the robot file (--joint-stiffness)"
     source = JointCompliance.source
     quantities = ()
     neutral: ClassVar = {}

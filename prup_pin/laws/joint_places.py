@@ -53,6 +53,7 @@ class JointPosition(Displaced):
     """
 
     summary = "a joint is not where the drawing has it"
+    remedy = "measure where the joint at {place} is, then enter it in the robot file"
     variant = "position"
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -85,6 +86,7 @@ class JointDirection(Law):
 
     physics = "geometric_offset"
     summary = "a joint does not point where the drawing has it"
+    remedy = "measure where the axis at {place} points, then enter it in the robot file or realign it"
     variant = "direction"
     cost = 3.0
     quantities: ClassVar[tuple[Quantity, ...]] = tuple(

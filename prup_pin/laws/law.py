@@ -43,6 +43,8 @@ class Law(ABC):
     #: One sentence for people.
     summary: ClassVar[str]
     source: ClassVar[str] = ""
+    #: What to do about it, one short sentence for a mechanic; {place} stands for where.
+    remedy: ClassVar[str] = ""
     #: Its parameters with units and physical bounds. Defaults are where a fit starts.
     quantities: ClassVar[tuple[Quantity, ...]]
     #: Values at which it changes nothing, whatever the others are. They may lie on or beyond the bounds.
@@ -143,6 +145,10 @@ class Law(ABC):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         """Return one sentence that a machine builder understands."""
         return f"{self.summary} at {place}"
+
+    def advice(self, place: Place, values: Mapping[str, float]) -> str:
+        """Return what to do about it, in one short sentence; nothing where nobody knows."""
+        return self.remedy.format(place=place.name)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ class LeadError(Law):
 
     physics = "lead_error"
     summary = "a screw with another lead, an encoder with another scale"
+    remedy = "set the scale of the encoder at {place} by this factor, or enter the lead or ratio that is really there"
     quantities = (Quantity("relative", "1", "error of the lead", 1e-4, lower=-0.5, upper=0.5),)
     neutral: ClassVar = {"relative": 0.0}
     variant = "proportional"
@@ -38,6 +39,13 @@ class LeadError(Law):
         position = at.setup.inputs.actuators[at.samples, column]
         unit = _unit(at.setup.mechanism, column)
         return Drawn(position, at.first.by_travel(column), ("position", "extra travel"), (unit, unit))
+
+    def advice(self, place: Place, values: Mapping[str, float]) -> str:
+        factor = number(1 + values["relative"], 7)
+        return (
+            f"set the scale of the encoder at {place.name} to 1/{factor} of its counts per travel, or enter the lead "
+            "or ratio that is really there"
+        )
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         more = 1e3 * values["relative"]
@@ -60,6 +68,7 @@ class PeriodicLeadError(Law):
 
     physics = "lead_error"
     summary = "a screw that errs once a turn"
+    remedy = "check that the screw of {place} runs true, or give the controller this error as a table over one turn"
     quantities = (
         Quantity("sine", "m", "amplitude that follows the sine of the screw's angle", 5e-6, lower=-1e-3, upper=1e-3),
         Quantity("cosine", "m", "amplitude that follows the cosine", 5e-6, lower=-1e-3, upper=1e-3),

@@ -21,6 +21,7 @@ class LoopEndPosition(Displaced):
     """
 
     summary = "a joint that closes a loop is not where the drawing has it"
+    remedy = "measure where {place} is, then enter it in the robot file"
     variant = "loop end"
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -45,6 +46,7 @@ class SeatPosition(Displaced):
     """
 
     summary = "a joint sits beside its place on the platform that it carries"
+    remedy = "measure where {place} sits on the platform, then enter it in the robot file"
     variant = "seat"
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:

@@ -28,6 +28,7 @@ class ModelEquationError(Law):
 
     physics = "model_equation_error"
     summary = "the rods' bending about x is modelled wrongly"
+    remedy = "take the correct sign of Eq. (90), the variant '3prup' and not '3prup_as_published'"
     source = "Rezaei & Akbarzadeh (2018), Eq. (90)"
     quantities = (Quantity("share", "1", "of the correction that the data ask for", 1.0, lower=-5.0, upper=5.0),)
     neutral: ClassVar = {"share": 0.0}

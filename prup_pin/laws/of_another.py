@@ -14,7 +14,7 @@ from .law import Law, Place
 
 __all__ = ["OfAnother"]
 
-_SAME = ("physics", "summary", "source", "neutral", "needs", "spread", "cost", "likely", "strong", "lasts")
+_SAME = ("physics", "summary", "remedy", "source", "neutral", "needs", "spread", "cost", "likely", "strong", "lasts")
 
 
 class OfAnother(Law):
@@ -48,6 +48,9 @@ class OfAnother(Law):
 
     def neutral_at(self, place: Place, mechanism: Mechanism) -> Mapping[str, float]:
         return self.law.neutral_at(self.inner(place, mechanism), mechanism)
+
+    def advice(self, place: Place, values: Mapping[str, float]) -> str:
+        return self.law.advice(place, values)
 
     def magnified(self, value: float, times: float) -> float:
         return self.law.magnified(value, times)

@@ -20,6 +20,7 @@ class Payload(Law):
 
     physics = "payload"
     summary = "a mass on the tool"
+    remedy = "enter this mass in the robot file and in the controller's tool data, or take it off"
     needs = ("gravity",)
     cost = 6.0
     quantities: ClassVar[tuple[Quantity, ...]] = (Quantity("mass", "kg", "mass at the tool point", 1.0, upper=1e3),)
@@ -47,6 +48,7 @@ class OffCentrePayload(Payload):
     """The same with its centre beside the tool point; the arm turns with the tool, before anything deforms."""
 
     summary = "a mass beside the tool point"
+    remedy = "enter this mass and its centre in the robot file and in the controller's tool data, or take it off"
     variant = "off centre"
     quantities = (
         Quantity("mass", "kg", "mass that the tool carries", 1.0, upper=1e3),

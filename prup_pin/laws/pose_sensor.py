@@ -21,6 +21,10 @@ class PoseSensorMisalignment(Law):
 
     physics = "pose_sensor_misalignment"
     summary = "a pose sensor whose frame is turned or shifted"
+    remedy = (
+        "measure the tracker's frame anew, or declare that it just stands there (tolerances "
+        "frame_position and frame_rotation)"
+    )
     quantities = (
         *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-3.2, upper=3.2) for name in ("rx", "ry", "rz")),
         *(
@@ -51,6 +55,7 @@ class PoseSensorDrift(Law):
 
     physics = "pose_sensor_drift"
     summary = "a pose sensor whose frame wanders in time"
+    remedy = "let the tracker warm up on a firm stand, and look at a fixed target before and after"
     quantities = tuple(
         Quantity(f"v{axis}", "m/s", f"shift along {axis} per time", 1e-7, lower=-1e-2, upper=1e-2) for axis in "xyz"
     )

@@ -21,6 +21,7 @@ class RootTiltCompliance(Law):
 
     physics = "root_tilt_compliance"
     summary = "the clamp of a rod tilts"
+    remedy = "tighten or stiffen the clamp of {place}, or enter its stiffness in the robot file"
     quantities = (
         Quantity(
             "root_tilting_stiffness", "N m/rad", "of the clamp, about both axes across", 1e4, lower=10.0, upper=1e8
@@ -52,4 +53,5 @@ class HubRootCompliance(RootTiltCompliance):
 
     physics = "hub_root_compliance"
     summary = "the clamp of a branch at the hub tilts"
+    remedy = "tighten or stiffen the clamp of {place} at the hub, or enter its stiffness in the robot file"
     _inboard = False

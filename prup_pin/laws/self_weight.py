@@ -18,6 +18,10 @@ class SelfWeight(Law):
 
     physics = "self_weight"
     summary = "the robot's own weight"
+    remedy = (
+        "let the simulation carry the weight, as the corrected model does, or zero the tracker on the "
+        "unloaded robot in each pose"
+    )
     needs = ("gravity",)
     # Links are known to 5 or 10 %, each for itself, and all of them together better: what is farther off hangs on it.
     spread = 0.02
@@ -42,6 +46,10 @@ class SpreadSelfWeight(SelfWeight):
     """The same, with beams that bend under their own weight along their length."""
 
     summary = "the robot's own weight, spread along its beams"
+    remedy = (
+        "let the simulation carry the weight, as the corrected model does, or zero the tracker on the "
+        "unloaded robot in each pose"
+    )
     variant = "spread"
     _spread = True
 

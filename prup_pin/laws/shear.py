@@ -48,6 +48,7 @@ class Shear(_SteelBeams):
 
     physics = "shear"
     summary = "shear of the beams"
+    remedy = "give the beams a shear modulus in the robot file"
     source = "Timoshenko (1921); Cowper (1966)"
     quantities = (Quantity("scale", "1", "shear flexibility over that of solid round steel", 1.0, upper=50.0),)
 
@@ -66,6 +67,7 @@ class Torsion(_SteelBeams):
 
     physics = "torsion"
     summary = "torsion of the beams"
+    remedy = "give the beams a shear modulus in the robot file, so that they twist"
     source = "Saint-Venant (1855)"
     quantities = (Quantity("scale", "1", "torsional flexibility over that of solid round steel", 1.0, upper=50.0),)
 

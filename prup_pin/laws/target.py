@@ -21,6 +21,10 @@ class TargetMisalignment(Law):
 
     physics = "target_misalignment"
     summary = "a measured target that is turned or shifted on the tool"
+    remedy = (
+        "measure where the target sits on the tool, or declare that it is not known (tolerances "
+        "target_position and target_rotation)"
+    )
     quantities = (
         *(Quantity(name, "m", f"shift along {name}", 1e-4, lower=-1.0, upper=1.0) for name in ("x", "y", "z")),
         *(Quantity(name, "rad", f"turn about {name[1]}", 1e-3, lower=-0.5, upper=0.5) for name in ("rx", "ry", "rz")),
@@ -47,6 +51,10 @@ class MarkerMisalignment(Law):
 
     physics = TargetMisalignment.physics
     summary = "a marker that is turned or shifted on its frame"
+    remedy = (
+        "measure where the marker sits, or declare that it is not known (tolerances target_position and "
+        "target_rotation)"
+    )
     quantities = TargetMisalignment.quantities
     neutral: ClassVar = TargetMisalignment.neutral
 

@@ -26,6 +26,7 @@ class WrenchSensorMisalignment(Law):
 
     physics = "wrench_sensor_misalignment"
     summary = "a wrench sensor that is turned"
+    remedy = "measure how the wrench sensor is turned on the tool, and turn its readings by this"
     needs = ("wrench",)
     quantities = tuple(_small(f"r{axis}", "rad", f"rotation about {axis}", 0.01, 0.6) for axis in "xyz")
     neutral: ClassVar = {"rx": 0.0, "ry": 0.0, "rz": 0.0}
@@ -47,6 +48,7 @@ class WrenchSensorGain(Law):
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
+    remedy = "calibrate the wrench sensor with a known weight"
     needs = ("wrench",)
     quantities = tuple(
         Quantity(name, "1", f"true over reported {name}", 1.05, lower=0.2, upper=5.0) for name in WRENCH_NAMES
@@ -69,6 +71,7 @@ class WrenchSensorCommonGain(Law):
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
+    remedy = "calibrate the wrench sensor with a known weight, and check the unit that it reports"
     needs = ("wrench",)
     quantities = (Quantity("gain", "1", "true over reported", 1.05, lower=0.2, upper=5.0),)
     neutral: ClassVar = {"gain": 1.0}
@@ -92,6 +95,7 @@ class WrenchSensorBias(Law):
 
     physics = "wrench_sensor_bias"
     summary = "a wrench sensor that is not zeroed"
+    remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
     needs = ("wrench",)
     quantities = tuple(
         _small(name, "N" if name[0] == "f" else "N m", f"reported {name} at rest", 0.5, 1e3) for name in WRENCH_NAMES
@@ -116,6 +120,7 @@ class WrenchSensorForceBias(WrenchSensorBias):
     quantities = WrenchSensorBias.quantities[:3]
     neutral: ClassVar = dict.fromkeys(WRENCH_NAMES[:3], 0.0)
     variant = "forces"
+    remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
         return [Place("wrench_sensor", self.variant)]

@@ -1,9 +1,10 @@
-"""What is taken for granted where a robot file says nothing: masses, a home, meshes, a base that stands."""
+"""What is taken for granted where a robot file says nothing: gravity, masses, a home, meshes, a base that stands."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ..numbers import number
 from .mechanism import Mechanism
 
 __all__ = ["assumed", "masses_in_doubt"]
@@ -28,11 +29,20 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
     light = [mechanism.bodies[joint.id] for joint in mechanism.joints if not model.inertias[joint.id].mass > 0]
     named = [name for name in light if name not in {mechanism.bodies[end] for end in ends}]
     carried = {module.body for module in mechanism.modules}
+    if description.gravity is None and len(light) < len(mechanism.joints):
+        pull = " ".join(number(value, 6) for value in mechanism.gravity)
+        yield f"no gravity is given: it is that of Pinocchio's models, ({pull}) m/s^2 in base axes"
     if len(light) == len(mechanism.joints):
         if not carried - {None}:
             yield "no masses are given: sag, weight and vibration are those of a robot without weight"
     elif named:
         yield f"without mass: {_listed(named)}"
+    yielding = {module.joint for module in mechanism.modules if mechanism.gives_way(module)}
+    stiff = [
+        name for name in mechanism.actuated if mechanism.joint_id(name) not in yielding | mechanism.load_paths.idle
+    ]
+    if mechanism.modules and stiff:
+        yield f"drives that are rigid, as no module yields along them: {_listed(stiff)}"
     if not description.home:
         yield "no home is given: home is every joint at 0, or at its nearest limit"
     if description.meshes_missing:

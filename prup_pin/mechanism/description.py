@@ -92,13 +92,15 @@ class LengthDescription:
 
 @dataclass(frozen=True)
 class VariantDescription:
-    """Changes that make another model of the same robot: kinds of modules, values and tolerances of parameters."""
+    """Changes that make another model of the same robot: kinds of modules, values and tolerances of parameters, and
+    notes on it alone."""
 
     name: str
     kinds: Mapping[str, str]
     values: Mapping[str, tuple[float, str]]
     line: int | None = None
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ class RobotDescription:
     content: bytes
     tool: str | None = None
     tool_part: str | None = None
-    gravity: tuple[float, ...] = (0.0, 0.0, -9.80665)
+    gravity: tuple[float, ...] | None = None  # None: that of Pinocchio's models, as everywhere the file says nothing
     actuated: tuple[str, ...] | None = None
     rotation: str = "xyz"
     tasks: tuple[TaskDescription, ...] = ()
@@ -163,7 +165,8 @@ class RobotDescription:
                         key, value, quantity.unit, source, quantity.description, quantity, tolerance
                     )
             modules.append(replace(module, kind=variant.kinds.get(module.name, module.kind), values=values))
-        return replace(self, name=f"{self.name}_{name}", modules=tuple(modules))
+        notes = (*self.notes, *variant.notes)
+        return replace(self, name=f"{self.name}_{name}", modules=tuple(modules), notes=notes)
 
 
 def check_references(

@@ -272,7 +272,10 @@ class ExtensionDocument(Document):
     def _variant(self, element, fields) -> None:
         name = self.attribute(element, "name", "<variant>")
         kinds, values, tolerances = {}, {}, {}
-        for item in element:
+        notes = tuple(" ".join((item.text or "").split()) for item in element.findall("note"))
+        for item in element.iterchildren("*"):
+            if item.tag == "note":
+                continue
             target = self.attribute(item, "name", f"variant '{name}'")
             if target is None:
                 continue
@@ -289,6 +292,8 @@ class ExtensionDocument(Document):
                     if tolerance:
                         tolerances[target] = tolerance
             else:
-                self.problem(item, f"variant '{name}': unknown element <{item.tag}>; expected <module> or <parameter>")
+                self.problem(
+                    item, f"variant '{name}': unknown element <{item.tag}>; expected <module>, <parameter> or <note>"
+                )
         if name:
-            fields["variants"][name] = VariantDescription(name, kinds, values, element.sourceline, tolerances)
+            fields["variants"][name] = VariantDescription(name, kinds, values, element.sourceline, tolerances, notes)

@@ -168,7 +168,8 @@ class Mechanism:
         self.model = model if model is not None else _build_model(description)
         frames = _frames_by_name(self.model)
         self._frames = frames
-        self.gravity = np.array(description.gravity)
+        #: Acceleration of free fall [m/s^2], base axes: that of the model, which every computation shares.
+        self.gravity = np.array(self.model.gravity.linear)
         self.tool = self.frame(description.tool) if description.tool else None
         #: What people call the part that carries the tool frame.
         self.tool_part = description.tool_part or description.tool
@@ -333,6 +334,10 @@ class Mechanism:
         if isinstance(module.kind, DriveModule) or joint.nv != 1:
             return True
         return not joint.slides and self.askew(module) < _PARALLEL
+
+    def gives_way(self, module: Module) -> bool:
+        """Return True where a module yields along its joint's own motion: a drive's part, a spring."""
+        return isinstance(module.kind, DriveModule) or self.holds(module)
 
     def askew(self, module: Module) -> float:
         """Return the angle [rad] between a module's axis and that of its joint at the file's home, 0 to pi/2."""
@@ -689,20 +694,20 @@ def _file_error(description: RobotDescription, message: str, line: int | None = 
 
 
 def _build_model(description: RobotDescription) -> pin.Model:
-    """Return Pinocchio's model of the tree, with the lengths of the description applied."""
-    if description.source == "MJCF":
-        from .mjcf import build_tree
-
-        try:
-            return _held(build_tree(description), description.held)
-        except (RuntimeError, ValueError) as error:
-            raise _file_error(description, f"Pinocchio does not accept the tree: {error}") from error
-    content = with_lengths(description.content, description.lengths)
+    """Return Pinocchio's model of the tree, with the lengths and the gravity of the description applied."""
     try:
-        model = pin.buildModelFromXML(content.decode("utf-8", "replace"))
+        if description.source == "MJCF":
+            from .mjcf import build_tree
+
+            model = build_tree(description)
+        else:
+            content = with_lengths(description.content, description.lengths)
+            model = pin.buildModelFromXML(content.decode("utf-8", "replace"))
+        if description.gravity is not None:
+            model.gravity.linear = np.array(description.gravity)
+        return _held(model, description.held)
     except (RuntimeError, ValueError) as error:
         raise _file_error(description, f"Pinocchio does not accept the tree: {error}") from error
-    return _held(model, description.held)
 
 
 def _held(model: pin.Model, positions: Mapping[str, float]) -> pin.Model:

@@ -172,10 +172,7 @@ class MjcfDocument(ExtensionDocument):
         self.raise_problems()
         notes: list[str] = []
         loops, coupled = self._equalities(notes)
-        gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
-        for option in self.root.findall("option"):
-            gravity = self.numbers(option, "gravity", 3, "<option>", gravity) or gravity
-        said: dict = {"gravity": gravity, "actuated": self._driven(notes), "home": self._drawn_home(notes)}
+        said: dict = {"actuated": self._driven(notes), "home": self._drawn_home(notes), "gravity": self._free_fall()}
         extension = self.only_extension()
         fields = {} if extension is None else self.extension(extension)
         for length in () if extension is None else extension.findall("length"):
@@ -199,6 +196,15 @@ class MjcfDocument(ExtensionDocument):
         self.problems += check_references(robot, joints, names, sites=[s for body in self.bodies for s in body.sites])
         self.problems += check_modules(robot, list(self.problems))
         return robot
+
+    def _free_fall(self) -> tuple[float, ...] | None:
+        """Return the gravity of the options, or None where they say nothing: MuJoCo's own is Pinocchio's."""
+        gravity = None
+        for option in self.root.findall("option"):
+            if "gravity" in option.attrib:
+                gravity = self.numbers(option, "gravity", 3, "<option>") or gravity
+        disabled = any(flag.get("gravity") == "disable" for flag in self.root.iterfind("option/flag"))
+        return (0.0, 0.0, 0.0) if disabled else gravity
 
     # -- settings ----------------------------------------------------------------------------------------------------
 

@@ -37,7 +37,7 @@ def second_opinion(mechanism: Mechanism) -> tuple[str, ...]:
     try:
         import yourdfpy
     except ImportError as error:
-        raise MissingExtraError("yourdfpy") from error
+        raise MissingExtraError("yourdfpy", "check") from error
     content = with_lengths(description.content, description.lengths)
     try:
         with _quiet("yourdfpy"):

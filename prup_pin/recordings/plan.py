@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError, UnreachablePoseError, nearest_names
 from ..spatial import WRENCH_NAMES, Array, as_wrench
-from .columns import LARGEST_GRAVITY, NOISE_KEYS
+from .columns import LARGEST_GRAVITY, LARGEST_NUMBER, NOISE_KEYS
 from .problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
 from .reader import noise_value, tolerances_value
 from .recording import Noise, Recording
@@ -29,6 +29,10 @@ MAX_POSES = 100_000
 MAX_SAMPLES = 10_000_000
 #: Drawn poses out of reach are drawn again, so often per pose wanted.
 _DRAWS_PER_POSE = 20
+#: Where so many draws in a row are out of reach, no pose of the box is within.
+_FRUITLESS = 100
+#: No robot reaches farther, nor turns: metres and radians are meant [m or rad].
+MOST_BOUND = 1000.0
 # Every kind of draw has its own stream: more poses do not change the loads, another noise not the poses.
 _POSE_STREAM, _LOAD_STREAM, _NOISE_STREAM = 1, 2, 3
 
@@ -53,6 +57,11 @@ class RandomPoses:
 
     count: int
     bounds: Mapping[str, tuple[float, float]]
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in self.bounds.items():
+            if not (abs(low) <= MOST_BOUND and abs(high) <= MOST_BOUND):
+                raise InputError(f"bounds of '{name}' = {low!r}, {high!r}: expected at most {MOST_BOUND:g} [m or rad]")
 
 
 Poses = ActuatorPose | TaskPose | RandomPoses
@@ -135,6 +144,10 @@ class TestPlan:
             raise InputError(f"encoder_resolution = {self.encoder_resolution!r}: expected 0 or more [m or rad]")
         if self.pose_count > MAX_POSES:
             raise InputError(f"{self.pose_count} poses; expected at most {MAX_POSES}")
+        samples = sum(load.samples * (self.pose_count if load.poses is None else len(set(load.poses)))
+                      for load in self.loads)  # fmt: skip
+        if samples > MAX_SAMPLES:
+            raise InputError(f"the plan has {samples} samples; expected at most {MAX_SAMPLES}")
         for k, load in enumerate(self.loads):
             for index in load.poses or ():
                 if not 0 <= index < self.pose_count:
@@ -163,14 +176,14 @@ class TestPlan:
         random = np.random.default_rng([self.seed, _LOAD_STREAM])
         rows: list[Array] = []
         wrenches: list[Array] = []
+        at = [None if load.poses is None else frozenset(load.poses) for load in self.loads]
         for k, pose in enumerate(actuators):
             position = self._encoded([float(pose[name]) for name in names])
-            applied = [load.wrenches(random) for load in self.loads if load.poses is None or k in load.poses]
+            applied = [load.wrenches(random) for load, poses in zip(self.loads, at, strict=True)
+                       if poses is None or k in poses]  # fmt: skip
             at_pose = np.concatenate(applied) if applied else np.zeros((0, 6))
             wrenches.append(at_pose)
             rows.append(np.broadcast_to(position, (len(at_pose), len(names))))
-            if sum(map(len, rows)) > MAX_SAMPLES:
-                raise InputError(f"the plan has more than {MAX_SAMPLES} samples")
         table, wrench = np.concatenate(rows), np.concatenate(wrenches)
         n = len(table)
         if not n:
@@ -214,18 +227,19 @@ def _drawn(
 ) -> Iterator[Mapping[str, float]]:
     low, high = (np.array([bound[k] for bound in pose.bounds.values()], float) for k in (0, 1))
     found = 0
-    for _ in range(pose.count * _DRAWS_PER_POSE):
+    for draws in range(1, pose.count * _DRAWS_PER_POSE + 1):
         at = dict(zip(pose.bounds, random.uniform(low, high).tolist(), strict=True))
         try:
             solved = solve_pose(at)
         except UnreachablePoseError as error:
             last = error
+            if not found and draws >= _FRUITLESS:
+                break
             continue
         yield solved
         found += 1
         if found == pose.count:
             return
-    draws = pose.count * _DRAWS_PER_POSE
     text = f"{key}: {found} of {pose.count} poses found in {draws} draws; narrow the bounds. The last one"
     raise _placed(last, text) from last
 
@@ -375,13 +389,23 @@ class _PlanReader:
             return []
         return value
 
-    def number(self, value: object, key: str, unit: str, low: float | None = None, above: bool = False) -> float:
-        """Return a number at least `low`, or greater where `above`; 0 after reporting."""
-        if not is_number(value) or (low is not None and (value < low or (above and value == low))):
-            limit = "" if low is None else f" {'above' if above else 'of at least'} {low:g}"
-            self.wrong(key, f"is {json_kind(value)}; expected a number{limit}{f' [{unit}]' if unit else ''}")
-            return 0.0
-        return float(value)
+    def number(
+        self,
+        value: object,
+        key: str,
+        unit: str,
+        low: float | None = None,
+        above: bool = False,
+        most: float = LARGEST_NUMBER,
+    ) -> float:
+        """Return a number at least `low`, or greater where `above`, and of no size above `most`; 0 after reporting."""
+        limit = "" if low is None else f" {'above' if above else 'of at least'} {low:g}"
+        if is_number(value) and not (low is not None and (value < low or (above and value == low))):
+            if abs(value) <= most:
+                return float(value)
+            limit = f" of {most:g} at most"
+        self.wrong(key, f"is {json_kind(value)}; expected a number{limit}{f' [{unit}]' if unit else ''}")
+        return 0.0
 
     def whole(self, value: object, key: str, low: int, high: int | None = None) -> int:
         """Return a whole number within limits, or `low` after reporting."""
@@ -450,6 +474,9 @@ class _PlanReader:
         tolerances = tolerances_value(values.get("tolerances"), self.problems, self.path.name, "tolerances.")
         markers, gravity = self.markers(values.get("markers")), self.gravity(values.get("gravity"))
         seed = self.whole(values.get("seed", 0), "seed", 0)
+        samples = sum(load.samples * (count if load.poses is None else len(set(load.poses))) for load in loads)
+        if samples > MAX_SAMPLES:
+            self.wrong("loads", f"come to {samples} samples; expected at most {MAX_SAMPLES}")
         robot, notes = self.text(values.get("robot"), "robot"), self.text(values.get("notes"), "notes")
         if self.problems:
             return None
@@ -519,7 +546,7 @@ class _PlanReader:
             if not isinstance(pair, list) or len(pair) != 2:
                 self.wrong(place, f"is {json_kind(pair)}; expected a list [low, high]")
                 continue
-            low, high = (self.number(end, f"{place}[{k}]", "m or rad") for k, end in enumerate(pair))
+            low, high = (self.number(end, f"{place}[{k}]", "m or rad", most=MOST_BOUND) for k, end in enumerate(pair))
             if is_number(pair[0]) and is_number(pair[1]) and low > high:
                 self.wrong(place, f"goes from {low:g} to {high:g}; expected [low, high]")
             bounds[name] = (low, high)

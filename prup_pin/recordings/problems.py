@@ -19,6 +19,8 @@ MAX_PROBLEMS = 100
 MAX_PER_COLUMN = 20
 #: Longer texts are garbage, and would make the messages unreadable.
 MAX_SHOWN = 60
+#: Columns of a table and keys of an object: more are made by programs that went wrong, and take minutes to check.
+MAX_NAMES = 10_000
 #: Of what is read as a whole: a million samples of sixteen channels are about 0.2 GB.
 MAX_BYTES = 4 * 2**30
 #: Bytes by which a file is seen to hold anything.
@@ -159,6 +161,10 @@ def read_json_object(path: Path, what: str, problems: Problems) -> dict[str, Any
     content = read_bytes(path, what, (".json",))
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        if len(pairs) > MAX_NAMES:
+            message = f"holds an object of {len(pairs)} keys; expected at most {MAX_NAMES}"
+            problems.add(KeyProblem(message, None, path.name, key=shown(pairs[0][0])))
+            return {}
         for key, count in Counter(key for key, _ in pairs).items():
             if count > 1:
                 problems.add(KeyProblem(f"stands {count} times; expected once", None, path.name, key=shown(key)))

@@ -35,6 +35,7 @@ from .columns import (
     without_unit,
 )
 from .problems import (
+    MAX_NAMES,
     KeyProblem,
     Problems,
     TableProblem,
@@ -309,6 +310,8 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     except csv.Error as error:
         message = f"the header cannot be split into names: {error}; is a quotation mark not closed?"
         raise problems.error(TableProblem(message, 1)) from error
+    if len(header) > MAX_NAMES:
+        raise problems.error(TableProblem(f"holds {len(header)} columns; expected at most {MAX_NAMES}", 1))
     if not any(header):
         raise problems.error(TableProblem("the first row is blank; expected the header: time, q.<joint>, …", 1))
     if all(_NUMBER.fullmatch(name) for name in header if name):

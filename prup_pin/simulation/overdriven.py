@@ -34,8 +34,9 @@ class Overdriven:
     def _fewer(self) -> tuple[Robot, np.ndarray] | None:
         """The robot by these actuators, and which they are; None where they are all."""
         mechanism = self._robot.mechanism
-        scales = self._robot._kinematics.scales(np.arange(mechanism.model.nv))
-        motions = rank_of(self._robot.home.closure_jacobian, *scales).right[mechanism.actuated_dofs]
+        kinematics = self._robot._kinematics
+        scales = kinematics.scales(np.arange(mechanism.model.nv))
+        motions = rank_of(kinematics.evaluate(kinematics.home).closure, *scales).right[mechanism.actuated_dofs]
         chosen = np.sort(independent(motions)[0])
         if len(chosen) == len(motions):
             return None

@@ -10,10 +10,12 @@ import numpy as np
 
 from ..errors import InputError, NoStiffnessError, imported, named
 from ..kernel import NEGLIGIBLE_ENERGY, inverse
+from ..kinematics import TaskFrame
 from ..numbers import number
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius, symmetric
 from .castigliano import Statics
 from .elastic_line import ElasticLine, elastic_line
+from .vibration import VibrationMode, vibration_modes
 from .weight import weight_strains
 
 if TYPE_CHECKING:
@@ -170,6 +172,57 @@ class Compliance:
         k.setflags(write=False)
         return k
 
+    @cached_property
+    def C_task(self) -> Array:  # noqa: N802
+        """Compliance in the task coordinates, (t, t) in their order [m, rad per N, N m]: B C B^T.
+
+        What the coordinates give way to loads of their own, B (t, 6) being their rates by the tool's twist: of a planar
+        robot forces in its plane and the moment across. Raises InputError where the robot has no task coordinates.
+        """
+        task = TaskFrame.of(self.pose.mechanism)
+        if not task.names:
+            raise InputError(
+                f"'{self.pose.mechanism.name}' has no task coordinates to take C and K in; name them in its file, "
+                "<task_coordinates>, or use C and K of all six"
+            )
+        rates = task.by_motion(self.pose.base_from_tool)
+        c = rates @ self.C @ rates.T
+        c = (c + c.T) / 2
+        c.setflags(write=False)
+        return c
+
+    @cached_property
+    def K_task(self) -> Array:  # noqa: N802
+        """Stiffness in the task coordinates, (t, t) in their order, the inverse of `C_task` [N, N m per m, rad].
+
+        What holds the coordinates where nothing loads the tool otherwise: of a five-bar the field's 2 x 2 and of a
+        planar 3-RPR its 3 x 3, J^-T K_j J^-1 with the Jacobian J and the stiffness K_j of the drives where those alone
+        yield. Raises InputError where the robot has no task coordinates, NoStiffnessError where some of them are rigid.
+        """
+        c, task = self.C_task, TaskFrame.of(self.pose.mechanism)
+        scale = np.array([1.0 if unit == "m" else self._scaling[0, 3] for unit in task.units.values()])
+        values, vectors = np.linalg.eigh(c * np.outer(scale, scale))
+        rigid = vectors[:, values <= NEGLIGIBLE_ENERGY * max(values.max(), 0.0)]
+        if rigid.shape[1]:
+            wrenches = (scale[:, None] * rigid).T @ task.by_motion(self.pose.base_from_tool)
+            raise NoStiffnessError(
+                f"no K in {', '.join(task.names)}: no module yields in {rigid.shape[1]} of these {len(c)}; give a "
+                "compliance to more joints or bodies",
+                wrenches / np.abs(wrenches).max(axis=1, keepdims=True),
+            )
+        k = (vectors / values) @ vectors.T * np.outer(scale, scale)
+        k = (k + k.T) / 2
+        k.setflags(write=False)
+        return k
+
+    def modes(self) -> tuple[VibrationMode, ...]:
+        """Return the vibration modes of the tool, lowest natural frequency first, actuators held, without damping.
+
+        Each has its `frequency` [Hz] and `shape` (6,), the tool's motion [m, rad]. Upper bounds, by the robot file's
+        masses. Raises InputError where no body that moves has a mass.
+        """
+        return vibration_modes(self)
+
     def deflection(self, wrench, frame: str | None = None) -> Array:
         """Return the deflection (..., 6) [m, rad] of the tool, or of a named frame, under tool wrenches (..., 6).
 
@@ -299,11 +352,19 @@ class Compliance:
             "C": self.C.tolist(),
             "K": None if len(self.rigid_directions) else self.K.tolist(),
             "rigid_directions": self.rigid_directions.tolist(),
+            "K_task": self._task_stiffness(),
             "wrench": None if load is None else load.tolist(),
             "deflection": None if load is None else self.deflection(load).tolist(),
             "modules": modules,
             "legs": {leg: part.tolist() for leg, part in self.legs.items()},
         }
+
+    def _task_stiffness(self) -> list | None:
+        """Return K_task, or None where it does not exist."""
+        try:
+            return self.K_task.tolist()
+        except (InputError, NoStiffnessError):
+            return None
 
     def to_dataframe(self, wrench=None) -> DataFrame:
         """Return a pandas table with a row for each module: its kind, leg, group and part (extra: tables).

@@ -12,13 +12,16 @@ them; actuators hold still. The frequencies are upper bounds of those of the sam
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
 from ..kernel import NEGLIGIBLE_ENERGY
 from ..spatial import Array, skew
-from .compliance import Compliance
+
+if TYPE_CHECKING:
+    from .compliance import Compliance
 
 __all__ = ["VibrationMode", "vibration_modes"]
 

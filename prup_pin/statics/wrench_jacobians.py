@@ -188,17 +188,17 @@ class StaticsLayout:
 
     def frames(self, pose: ClosedPose) -> Array:
         """Return base_from_module of all wrench modules, (..., n, 4, 4)."""
-        return self._placed(pose)[0]
+        return self._placed(pose.placements)[0]
 
-    def _placed(self, pose: ClosedPose) -> tuple[Array, Array]:
+    def _placed(self, placements: Array) -> tuple[Array, Array]:
         """Return base_from_module of all wrench modules (..., n, 4, 4) and base_from_root of beams (..., b, 4, 4)."""
-        placed = pose.placements.take(self._frame_joints, axis=-3) @ self._frame_placements
+        placed = placements.take(self._frame_joints, axis=-3) @ self._frame_placements
         count = len(self.wrench_names)
         return placed[..., :count, :, :], placed[..., count:, :, :]
 
     def placed(self, pose: ClosedPose) -> tuple[Array, list[ModuleGeometry]]:
         """Return base_from_module of all wrench modules, (..., n, 4, 4), and what the pose tells each group."""
-        frames, roots = self._placed(pose)
+        frames, roots = self._placed(pose.placements)
         lengths = _NO_LENGTHS
         if len(self._beams):
             tips = frames.take(self._beams, axis=-3)[..., :3, 2:]
@@ -231,9 +231,12 @@ class StaticsLayout:
             geometries[index] = ModuleGeometry(length, position, *ends)
         return geometries
 
-    def check_beams(self, pose: ClosedPose) -> None:
-        """Raise InputError where a beam's tip lies beside its axis: its length would be only a projection."""
-        frames, roots = self._placed(pose)
+    def check_beams(self, placements: Array) -> None:
+        """Raise InputError where a beam's tip lies beside its axis: its length would be only a projection.
+
+        placements: base_from_joint of a configuration, (njoints, 4, 4).
+        """
+        frames, roots = self._placed(placements)
         frames = frames[self._beams]
         span = frames[:, :3, 3] - roots[:, :3, 3]
         beside = np.linalg.norm(np.cross(span, frames[:, :3, 2]), axis=1)

@@ -134,7 +134,7 @@ class Engine:
         """Where the modules stand in arrays of loads."""
         layout = StaticsLayout(self.mechanism)
         if self.mechanism.modules:
-            layout.check_beams(self.kinematics.pose_from_configuration(self.kinematics.home))
+            layout.check_beams(self.kinematics.evaluate(self.kinematics.home).placements)
         return layout
 
     @cached_property
@@ -265,6 +265,11 @@ class Engine:
             return
         self._fill(pose.as_many(), rows, into_values, into)
 
+    @property
+    def _stiff(self) -> list[str]:
+        """The matrices that have to exist for what is asked."""
+        return list(dict.fromkeys(item.stiff for item in self.quantities if item.stiff))
+
     def pose(self, coordinates: Array) -> ClosedPose:
         """Return one pose. Raises like `Robot.pose`, without looking for what might be reached instead."""
         kinematics = self.kinematics
@@ -280,8 +285,8 @@ class Engine:
             pose = kinematics.pose(wanted) if self.mechanism.tasks else self.pose(coordinates)
             if any(item.elastic for item in self.quantities):
                 compliance = Compliance(solve_statics(self.layout, pose), self.scaling, None)
-                if any(item.stiff for item in self.quantities):
-                    _ = compliance.K
+                for name in self._stiff:
+                    getattr(compliance, name)
         except PrupPinError as error:
             return str(error)
         return ""
@@ -294,7 +299,7 @@ class Engine:
         if any(item.elastic for item in self.quantities):
             bad = invalid(solved.statics)
             into[rows[bad]] = status.MODULE
-        if any(item.stiff for item in self.quantities):
-            into[rows[~bad & ~solved.stiff]] = status.NO_STIFFNESS
+        for name in self._stiff:
+            into[rows[~bad & ~solved.stiff(name)]] = status.NO_STIFFNESS
         for item, values in zip(self.quantities, into_values, strict=True):
             values[rows[~bad]] = item.value(solved)[~bad]

@@ -20,6 +20,8 @@ __all__ = ["Coordinates", "Places", "drawn", "grid", "scattered"]
 _FAR = 20.0
 #: ... and farther than this [m]: the joints of a gantry may be drawn at one place.
 _ROOM = 5.0
+#: Poses that are drawn, and values of one axis: they are held in memory, with `out` too.
+MAX_DRAWS = 100_000_000
 #: A joint that turns farther than this [rad] is not meant in radians.
 _TURNS = 4 * pi
 
@@ -141,6 +143,10 @@ def drawn(coordinates: Coordinates, given: Mapping[str, Any], count: int, seed: 
     """Return `count` poses drawn uniformly between the two ends given for coordinates. Raises InputError."""
     if not isinstance(count, int | np.integer) or count < 1:
         raise InputError(f"draws={count!r}: expected a positive number of poses")
+    if count > MAX_DRAWS:
+        raise InputError(
+            f"draws={count}: expected at most {MAX_DRAWS} poses; several sweeps with other seeds draw more"
+        )
     ends: dict[str, tuple[float, float]] = {}
     for name, value in given.items():
         coordinates.index(name)

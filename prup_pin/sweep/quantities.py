@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, NotConvergedError, UnknownNameError
+from ..errors import InputError, NoStiffnessError, NotConvergedError, UnknownNameError
 from ..kernel import NEGLIGIBLE_ENERGY, largest
 from ..kinematics import ClosedPose
 from ..loaded import chain_of, find_loaded_pose
 from ..mechanism import Mechanism
 from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, symmetric
 from ..statics import Compliance, Statics, StaticsLayout, solve_statics, yielding_stiffness
-from ..statics.vibration import vibration_modes
 from .indices import along, homogenised, principal_stiffnesses, softest
 
 __all__ = ["QUANTITIES", "Asked", "Quantity", "Solved", "chosen"]
@@ -104,15 +103,29 @@ class Solved:
         return symmetric(k)
 
     @cached_property
-    def stiff(self) -> NDArray[np.bool_]:
-        """Where K exists, (n,)."""
-        return np.isfinite(self.K[:, 0, 0])
+    def K_task(self) -> Array:  # noqa: N802
+        """(n, t, t), NaN where some task coordinates are rigid."""
+        count = len(self.layout.mechanism.tasks)
+        return self.singly(_task_stiffness, (count, count))
+
+    def stiff(self, name: str) -> NDArray[np.bool_]:
+        """Return where K, or K_task, exists, (n,)."""
+        return np.asarray(np.isfinite(getattr(self, name)).all(axis=(-2, -1)))
 
     @cached_property
     def eigenvalues(self) -> Array:
         """Of K, ascending, (n, 6)."""
-        values = np.full((len(self.K), 6), np.nan)
-        values[self.stiff] = np.linalg.eigvalsh(self.K[self.stiff])
+        return self._where_stiff(np.linalg.eigvalsh)  # type: ignore[arg-type]
+
+    @cached_property
+    def homogenised(self) -> Array:
+        """Eigenvalues of K, ascending, rotations as arcs, (n, 6)."""
+        return self._where_stiff(lambda k: homogenised(k, self.length))
+
+    def _where_stiff(self, values_of: Callable[[Array], Array]) -> Array:
+        """Return six values of each K, (n, 6); NaN where it does not exist."""
+        values, stiff = np.full((len(self.K), 6), np.nan), self.stiff("K")
+        values[stiff] = values_of(self.K[stiff])
         return values
 
     @cached_property
@@ -184,7 +197,8 @@ Labels = Callable[[Mechanism], Sequence[str]]
 class Quantity:
     """`value` (n, *shape) of solved poses, in `unit`; `labels` name the entries along each axis.
 
-    `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: needs K;
+    `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: the matrix
+    that has to exist, K or K_task;
     `wrench`, `direction`: needs that; `by_module`: needs what each module carries; `after`: follows from C or K alone,
     by what no straight line of operations does; `by_one`: is worked out pose by pose, which takes some hundred times as
     long.
@@ -197,7 +211,7 @@ class Quantity:
     labels: tuple[Labels, ...] = ()
     elastic: bool = True
     box: bool = False
-    stiff: bool = False
+    stiff: str = ""
     symmetric: bool = False
     wrench: bool = False
     direction: bool = False
@@ -245,13 +259,24 @@ def _joints(mechanism: Mechanism) -> Sequence[str]:
     return [joint.name for joint in mechanism.joints if joint.nv == 1]
 
 
+def _tasks(mechanism: Mechanism) -> Sequence[str]:
+    return [task.name for task in mechanism.tasks]
+
+
 def _axes(mechanism: Mechanism) -> Sequence[str]:
     return ("1", "2", "3")
 
 
 def _frequencies(compliance: Compliance) -> Array:
-    found = [mode.frequency for mode in vibration_modes(compliance)]
+    found = [mode.frequency for mode in compliance.modes()]
     return np.array(found + [np.inf] * (6 - len(found)))
+
+
+def _task_stiffness(compliance: Compliance) -> Array | float:
+    try:
+        return compliance.K_task
+    except NoStiffnessError:
+        return np.nan
 
 
 def _configuration(mechanism: Mechanism) -> Sequence[str]:
@@ -284,15 +309,15 @@ QUANTITIES: Mapping[str, Quantity] = {
             "C", "m/N, 1/N, rad/(N m)", "compliance", lambda s: s.C, (_twist, _wrench), symmetric=True
         ),
         Quantity(
-            "K", "N/m, N, N m/rad", "stiffness", lambda s: s.K, (_wrench, _twist), stiff=True, symmetric=True
+            "K", "N/m, N, N m/rad", "stiffness", lambda s: s.K, (_wrench, _twist), stiff="K", symmetric=True
         ),
         Quantity(
             "eigenvalues", "mixed: SI", "eigenvalues of K, ascending, as the paper has them", lambda s: s.eigenvalues,
-            (_modes,), stiff=True, after="K",
+            (_modes,), stiff="K", after="K",
         ),
         Quantity(
             "ksi", "mixed: SI", "kinematic stiffness index of the paper: least by largest eigenvalue of K",
-            lambda s: s.eigenvalues[:, 0] / s.eigenvalues[:, -1], stiff=True, after="K",
+            lambda s: s.eigenvalues[:, 0] / s.eigenvalues[:, -1], stiff="K", after="K",
         ),
         Quantity(
             "extremes", "m, rad", "largest norm of translation and of rotation over the box of wrenches",
@@ -320,15 +345,19 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "homogenised", "N/m", "eigenvalues of K, ascending, rotations as arcs of radius `length`",
-            lambda s: homogenised(s.K, s.length), (_modes,), stiff=True, after="K",
+            lambda s: s.homogenised, (_modes,), stiff="K", after="K",
         ),
         Quantity(
             "homogenised_ksi", "1", "least by largest of the homogenised eigenvalues",
-            lambda s: homogenised(s.K, s.length)[..., 0] / homogenised(s.K, s.length)[..., -1], stiff=True, after="K",
+            lambda s: s.homogenised[:, 0] / s.homogenised[:, -1], stiff="K", after="K",
         ),
         Quantity(
             "directional", "N/m", "stiffness along `direction`, other forces and moments free",
             lambda s: along(s.C, s.direction), direction=True,
+        ),
+        Quantity(
+            "K_task", "N, N m per m, rad", "stiffness in the task coordinates: a planar robot's 2 x 2 or 3 x 3",
+            lambda s: s.K_task, (_tasks, _tasks), stiff="K_task", symmetric=True, by_one=True,
         ),
         Quantity(
             "K_yielding", "N/m, N, N m/rad", "stiffness in the directions that yield, zero in those that are rigid",

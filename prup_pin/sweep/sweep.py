@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import cached_property
 from math import prod
@@ -33,6 +33,10 @@ class Engines:
     def __init__(self, mechanism: Mechanism, kinematics: LoopKinematics):
         self._mechanism, self._kinematics = mechanism, kinematics
         self._made: dict[tuple[Asked, bool, bool], Engine] = {}
+
+    def completed(self, pose: Any) -> Any:
+        """Return coordinates by name with home's value of those that may be left out; what is no mapping as it is."""
+        return self._kinematics.completed(pose) if isinstance(pose, Mapping) else pose
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -79,7 +83,10 @@ def sweep(
 ) -> SweepResult | SweepFile:
     """Return what is asked for at every pose; see `Robot.sweep`."""
     asked = _asked(quantities, force, moment, wrench, direction, length)
-    places = _places(engines.coordinates, poses, axes, draws, seed)
+    try:
+        places = _places(engines, poses, axes, draws, seed)
+    except MemoryError as error:
+        raise InputError("so many poses do not fit into memory; take fewer at a time") from error
     engine = engines.of(asked, compiled, len(places))
     engine.check_compiled()
     if any(item.elastic for item in engine.quantities) and not mechanism.modules:
@@ -99,10 +106,15 @@ def sweep(
             parts.write(start, part)
         parts.finish()
         return SweepFile(engine, places, parts.out, tuple(remarks))
-    _check_memory(engine, len(places))
-    whole = engine.unwritten(len(places))
-    for _ in solved_parts(engine, places, executor, remarks, progress, whole=whole):
-        pass
+    free = _free_memory()
+    if free is not None and _bytes_of(engine, len(places)) > _SHARE * free:
+        raise _too_large(engine, len(places), free)
+    try:
+        whole = engine.unwritten(len(places))
+        for _ in solved_parts(engine, places, executor, remarks, progress, whole=whole):
+            pass
+    except MemoryError as error:  # of a process that may take less than there is
+        raise _too_large(engine, len(places), None) from error
     return SweepResult(engine, places, whole, tuple(remarks))
 
 
@@ -150,28 +162,32 @@ def _direction(given: Any) -> tuple[tuple[float, ...] | None, bool]:
     return tuple((line / np.linalg.norm(line)).tolist()), False
 
 
-def _places(coordinates: Coordinates, poses: Any, axes: Mapping[str, Any], draws: int | None, seed: int) -> Places:
+def _places(engines: Engines, poses: Any, axes: Mapping[str, Any], draws: int | None, seed: int) -> Places:
+    coordinates = engines.coordinates
     if poses is not None:
         if axes or draws is not None:
             given = ", ".join([*axes, *(["draws"] if draws is not None else [])])
             raise InputError(f"poses= says where all poses are; leave out {given}")
-        return scattered(coordinates, poses)
+        one_by_one = isinstance(poses, Iterable) and not isinstance(poses, np.ndarray | Mapping | str)
+        return scattered(coordinates, map(engines.completed, poses) if one_by_one else poses)
     if draws is not None:
-        return drawn(coordinates, axes, draws, seed)
-    return grid(coordinates, axes)
+        return drawn(coordinates, engines.completed(axes), draws, seed)
+    return grid(coordinates, engines.completed(axes))
 
 
-def _check_memory(engine: Engine, count: int) -> None:
-    """Raise InputError where the numbers asked for would not fit."""
-    each = 8 * sum(prod(item.shape(engine.mechanism)) for item in engine.quantities) + 1
-    free = _free_memory()
-    if free is not None and count * each > _SHARE * free:
-        raise InputError(
-            f"{count} poses of {each} bytes each are {number(count * each / 1e9, 3)} GB, more than the "
-            f"{number(free / 1e9, 3)} GB of free memory hold. Give out='FILE.parquet', which takes any "
-            "number; ask for fewer "
-            "quantities; or take fewer poses"
-        )
+def _bytes_of(engine: Engine, count: int) -> int:
+    """Return what the numbers asked for take at so many poses."""
+    return count * (8 * sum(prod(item.shape(engine.mechanism)) for item in engine.quantities) + 1)
+
+
+def _too_large(engine: Engine, count: int, free: int | None) -> InputError:
+    """Return the error of a sweep that does not fit; free: the bytes that there are, None where nobody tells."""
+    size = _bytes_of(engine, count)
+    there = "this process may take" if free is None else f"the {number(free / 1e9, 3)} GB of free memory hold"
+    return InputError(
+        f"{count} poses of {size // count} bytes each are {number(size / 1e9, 3)} GB, more than {there}. Give "
+        "out='FILE.parquet', which takes any number; ask for fewer quantities; or take fewer poses"
+    )
 
 
 def _free_memory() -> int | None:

@@ -6,12 +6,14 @@ written so (joints that turn idly, modules whose equation asks which case holds)
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SingularPoseError
 from ..kernel import (
     NEGLIGIBLE,
     NEGLIGIBLE_ENERGY,
@@ -243,7 +245,9 @@ class _Writer:
     @cached_property
     def legs(self) -> Legs | None:
         """The mechanism's legs, where it consists of such."""
-        return Legs.of(self.layout, self.kinematics.pose_from_configuration(self.kinematics.home))
+        with suppress(SingularPoseError):
+            return Legs.of(self.layout, self.kinematics.home_pose())
+        return None
 
     def written(self) -> Written:
         final, names, widths = self._final(anywhere=False)
@@ -320,8 +324,8 @@ class _Writer:
         """Return how free joints balance. Raises _NotWrittenError where some of them are idle."""
         asked = closure[:, self.mechanism.free_dofs].T
         count, forces = asked.shape
-        home = self.kinematics.pose_from_configuration(self.kinematics.home)
-        held, settled = independent(home.closure_jacobian[:, self.mechanism.free_dofs].T)
+        home = self.kinematics.evaluate(self.kinematics.home)
+        held, settled = independent(home.closure[:, self.mechanism.free_dofs].T)
         if len(held) != count:
             raise _NotWrittenError
         chosen = np.setdiff1d(np.arange(forces), settled)

@@ -15,9 +15,10 @@ from prup_pin.diagnosis.efforts.gather import Efforts
 from prup_pin.diagnosis.efforts.noise import noise_of_efforts
 from prup_pin.diagnosis.efforts.verdict import _worse
 from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.numbers import number
 from prup_pin.recordings import Noise, Recording
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
-from prup_pin.views.text.diagnosis_words import channel_rows, noise_text
+from prup_pin.views.text.diagnosis_words import effort_rows, noise_text
 
 AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
 STEP = 0.004
@@ -154,7 +155,10 @@ def test_shares_stand_beside_multiples(heavy):
     assert document["noise"]["source"] == "estimated"
     assert document["noise"]["how"] == {"carriage": "innovations"}
     assert document["noise"]["efforts"]["carriage"] == pytest.approx(0.5, rel=0.2)
-    assert any("held out" in row[3] and row[3].startswith("%") for row in channel_rows(found))
+    (row,) = effort_rows(found)
+    assert row[0] == "carriage"
+    assert row[1].endswith(" N")
+    assert row[3].endswith(f"→ {number(100 * share, 3)}")
     assert noise_text(found)[-1] == "estimated, efforts by their innovations"
     assert "% of the efforts are left" in str(found)
     declared = diagnose(robot, replace(recording, noise=Noise(effort=0.5)))

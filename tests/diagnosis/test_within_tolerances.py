@@ -1,6 +1,7 @@
 """Devices on which everything is a little off, and one thing is left out, or nothing."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,13 @@ def test_calibrate_from_the_shell_and_predict_with_what_it_learned(robot, tmp_pa
     said = run("calibrate", path, "--robot", "3prup", "--out", model)
     assert "which is noise" in said
     assert "target.rz" in said
-    assert "Never seen by these data" in said or "Told only together" in said
+    count = int(re.search(r"Never seen by these data \((\d+) parameters\)", said)[1])
+    told = said[said.index("Never seen by these data") :].partition("Remarks")[0]
+    lines, told = told.count("\n  - "), " ".join(told.split())
+    named = sum(int(more) for more in re.findall(r"and (\d+) more", told)) + told.count(",") - told.count(", and")
+    assert count > 40
+    assert named + lines == count  # each kind once, with three names at most
+    assert lines < 15
     effects = json.loads(model.read_text(encoding="utf-8"))["effects"]
     assert [item["physics"] for item in effects] == ["calibration", "self_weight"]
     predicted = tmp_path / "predicted.csv"

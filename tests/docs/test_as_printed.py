@@ -25,6 +25,8 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _BLOCK = re.compile(r"^(?P<comment><!-- .*? -->\n)?```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 _INLINE = re.compile(r"`(prup-pin [^`]+)`")
 SHELL, PYTHON = {"sh", "bash", "console"}, {"python", "py"}
+#: README's commands, and the lines that it says they print; … stands for those that it leaves out.
+_PRINTED = re.compile(r"^```bash\n(?P<commands>[^`]*)^```\n\n```text\n(?P<lines>[^`]*)^```$", re.MULTILINE)
 #: Lines that are run elsewhere: by scripts/stranger.sh, which reads them from the pages, and by .ci/run.
 ELSEWHERE = re.compile(
     r"(pip install |python -m venv |source |git clone |cd |bash scripts/|python scripts/|mkdocs |jupyter )"
@@ -87,6 +89,28 @@ def test_a_page_runs_as_printed(page, tmp_path, monkeypatch, remembered):
             assert done.exception is None or isinstance(done.exception, SystemExit), f"{where}: {line}"
 
 
+def printed() -> dict[str, list[str]]:
+    """Return the lines that README shows, by the last command before them."""
+    found = _PRINTED.finditer((ROOT / "README.md").read_text(encoding="utf-8"))
+    return {match["commands"].splitlines()[-1]: match["lines"].splitlines() for match in found}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [pytest.param(line, marks=[pytest.mark.slow] if "diagnose" in line else []) for line in printed()],
+)
+def test_readme_shows_what_its_commands_print(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    runner = CliRunner()
+    assert runner.invoke(app, ["examples", "--copy", "."]).exit_code == 0
+    said = iter(runner.invoke(app, shlex.split(line)[1:]).stdout.splitlines())
+    wanted = [shown for shown in printed()[line] if shown != "…"]
+    assert len(wanted) > 5
+    missing = [shown for shown in wanted if shown.rstrip() not in map(str.rstrip, said)]  # in this order
+    assert not missing
+
+
 def inline() -> list[tuple[str, str]]:
     return sorted({(page.name, found) for page in PAGES for found in _INLINE.findall(page.read_text(encoding="utf-8"))})
 
@@ -117,4 +141,5 @@ def test_blocks_and_commands_are_found():
     found = [line for page in PAGES for block in blocks(page) if block.language in SHELL for line in commands(block)]
     assert sum(line.startswith("prup-pin ") for line in found) > 15
     assert len(inline()) > 15
+    assert [line.split()[1] for line in printed()] == ["stiffness", "diagnose"]
     assert commands(Block("sh", "$ a \\\n  b\n# no\n\nc\n", 1)) == ["a    b", "c"]

@@ -43,6 +43,45 @@ def test_pictures_load_quickly():
     assert not {name: size for name, size in sizes.items() if size > most}
 
 
+def test_a_reader_finds_the_words_of_the_field():
+    """Search leads to pages whose headings and text hold a word."""
+    text = (DOCS / "words.md").read_text(encoding="utf-8")
+    for word in (
+        "Manipulability",
+        "condition number",
+        "VJM",
+        "MSA",
+        "virtual joint method",
+        "Jacobian",
+        "eigenfrequency",
+    ):
+        assert word.lower() in text.lower(), word
+    rows = re.findall(r"^\| (\*\*.*) \| (.*) \|$", text, re.MULTILINE)
+    assert len(rows) > 20
+    assert all(re.search(r"\]\(|`|above|same", told) for _, told in rows)
+
+
+def test_the_page_on_trials_says_what_their_tables_say():
+    """Counts such as 43/45, and the number of devices, stand in the page that a row leads to."""
+    text = (DOCS / "trials.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \[.*\]\((\w+\.md)\) \| (.*) \| (\d+) \|$", text, re.MULTILINE)
+    assert len(rows) >= 6
+    alarms = right = single = 0
+    for page, counts, devices in rows:
+        tables = (DOCS / page).read_text(encoding="utf-8")
+        found = re.findall(r"\d+/\d+", counts)
+        assert len(found) == 3
+        assert re.search(rf"\b{devices}\b", tables)
+        assert not [count for count in found if f"({count};" not in tables], page
+        (told, faults), (none, asked) = (map(int, count.split("/")) for count in found[:2])
+        assert none == 0
+        alarms, right, single = alarms + asked, right + told, single + faults
+    assert f"Right are {right} of {single}, {100 * right / single:.0f} %." in text
+    assert f"No false alarm in {alarms} devices" in text
+    behind = {path.name for path in DOCS.glob("*_trials.md")}
+    assert behind <= set(re.findall(r"\((\w+_trials\.md)\)", text)), "a page of tables that no reader is led to"
+
+
 def test_warnings_are_errors():
     assert SITE["strict"] is True
     assert set(SITE["validation"].values()) == {"warn"}

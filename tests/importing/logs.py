@@ -116,3 +116,23 @@ def mcap_file(path: Path, t, q, qd, tau, encoding="ros2msg"):
         writer.add_message(odd, log_time=stamp, data=b"\0", publish_time=stamp)
         writer.finish()
     return path
+
+
+def ros1_bag(path: Path, t, q, qd, tau, compression=None):
+    """Write a ROS 1 bag of joint states, packed by bz2, lz4 or not at all."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, name = get_typestore(Stores.ROS1_NOETIC), "sensor_msgs/msg/JointState"
+    bag = Writer(path)
+    if compression:
+        bag.set_compression(Writer.CompressionFormat[compression.upper()])
+    header, time = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    with bag:
+        states = bag.add_connection("/joint_states", name, typestore=store)
+        for k in range(len(t)):
+            stamp = 10**12 + round(t[k] * 1e9)
+            told = header(k, time(stamp // 10**9, stamp % 10**9), "")
+            message = store.types[name](told, list(JOINTS), q[k], qd[k], tau[k])
+            bag.write(states, stamp, store.serialize_ros1(message, name))
+    return path

@@ -10,6 +10,7 @@ from prup_pin.errors import RecordingFileError
 from prup_pin.imports import Log, Stream, convert, guess, read_map
 from prup_pin.imports.convert import resampled
 from prup_pin.imports.log import frozen
+from prup_pin.recordings import Noise, read_recording, write_recording
 from prup_pin.spatial import rotation_exp
 
 from . import logs
@@ -242,6 +243,18 @@ def test_everything_wrong_with_a_map_is_told_at_once_with_line_and_key(tmp_path,
         ("time: {from: t}\ncolumns: {tau.j: {from: a, unit: N m}}\n", "has no position of any joint"),
         ("time: [\n", "is not valid YAML"),
         ("- 1\n", "holds a list"),
+        ("a: &a [1, 1]\nb: [*a, *a]\n", r"map\.yaml:2: \*a is not read; write the value out"),
+        ("a: &a [*a]\n", r"map\.yaml:1: \*a is not read"),
+        ("time: " + "[" * 50_000, "map.yaml:1: nests its values too deep"),
+        ("time: 2020-13-45\n", "holds a value that cannot be read: month must be in 1..12"),
+        ("x" * 1_000_001, "holds 1000001 characters; no map has more than"),
+        ("rotations: 5\ncolumns: {q.j: {from: a, unit: rad}}\n", "rotations: is the number 5; expected keys"),
+        ("rotations: {r: {from: [t, t, t], as: [1]}}\n", r"as: is '\[1\]'; expected one of quaternion_xyzw"),
+        ("motors: [{names: [m], joints: [j], matrix: [[.inf]]}]\n", "matrix: expected 1 rows of 1 numbers"),
+        ("noise: {position_noise: -1, force: 2}\n", r"noise\.position_noise: is the number -1; expected one standard"),
+        ("noise: {position_nois: 1}\n", "noise: position_nois: is no key here. Did you mean 'position_noise'"),
+        ("time: {from: t}\ncolumns: {q.j: {from: a, unit: rad}}\nresample: {rate: 1e300}\n",
+         r"resample: rate: 1e\+300/s over 5\.996 s are more than 10000000 rows; give a lower rate"),
         ("time: {from: t}\ncolumns: {q.m1: {from: a, unit: rad}, q.j: {from: a, unit: rad}}\n"
          "motors: [{names: [m1, m2], joints: [j1, j2], matrix: [[1, 0], [1, 1]]}]\n", "lacks q.m2, which the motors"),
     ],
@@ -249,6 +262,53 @@ def test_everything_wrong_with_a_map_is_told_at_once_with_line_and_key(tmp_path,
 def test_a_map_that_is_none(tmp_path, text, message):
     with pytest.raises(RecordingFileError, match=message):
         converted(tmp_path, text, log_of({"t": logs.T, "a": Q[:, 0]}))
+
+
+@pytest.mark.parametrize("line", ["scale: 1e300", "scale: 1e308, unit: rev/s", "offset: -1e12", "offset: -1e308"])
+def test_numbers_of_no_bench_are_refused_with_their_column(tmp_path, line):
+    text = f"time: {{from: t}}\ncolumns: {{q.j: {{from: a, unit: rad}}, qd.j: {{from: b, {line}}}}}\n"
+    log = log_of({"t": logs.T, "a": Q[:, 0], "b": 1 + logs.T})
+    message = r"qd\.j: becomes \S+ in row 1; expected at most 1e\+09\. Are unit, scale"
+    with pytest.raises(RecordingFileError, match=message):
+        converted(tmp_path, text, log)
+
+
+def test_noise_of_the_map_is_the_recordings_own(tmp_path):
+    text = "time: {from: t}\ncolumns: {q.j: {from: a, unit: rad}}\nnoise: {position_noise: 2e-5, effort_noise: 0.1}\n"
+    done = converted(tmp_path, text, log_of({"t": logs.T, "a": Q[:, 0]}))
+    assert done.recording.noise == Noise(position=2e-5, effort=0.1)
+    write_recording(done.recording, tmp_path / "recording.csv")
+    assert read_recording(tmp_path / "recording.csv").noise == done.recording.noise
+
+
+@pytest.mark.parametrize("clock", ["", "resample: {rate: 100}\n"])
+def test_rows_that_are_left_out_between_rests_are_told(tmp_path, clock):
+    t = np.arange(0.0, 10.0, 0.01)
+    a = np.interp(t, [0, 2, 3, 5, 6, 10], [0, 0, 1, 1, 0.5, 0.5])
+    t[100] = np.nan  # a row without a time counts as one of the log
+    text = f"time: {{from: t}}\ncolumns: {{q.j: {{from: a, unit: rad}}}}\nat_rest: true\n{clock}"
+    done = converted(tmp_path, text, log_of({"t": t, "a": a}))
+    (remark,) = (text for text in done.remarks if "joint moved" in text)
+    spans = done.moving
+    assert len(spans) == 2
+    for (first, last), (begin, end) in zip(spans, [(1.85, 3.15), (4.85, 6.15)], strict=True):
+        assert abs(t[first - 1] - begin) < 0.03
+        assert abs(t[last - 1] - end) < 0.03
+        assert f"rows {first} to {last} ({t[first - 1]:.4g} to {t[last - 1]:.4g} s)" in remark
+    lost = sum(last - first + 1 for first, last in spans)
+    assert remark.startswith(f"{lost} rows in which a joint moved were left out: rows ")
+    assert remark.endswith("; 3 rests are left.")
+    assert len(done.recording) + lost == (len(t) if clock else len(t) - 1)
+
+
+def test_of_many_rests_the_first_spans_are_told(tmp_path):
+    t = np.arange(0.0, 60.0, 0.02)
+    a = np.floor(t / 2) + np.clip(t % 2 - 1, 0, 0.1) * 10
+    text = "time: {from: t}\ncolumns: {q.j: {from: a, unit: rad}}\nat_rest: true\n"
+    done = converted(tmp_path, text, log_of({"t": t, "a": a}))
+    (remark,) = done.remarks
+    assert remark.count("rows ") == 13
+    assert f"{len(done.moving) - 12} more spans" in remark
 
 
 def test_columns_of_several_clocks_need_one(tmp_path):

@@ -151,6 +151,25 @@ def test_matlab_structures(tmp_path):
     assert np.array_equal(columns["data.tau[6]"], TAU[:, 5])
 
 
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8", "?"])
+def test_matlab_numbers_of_every_kind(tmp_path, kind, compressed):
+    values = (np.arange(12) % 7).astype(kind).reshape(4, 3)
+    data = {"a": values, "nested": {"inner": {"row": values[:, 0]}}, "one": 2.5, "words": ["a", "b"], "z": values * 1j}
+    scipy.io.savemat(tmp_path / "log.mat", data, do_compression=compressed)
+    log = read_log(tmp_path / "log.mat")
+    columns = {name: stream.columns[name] for stream in log.streams for name in stream.columns}
+    assert set(columns) == {"a[1]", "a[2]", "a[3]", "nested.inner.row"}
+    assert np.array_equal(np.column_stack([columns[f"a[{k}]"] for k in (1, 2, 3)]), values)
+    assert np.array_equal(columns["nested.inner.row"], values[:, 0])
+    assert [name.partition(" ")[0] for name in log.left_out] == ["words", "z"]
+
+
+def test_matlab_of_version_4(tmp_path):
+    scipy.io.savemat(tmp_path / "log.mat", {"t": logs.T, "q": Q}, format="4")
+    assert np.array_equal(only(read_log(tmp_path / "log.mat")).columns["q[3]"], Q[:, 2])
+
+
 def test_matlab_of_version_7_3(tmp_path):
     with h5py.File(tmp_path / "log.mat", "w", userblock_size=512) as file:
         group = file.create_group("data")
@@ -203,6 +222,6 @@ def test_a_reader_that_is_not_installed_says_what_to_install(tmp_path, monkeypat
     from prup_pin.errors import MissingExtraError
 
     logs.mcap_file(tmp_path / "log.mcap", logs.T[:5], Q, QD, TAU)
-    monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
+    monkeypatch.setitem(__import__("sys").modules, "mcap.stream_reader", None)
     with pytest.raises(MissingExtraError, match=r"pip install mcap.*extra 'bags'"):
         read_log(tmp_path / "log.mcap")

@@ -131,6 +131,51 @@ def test_actuators_beyond_their_limits(robot):
     assert caught.value.nearest == {"leg1_slide": 0.35, "leg2_slide": 0.609, "leg3_slide": 0.36}
 
 
+@pytest.mark.parametrize(("height", "told"), [(0.7, "108 mm"), (1.0, "408 mm"), (400.0, "399 m")])
+def test_out_of_reach_is_told_by_how_far_that_is(height, told):
+    """Both legs of the five-bar are stretched at most: 0.6 m from motors 0.1 m beside the middle."""
+    robot, farthest = prup_pin.load(EXAMPLES / "five_bar.urdf"), np.sqrt(0.6**2 - 0.1**2)
+    with pytest.raises(prup_pin.UnreachablePoseError, match=f"do not close there, {told} from where they do") as caught:
+        robot.pose(x=0, y=height)
+    assert caught.value.nearest["y"] == pytest.approx(farthest, rel=1e-3)
+    assert caught.value.residual == pytest.approx((height - caught.value.nearest["y"], 0.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("3prup", {"z": 400.0, "theta": 0.0, "phi": 0.0}),
+        ("3prup", {"z": 0.4, "theta": 1.0, "phi": 0.7}),
+        ("3prup", {"leg1_slide": 0.7, "leg2_slide": 0.71, "leg3_slide": 0.36}),
+        ("five_bar", {"x": 0.5, "y": 0.35}),
+        ("five_bar", {"x": 0.5, "y": -0.5}),
+        ("three_rrr", {"x": 3.0, "y": 0.1, "phi": 0.2}),
+        ("three_rrr", {"leg1_motor": 2.0, "leg2_motor": -2.0, "leg3_motor": 2.5}),
+        ("six_ups", {"x": 0.1, "y": 0.0, "z": 3.0, "rx": 0.2, "ry": 0.0, "rz": 0.0}),
+        ("delta", {"x": 0.0, "y": 0.3, "z": -3.0}),
+    ],
+)
+def test_the_nearest_feasible_pose_is_reached_in_the_digits_in_which_it_is_told(name, wanted):
+    robot = prup_pin.load(name if name == "3prup" else EXAMPLES / f"{name}.urdf")
+    ask = robot.pose_from_actuators if set(wanted) == set(robot.mechanism.actuated) else lambda at: robot.pose(**at)
+    with pytest.raises(prup_pin.UnreachablePoseError, match="Nearest feasible: ") as caught:
+        ask(wanted)
+    typed = dict(re.findall(r"(\w+) = (\S+) (?:m|rad)\b", str(caught.value).rpartition("Nearest feasible: ")[2]))
+    assert {coordinate: float(value) for coordinate, value in typed.items()} == caught.value.nearest
+    reached = ask(caught.value.nearest)
+    assert {**reached.actuators, **reached.coordinates} == pytest.approx(
+        {**reached.actuators, **reached.coordinates, **caught.value.nearest}, abs=1e-9
+    )
+
+
+def test_actuators_are_taken_by_name(robot):
+    wanted = {"leg3_slide": 0.36, "leg1_slide": 0.35, "leg2_slide": 0.51}
+    pose = robot.pose_from_actuators(wanted)
+    assert pose.actuators == pytest.approx(wanted, abs=1e-9)
+    assert np.array_equal(pose.q, robot.pose_from_actuators([0.35, 0.51, 0.36]).q)
+    assert np.array_equal(pose.q, robot.pose_from_actuators(wanted, near=pose).q)
+
+
 def test_what_is_not_given_stays_at_a_home_that_the_file_declares(robot, tmp_path):
     turned = robot.pose(theta=0.1)
     assert turned.coordinates == {"z": 0.4, "theta": 0.1, "phi": 0.0}
@@ -151,6 +196,11 @@ def test_what_is_not_given_stays_at_a_home_that_the_file_declares(robot, tmp_pat
         (lambda robot: robot.pose(z="0,4", theta=0, phi=0), "z = '0,4': expected a finite number"),
         (lambda robot: robot.pose_from_actuators([0.3, 0.3]), r"expected 3 actuator positions \(leg1_slide"),
         (lambda robot: robot.pose_from_actuators([0.3, 0.3, np.inf]), "must be finite"),
+        (
+            lambda robot: robot.pose_from_actuators({"leg1_slide": 0.3}),
+            "missing actuator positions: leg2_slide, leg3_s",
+        ),
+        (lambda robot: robot.pose_from_actuators({"leg1_side": 0.3}), "no actuated joint named 'leg1_side'. Did you"),
         (lambda robot: robot.pose_from_configuration([0.0]), "expected a configuration of 15 finite numbers"),
         (
             lambda robot: robot.compliance(robot.with_parameters({"leg1/linear_rod.diameter": 0.03}).home),

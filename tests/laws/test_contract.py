@@ -60,6 +60,22 @@ EVERY_ROBOT = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.parametrize("law", LAWS, ids=title)
+def test_a_mechanic_is_told_what_to_do_about_it(law):
+    values = {"relative": 0.0}
+    said = law.advice(Place("robot", "ball_nut") if isinstance(law, Everywhere) else Place("leg1/part"), values)
+    assert 4 <= len(said.split()) <= 30
+    assert not re.search(r"[{}]|\.$", said)
+    if "{place}" in law.remedy:
+        assert ("each ball_nut" if isinstance(law, Everywhere) else "leg1/part") in said
+
+
+def test_a_wrong_lead_is_told_as_a_scale():
+    law = law_at("lead_error", Place("leg1/ball_screw", "proportional"))
+    said = law.advice(Place("leg1/ball_screw", "proportional"), {"relative": 3e-4})
+    assert said.startswith("set the scale of the encoder at leg1/ball_screw to 1/1.0003 ")
+
+
 def at_each_place(test):
     """Ask a test of a law at a place on every robot, at all places that are unlike each other, one after the other."""
 

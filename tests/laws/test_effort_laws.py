@@ -33,6 +33,14 @@ from .effort_contract import (
     scales,
 )
 
+
+@pytest.mark.parametrize("law", EFFORT_LAWS, ids=lambda law: type(law).__name__)
+def test_a_mechanic_is_told_what_to_do_about_it(law):
+    said = law.advice(Place("elbow"), {})
+    assert 4 <= len(said.split()) <= 30
+    assert "{" not in said
+
+
 RNG = np.random.default_rng(11)
 TIME = np.arange(200) * 0.02
 

@@ -190,7 +190,9 @@ def test_what_was_hardly_meant_is_assumed_aloud(write, old, new, expected):
 def test_what_is_usual_is_not_remarked(write):
     usual = MOMENTS.format('ixx="1" iyy="1" izz="2"')  # a disc
     assert prup_pin.load(write(("<visual>", usual))).assumptions == (
+        "no gravity is given: it is that of Pinocchio's models, (0 0 -9.81) m/s^2 in base axes",
         "without mass: lower",
+        "drives that are rigid, as no module yields along them: elbow",
         "no home is given: home is every joint at 0, or at its nearest limit",
     )
 

@@ -316,3 +316,51 @@ def test_noise():
     only = add_noise(clean, Noise(rotation=1e-5), seed=3)
     np.testing.assert_array_equal(only.rotation, noisy.rotation)  # a channel's noise is its own
     np.testing.assert_array_equal(only.efforts["a"], clean.efforts["a"])
+
+
+BOX = {"random": {"count": 2, "bounds": {"z": [-1e308, 1e308]}}}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"poses": [BOX]}, "poses[0].random.bounds.z[0]: is the number -1e+308; expected a number of 1000 at most"),
+        (
+            {"poses": [{"at": {"z": -1e308}}]},
+            "poses[0].at.z: is the number -1e+308; expected a number of 1e+09 at most",
+        ),
+        (
+            {"loads": [{"wrench": {"fx": 1e300}}]},
+            "loads[0].wrench.fx: is the number 1e+300; expected a number of 1e+09",
+        ),
+        (
+            {"poses": [{"random": {"count": 100_000, "bounds": {"z": [0, 1]}}}]}
+            | {"loads": [{"random_directions": 100_000, "force": 1}]},
+            "loads: come to 90000000000 samples; expected at most 10000000",
+        ),
+    ],
+)
+def test_a_plan_of_no_bench_is_refused_before_it_is_carried_out(write, change, message):
+    with pytest.raises(RecordingFileError) as raised:
+        read_plan(write({**PLAN, "loads": [{"wrench": {"fx": 1}}], **change}))
+    assert message in str(raised.value)
+
+
+def test_the_same_in_python():
+    with pytest.raises(InputError, match="bounds of 'z' = -1e\\+308, 1: expected at most 1000"):
+        RandomPoses(1, {"z": (-1e308, 1)})
+    with pytest.raises(InputError, match="the plan has 90000000000 samples; expected at most 10000000"):
+        TestPlan((RandomPoses(100_000, {"z": (0, 1)}),), (LoadProgramme(random_directions=100_000, force=1.0),))
+
+
+def test_a_box_that_nothing_of_is_within_reach_is_given_up_early():
+    asked = []
+
+    def never(at):
+        asked.append(at)
+        raise UnreachablePoseError("out of reach")
+
+    plan = TestPlan((RandomPoses(100_000, {"z": (500, 501)}),), (LoadProgramme(wrench={"fx": 1}, poses=(0,)),))
+    with pytest.raises(UnreachablePoseError, match="0 of 100000 poses found in 100 draws; narrow the bounds"):
+        plan.inputs(never)
+    assert len(asked) == 100

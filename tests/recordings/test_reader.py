@@ -583,3 +583,13 @@ def test_of_thousands_of_unknown_columns_the_first_are_named(tmp_path):
     assert len(read.ignored) == 3000
     assert len(read.remarks) < 60
     assert "2960 more columns are unknown, and ignored." in read.remarks
+
+
+def test_more_columns_and_keys_than_anybody_means_are_not_gone_through(write):
+    wide = ",".join(["time", "q.slide", *(f"c{k}" for k in range(10_000))])
+    assert only(write(f"{wide}\n{','.join(['0'] * 10_002)}\n"))[2] == "holds 10002 columns; expected at most 10000"
+    many = {f"k{k}": 1 for k in range(10_001)}
+    for beside in (many, {"tolerances": many}):
+        line, key, message = only(write(beside=beside))
+        assert (line, key) == (None, "k0")
+        assert message == "holds an object of 10001 keys; expected at most 10000"

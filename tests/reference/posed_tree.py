@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-FREE_FALL = np.array([0.0, 0.0, -9.80665])
+FREE_FALL = np.array([0.0, 0.0, -9.81])
 _STEPS, _STILL = 80, 1e-13
 
 

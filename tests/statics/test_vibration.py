@@ -71,3 +71,12 @@ def test_nothing_vibrates_without_mass():
         return
     with pytest.raises(prup_pin.InputError, match="mass"):
         vibration_modes(robot.compliance(robot.home))
+
+
+def test_a_compliance_tells_its_modes():
+    robot = prup_pin.load("3prup")
+    answer = robot.compliance(robot.home)
+    frequencies = [mode.frequency for mode in answer.modes()]
+    assert frequencies == [mode.frequency for mode in vibration_modes(answer)]
+    swept = robot.sweep(z=0.4, theta=0.0, phi=0.0, quantities=["frequencies"])
+    assert swept["frequencies"].ravel() == pytest.approx(frequencies)

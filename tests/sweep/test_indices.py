@@ -169,3 +169,23 @@ def test_indices_are_compiled_with_the_rest(robot):
     assert not b.remarks
     for name in names:
         np.testing.assert_allclose(a[name], b[name], rtol=1e-9, atol=1e-9)
+
+
+def test_of_a_planar_robot_k_in_its_coordinates_and_indices_that_do_not_exist_are_told():
+    five = prup_pin.load(str(ROBOTS / "five_bar" / "five_bar.urdf"), joint_stiffness=1e4)
+    found = five.sweep(x=[0.0, 0.03], y=[0.36, 0.38], quantities=["K_task", "translational"])
+    assert (found.status == "ok").all()
+    assert found["K_task"].shape == (2, 2, 2, 2)
+    want = five.compliance(five.pose(x=0.03, y=0.36)).K_task
+    np.testing.assert_allclose(found["K_task"][1, 0], want, rtol=1e-9)
+    softest_way = np.linalg.eigvalsh(want)[0]
+    np.testing.assert_allclose(found["translational"][1, 0, 0], softest_way, rtol=1e-9)
+    for name in ("homogenised_ksi", "homogenised", "ksi"):
+        none = five.sweep(x=[0.0, 0.03], y=0.36, quantities=[name])
+        assert (none.status == "no stiffness").all()
+        assert np.isnan(none[name]).all()
+        assert "rigid" in none.reason(0)
+    half = prup_pin.load(str(ROBOTS / "five_bar" / "five_bar.urdf"), joint_stiffness={"left_motor": 1e4})
+    none = half.sweep(x=[0.0, 0.03], y=0.36, quantities=["K_task"])
+    assert (none.status == "no stiffness").all()
+    assert "no K in x, y" in none.reason(1)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.errors import InputError
 from prup_pin.kernel import Tree
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -227,6 +228,18 @@ def test_a_tree_follows_slides_and_turns_alone(tmp_path):
     assert Tree.follows(prup_pin.load("kinova").mechanism)
 
 
+def test_a_process_that_may_take_less_memory_than_there_is_says_how_large_the_sweep_is(robot, monkeypatch):
+    from prup_pin.sweep.engine import Engine
+
+    def full(self, count):
+        raise MemoryError
+
+    monkeypatch.setattr(Engine, "unwritten", full)
+    each = 8 * 2 * 36 + 1
+    with pytest.raises(InputError, match=rf"1000 poses of {each} bytes each are 0.000577 GB.*Give out='FILE.parquet'"):
+        robot.sweep(z=np.linspace(0.3, 0.4, 1000), theta=0.0, phi=0.0)
+
+
 def test_draws_are_the_same_for_the_same_seed(robot):
     ends = {"z": (0.3, 0.4), "theta": (-0.3, 0.3), "phi": 0.0}
     a = robot.sweep(draws=20, seed=3, quantities=["C"], **ends)
@@ -285,15 +298,14 @@ BAD = [
     ({"z": 0.3, "theta": [0.5, -0.5], "phi": 0.0}, "reversed"),
     ({"z": 0.3, "theta": [[0.1]], "phi": 0.0}, "shape"),
     ({"z": 0.3, "teta": 0.1, "phi": 0.0}, "Did you mean 'theta'"),
-    ({"z": 0.3, "theta": 0.1}, "missing task coordinate: phi"),
     ({"z": 0.3, "theta": np.nan, "phi": 0.0}, "finite"),
     ({"z": 0.3, "theta": "high", "phi": 0.0}, "expected numbers"),
     ({"z": (0.3, 0.2), "theta": 0.0, "phi": 0.0, "draws": 5}, "no range"),
     ({"z": (0.3, 0.4), "theta": 0.0, "phi": 0.0, "draws": 0}, "positive number"),
+    ({"z": (0.3, 0.4), "theta": 0.0, "phi": 0.0, "draws": 10**12}, "draws=1000000000000: expected at most 100000000"),
     ({"poses": np.zeros((2, 4))}, r"shape \(N, 3\)"),
     ({"poses": np.zeros((0, 3))}, "poses is empty"),
     ({"poses": 5}, "expected an array"),
-    ({"poses": [{"z": 0.3, "theta": 0.1}]}, "pose 0 lacks phi"),
     ({"poses": [(0.3, 0.1)]}, "pose 0: expected z, theta, phi"),
     ({"poses": np.zeros((1, 3)), "z": 0.3}, "leave out z"),
     ({"z": 0.3, "theta": 0.1, "phi": 0.0, "quantities": ["D"]}, "no quantity named 'D'"),
@@ -309,6 +321,29 @@ BAD = [
 def test_what_cannot_be_meant_is_refused(robot, asked, said):
     with pytest.raises(prup_pin.InputError, match=said):
         robot.sweep(**asked)
+
+
+def test_what_is_not_named_stays_at_home_as_in_a_single_pose(robot):
+    part = robot.sweep(theta=[0.0, 0.3], quantities=["C"])
+    np.testing.assert_array_equal(part["C"], robot.sweep(z=0.4, theta=[0.0, 0.3], phi=0.0, quantities=["C"])["C"])
+    assert part.fixed == {"z": 0.4, "phi": 0.0}
+    np.testing.assert_allclose(part["C"][1], robot.compliance(robot.pose(theta=0.3)).C, rtol=1e-9, atol=1e-18)
+    scattered = robot.sweep(poses=[{"theta": 0.3}, {"z": 0.4, "phi": 0.0, "theta": 0.0}], quantities=["C"])
+    np.testing.assert_array_equal(scattered["C"][::-1], part["C"])
+    drawn = robot.sweep(theta=(0.0, 0.3), draws=5, quantities=["position"])
+    assert np.ptp(drawn.coordinates[:, 1]) > 0
+    assert (drawn.coordinates[:, [0, 2]] == [0.4, 0.0]).all()
+    arm = prup_pin.load("ur5", joint_stiffness=1e4)
+    there = arm.sweep(elbow_joint=0.7, quantities=["position"])["position"]
+    np.testing.assert_allclose(there, arm.pose(elbow_joint=0.7).base_from_tool[:3, 3], atol=1e-12)
+
+
+def test_without_a_declared_home_all_coordinates_are_needed():
+    five = prup_pin.load(str(CASES["five_bar"][0]))
+    with pytest.raises(prup_pin.InputError, match="missing task coordinate: y"):
+        five.sweep(x=[0.0, 0.05], quantities=["q"])
+    with pytest.raises(prup_pin.InputError, match="pose 0 lacks y"):
+        five.sweep(poses=[{"x": 0.0}], quantities=["q"])
 
 
 def test_a_robot_without_modules_still_has_poses():

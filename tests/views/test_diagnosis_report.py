@@ -11,20 +11,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from prup_pin.diagnosis.diagnosis import Detectable, Finding
+from prup_pin.diagnosis.diagnosis import Detectable, Finding, FittedParameter
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
 from prup_pin.errors import MissingExtraError
+from prup_pin.laws.deviations import deviations_of
+from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
-from prup_pin.views.drawing.diagnosis_figures import _lines
+from prup_pin.views.drawing.diagnosis_figures import _lines, marks
 from prup_pin.views.report.diagnosis_files import write_diagnosis
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
 from prup_pin.views.text.diagnosis_words import (
     alternative_text,
+    by_place,
+    cost_text,
     hidden_rows,
     parameter_texts,
     places_text,
+    summary_text,
     verdict_text,
 )
 
@@ -74,6 +79,92 @@ def test_it_says_what_was_found(diagnosed, page):
     assert "prup-pin predict corrected_model.json" in text
     for remark in diagnosis.remarks:
         assert remark in text
+
+
+def test_a_mechanic_reads_at_its_top_what_is_wrong_and_what_to_do_first(diagnosed, page):
+    _, _, diagnosis = diagnosed
+    said, first = summary_text(diagnosis), diagnosis.findings[0]
+    text = words(page)
+    assert text.index(said) < text.index("What was measured")
+    assert f"{quantity(1e-6 * diagnosis.by_channel['position']['before_um'], 'm')} (root mean square)" in said
+    assert first.statement in said
+    assert f"To do first: {first.remedy}." in said
+    # that loads move a robot is no fault: it is told where nothing else is
+    moved = Finding("finite_deflection", "robot", ("robot",), {}, 0.1, "loads move it far")
+    assert "One thing accounts for it:" in summary_text(replace(diagnosis, findings=(first, moved)))
+    assert "One thing accounts for it: loads move it far." in summary_text(replace(diagnosis, findings=(moved,)))
+    assert "nothing has to be mended" in summary_text(replace(diagnosis, findings=(), verdict="nothing_missing"))
+    strange = replace(diagnosis, findings=(), verdict="unexplained")
+    assert "No law of the library takes it away: something is missing that has no name here" in summary_text(strange)
+
+
+def test_each_finding_says_what_leaving_it_out_costs_and_what_to_do(diagnosed, page):
+    """Shares of one residual that each add up to more than all of it read as a contradiction."""
+    _, _, diagnosis = diagnosed
+    first = diagnosis.findings[0]
+    assert "Alone it" not in words(page)
+    assert f"To do: T{first.remedy[1:]}." in words(page)
+    # held out, without it: what the diagnosis says that it takes away, over what is left with it
+    squares = 1 / (1 - first.heldout_gain)
+    assert f"Without it {number(squares**0.5, 3)} times as much would be left." in words(page)
+    little = replace(first, heldout_gain=1 - 1 / 1.05**2)
+    assert cost_text(little) == "without it 5 % more would be left"
+    assert cost_text(replace(first, heldout_gain=1.0)) == "without it more than 1000 times as much would be left"
+    assert cost_text(replace(first, heldout_gain=0.0)) == "what else is off could make up for it"
+    unknown = replace(first, physics="unknown", effect=None, heldout_gain=0.4)
+    assert cost_text(unknown) == "a law for it would take 40 % of the squared residual"
+
+
+def test_what_has_no_effect_of_its_own_is_told_by_its_physics(diagnosed):
+    robot, _, _ = diagnosed
+    words = {item.physics for item in deviations_of(robot.mechanism)} | {"effort_gain", "inertial_parameters"}
+    for physics in sorted(words | {"finite_deflection", "unknown"}):
+        found = Finding(physics, "leg1", ("leg1",), {}, 0.5, "off")
+        assert len(found.remedy.split()) > 4, physics
+        assert "{" not in found.remedy
+    many = Finding("coulomb_friction", "robot", ("robot", "elbow", "wrist"), {}, 0.5, "dry friction at 2 of 3 drives")
+    assert many.remedy.startswith("feed the friction at each of these places forward in the controller")
+    assert many.at_each == ("elbow", "wrist")
+    masses = replace(many, physics="inertial_parameters")
+    assert masses.remedy.startswith("take the masses of the corrected model")
+    assert replace(masses, location="elbow").remedy.startswith("weigh elbow")
+    assert alternative_text(SimpleNamespace(), many) == []
+    assert "look at the robot itself" in Finding("unknown", "robot", ("robot",), {}, 0.0, "left").remedy
+
+
+def test_all_places_of_what_several_have_are_marked_by_its_number(diagnosed):
+    robot, _, _ = diagnosed
+    joints = tuple(robot.mechanism.actuated)
+    many = Finding("coulomb_friction", "robot", ("robot", *joints), {}, 0.5, "dry friction at 3 of 3 drives")
+    assert [(mark.name, mark.number) for mark in marks(robot, robot.home, [many])] == [(name, 1) for name in joints]
+    alike = replace(many, location=joints[0])
+    assert [mark.number for mark in marks(robot, robot.home, [alike])] == [1, 0, 0]
+
+
+def test_what_many_drives_have_is_one_line_a_joint(diagnosed):
+    robot, recording, diagnosis = diagnosed
+    pair = {"limit": FittedParameter(2.5, "N", (2.0, 3.0)), "presliding": FittedParameter(1e-5, "m", (0.0, 2e-5))}
+    joints = ("leg1_slide", "leg2_slide", "leg3_slide")
+    parameters = {f"{joint}.{key}": fitted for joint in joints for key, fitted in pair.items()}
+    many = Finding("coulomb_friction", "robot", ("robot", *joints), parameters, 0.5, "dry friction at 3 of 3 drives")
+    text = words(diagnosis_html(replace(diagnosis, findings=(many,)), robot, recording))
+    line = "2.5 N 2 to 3 N 10 µm 0 to 20 µm"
+    assert f"limit presliding leg1_slide {line} leg2_slide {line} leg3_slide {line}" in text
+    assert by_place(replace(many, candidates=("robot",))) == {}
+    assert by_place(diagnosis.findings[0]) == {}
+
+
+def test_a_next_experiment_has_a_heading_where_there_is_one_and_a_column_for_each_pose(diagnosed):
+    robot, recording, diagnosis = diagnosed
+    none = diagnosis_html(replace(diagnosis, next_experiment={"why": "", "plan": {}}), robot, recording)
+    assert "The next experiment" not in none
+    poses = [{"actuators": dict.fromkeys(robot.mechanism.actuated, 0.1 * n)} for n in (1, 2, 3, 4)]
+    plan = {"poses": poses, "loads": [{"wrench": {"fz": 7.0}}, {"wrench": {"fz": 9.0}, "poses": [1]}]}
+    page = diagnosis_html(replace(diagnosis, next_experiment={"why": "", "plan": plan}), robot, recording)
+    name = robot.mechanism.actuated[0]
+    assert f"unit pose 1 pose 2 pose 3 pose 4 {name} mm 100 200 300 400" in words(page)
+    assert "fz N 7 7 7 7" in words(page)
+    assert "mx N m" not in words(page)
 
 
 def test_it_is_self_contained(page):
@@ -206,6 +297,31 @@ def test_a_browser_shows_it_without_a_network(page, tmp_path):
             pixels = np.asarray(image.convert("RGB")).astype(int)
         assert pixels.shape[1] == width
         assert (np.ptp(pixels, axis=-1) > 60).sum() > 200, "no colours"
+
+
+@needs_chromium
+def test_no_table_is_cut_off_on_a_screen(diagnosed, tmp_path):
+    """Whatever stands in a box that scrolls sideways fits into it; on a phone the plan of five poses as well."""
+    robot, recording, diagnosis = diagnosed
+    browser = chromium.Browser(str(tmp_path / "chromium"), (1200, 900))
+    wider = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth).length"
+    try:
+        for width, count in ((1200, 8), (390, 5)):
+            at = dict.fromkeys(robot.mechanism.actuated, 0.356789)
+            load = dict.fromkeys(("fx", "fy", "fz", "mx", "my", "mz"), -123.456)
+            plan = {"poses": [{"actuators": at}] * count, "loads": [{"wrench": load}]}
+            planned = replace(diagnosis, next_experiment={"why": "to tell them apart", "plan": plan})
+            file = tmp_path / f"{width}.html"
+            file.write_text(diagnosis_html(planned, robot, recording), encoding="utf-8")
+            sizes = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
+            browser.call("Emulation.setDeviceMetricsOverride", **sizes)
+            browser.call("Page.navigate", url=file.as_uri())
+            browser._until(lambda: browser.evaluate("document.readyState") == "complete", "no page")
+            assert browser.evaluate("document.querySelectorAll('table.plan th').length") > count
+            assert browser.evaluate(wider) == 0
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    finally:
+        browser.close()
 
 
 def test_what_no_law_takes_away_is_not_drawn_with_a_laws_curve():

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import prup_pin
 from prup_pin.cli import app
-from prup_pin.views.meshcat.explorer import Explorer, Session
+from prup_pin.views.meshcat.explorer import Control, Explorer, Session
 from prup_pin.views.text.answer import Answer
 from prup_pin.views.text.tables import stiffness_table
 
@@ -164,6 +164,32 @@ def test_what_makes_no_sense_is_said_and_the_next_question_answered(explorer, me
     assert json.loads(session.reply(question())[-1])["trouble"] == ""
 
 
+@pytest.mark.parametrize(
+    ("load", "scale", "said"),
+    [
+        ({"fx": 1e155}, 10.0, "fx is 1e+155; expected at most 1e+12 [N]"),
+        ({"fx": 5, "mz": -1e300}, None, "mz is -1e+300; expected at most 1e+12 [N m]"),
+        (LOAD, 1e300, "cannot be drawn 1e300 times larger: it would leave the picture. Expected at most"),
+    ],
+)
+def test_what_is_too_large_is_refused_with_its_bound_and_the_next_question_answered(explorer, load, scale, said):
+    session = Session(explorer)
+    (only,) = session.reply(question(load=load, scale=scale))
+    assert said in json.loads(only)["trouble"]
+    bound = float(json.loads(only)["trouble"].split("at most ")[1].split()[0])
+    within = (load, bound) if scale == 1e300 else ({"fx": bound}, None)
+    told = json.loads(session.reply(question(POSE, *within))[-1])
+    assert told["trouble"] == ""
+    assert told["scale"] > 0
+
+
+def test_a_slider_beside_nothing_begins_at_nothing():
+    """-9.4e-13 mm would stand in a narrow box as -9.4 mm."""
+    shown = Control("y", "length", -9.436e-16, -0.4, 0.4).described()
+    assert (shown["value"], shown["low"], shown["high"]) == (0.0, -400.0, 400.0)
+    assert Control("y", "length", -9.436e-6, -0.4, 0.4).described()["value"] == -0.009436
+
+
 @pytest.mark.parametrize("name", ["ur5", pytest.param("panda", marks=pytest.mark.slow), "double_pendulum"])
 def test_trees_have_a_slider_for_each_joint(name):
     rigid = Explorer(prup_pin.load(name, tool="panda_hand" if name == "panda" else None))
@@ -304,6 +330,8 @@ def test_the_page_follows_its_sliders(robot, tmp_path):
             found = browser.evaluate(f"viewer.scene_tree.find({json.dumps(path.split('/'))}).object.matrix.elements")
             np.testing.assert_allclose(np.reshape(found, (4, 4)).T, scene.part(path).placement, atol=1e-6)
         assert area(np.abs(browser.picture() - before).max(axis=-1) > 12) > 20_000
+        slide("fy", 1e-11)  # where a slider is let go beside its middle
+        assert browser.evaluate("[...document.querySelectorAll('input[aria-label^=fy]')].pop().value") == "0"
         slide("z", 900)
         until("cannot reach")
         slide("z", 400)

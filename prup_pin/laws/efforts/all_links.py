@@ -25,6 +25,9 @@ class AllLinks(EffortLaw):
     links: tuple[Place, ...]
     physics: ClassVar[str] = "inertial_parameters"
     summary: ClassVar[str] = "the masses of all links, their centres and their inertia"
+    remedy: ClassVar[str] = (
+        "take the masses of the corrected model for feedforward; ask the maker for those of the robot file"
+    )
     variant: ClassVar[str] = f"{EFFORT} of all links"
     of_bodies: ClassVar[bool] = True
     everywhere: ClassVar[bool] = True

@@ -33,6 +33,10 @@ class Periodic(MovingEffortLaw):
     """tau = c cos(2 pi q / p) + s sin(2 pi q / p); the period p is looked for."""
 
     physics = "cogging"
+    remedy = (
+        "compensate this ripple of {place} by a table over its position; where it is new, look for a "
+        "damaged tooth or ball"
+    )
     of_motion = True  # postures would be taken for any period
     linear = ("cosine", "sine")
     settled = ("period",)

@@ -41,6 +41,10 @@ class SlidingFriction(JointEffortLaw):
 
     physics = "coulomb_friction"
     summary = "dry friction"
+    remedy = (
+        "feed the friction at {place} forward in the controller; where sister joints have less, check "
+        "lubricant, seals and brake"
+    )
     everywhere = True
     family = "dry friction"
     linear = ("limit",)
@@ -77,6 +81,7 @@ class LoadedFriction(MovingEffortLaw):
 
     physics = "coulomb_friction"
     summary = "dry friction that grows with the load"
+    remedy = "feed the friction at {place} forward in the controller, by its load; where it has grown, check the gear"
     family = "dry friction"
     variant = f"{EFFORT} by load"
     of_motion = True
@@ -119,6 +124,7 @@ class ColdFriction(MovingEffortLaw):
 
     physics = "coulomb_friction"
     summary = "dry friction that falls as the gear warms up"
+    remedy = "warm {place} up before it works, or feed its friction forward by how long it has run"
     family = "dry friction"
     variant = f"{EFFORT} while it warms up"
     of_motion = True

@@ -21,6 +21,10 @@ class Counterbalance(DrivenEffortLaw):
 
     physics = "counterbalance"
     summary = "a counterbalance, by the sine of the joint's angle"
+    remedy = (
+        "enter the counterbalance of {place} in the controller's model; where it should be another, "
+        "check its pressure or spring"
+    )
     family = "counterbalance"
     linear = ("cosine", "sine")
     quantities = tuple(
@@ -48,6 +52,7 @@ class CounterbalanceSpring(DrivenEffortLaw):
 
     physics = "counterbalance"
     summary = "a spring along the joint"
+    remedy = "enter the spring along {place} in the controller's model, or look for a hose that pulls there"
     family = "counterbalance"
     variant = f"{EFFORT} of a spring"
     linear = ("stiffness", "preload")

@@ -50,6 +50,7 @@ class Filter(Lagging):
     """
 
     physics = "effort_filter"
+    remedy = "undo this filter in the log, or record efforts before it"
     source = "Oppenheim and Willsky, Signals and Systems, ch. 6"
     linear = ("time_constant",)
     quantities = (Quantity("time_constant", "s", "of the filter: 1 / (2 pi corner frequency)", 1e-3, upper=0.2),)

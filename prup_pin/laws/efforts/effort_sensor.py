@@ -22,6 +22,7 @@ class EffortOffset(DrivenEffortLaw):
 
     physics = "effort_offset"
     summary = "an offset of the reported effort"
+    remedy = "zero the effort of {place} with the drive off"
     everywhere = True
     linear = ("offset",)
     quantities = (Quantity("offset", "N m", "reported less true effort", 1.0, positive=False, lower=-1e6),)
@@ -49,6 +50,7 @@ class EffortGain(DrivenEffortLaw):
     physics = "effort_gain"
     of_what_is_known = True
     summary = "a gain of the reported effort"
+    remedy = "calibrate the torque constant of {place} with a known load"
     linear = ("gain",)
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-0.99),)
     neutral: ClassVar = {"gain": 0.0}
@@ -68,6 +70,7 @@ class EffortUnit(EffortGain):
     variant = f"{EFFORT} in a unit of its own"
     competes = False
     summary = "efforts in a unit of their own"
+    remedy = "enter the torque constant of {place}, so that it reports N m or N"
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-1e6),)
 
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
@@ -83,6 +86,7 @@ class EffortDelay(Delay, DrivenEffortLaw):
 
     physics = "effort_delay"
     summary = "efforts that are reported late"
+    remedy = "stamp efforts and positions of {place} by one clock, or shift the efforts by this delay"
 
     def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         return at.along(place.name, at.effort_of(place.name, at.predicted_later(values["delay"])))
@@ -96,6 +100,7 @@ class EffortsDelay(DelayOfAll):
 
     physics = "effort_delay"
     summary = "efforts that are all reported late"
+    remedy = "stamp efforts and positions by one clock, or shift the efforts by this delay"
     sign = 1.0
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:

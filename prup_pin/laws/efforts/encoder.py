@@ -23,6 +23,7 @@ class OffsetEncoder(DrivenEffortLaw):
 
     physics = "encoder_offset"
     summary = "an encoder with an offset"
+    remedy = "set the zero of the encoder at {place} anew, by the offset found here"
     linear = ("offset",)
     quantities = (Quantity("offset", "rad", "true position less the reported one", 1e-2, False, -0.25, 0.25),)
     neutral: ClassVar = {"offset": 0.0}
@@ -46,6 +47,7 @@ class DelayedEncoder(Delay, DrivenEffortLaw):
 
     physics = "encoder_delay"
     summary = "an encoder that reports late"
+    remedy = "stamp efforts and positions of {place} by one clock, or shift the positions by this delay"
     quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, upper=0.2),)
 
     def acts(self, place: Place, at: InMotion) -> bool:
@@ -73,6 +75,7 @@ class DelayedEncoders(DelayOfAll):
 
     physics = "encoder_delay"
     summary = "encoders that all report late"
+    remedy = "stamp efforts and positions by one clock, or shift the positions by this delay"
     sign = -1.0
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:

@@ -71,6 +71,7 @@ class InertialParameters(EffortLaw):
 
     physics = "inertial_parameters"
     summary = "the mass of a link, its centre and its inertia"
+    remedy = "enter mass, centre and inertia of {place} as found here in the robot file; look for what was bolted to it"
     of_bodies = True
     family = "link"
     linear = INERTIAL
@@ -128,6 +129,7 @@ class ScaledInertia(EffortLaw):
 
     physics = "inertial_parameters"
     summary = "the mass of a link"
+    remedy = "weigh {place}, or enter this mass in the robot file; look for what was bolted to it"
     of_bodies = True
     family = "link"
     variant = f"{EFFORT} in proportion"

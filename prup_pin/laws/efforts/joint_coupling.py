@@ -32,6 +32,10 @@ class Coupled(EffortLaw):
     """A law of two neighbours: its place is the one, its aspect says the other."""
 
     physics = "transmission_coupling"
+    remedy = (
+        "enter this coupling of {place} in the controller's model; look for a hose or a gear that ties "
+        "the two joints together"
+    )
     source = "Gautier and Khalil (1990); Khalil and Dombre, Modeling, Identification and Control of Robots, ch. 12"
     #: What its aspect begins with, before the other joint.
     beginning: ClassVar[str]

@@ -24,6 +24,7 @@ class Mounting(EffortLaw):
 
     physics = "geometric_offset"
     summary = "a base that is tilted"
+    remedy = "level the base, or tell controller and robot file how it is mounted"
     of_bodies = True
     linear = ("gx", "gy", "gz")
     quantities = tuple(

@@ -27,6 +27,7 @@ class HeldBody(EffortLaw):
 
     physics = "payload"
     summary = "a body that the tool holds"
+    remedy = "enter this mass and its centre in the controller's tool data, or take off what is held"
     of_bodies = True
     linear = INERTIAL
     quantities = (

@@ -35,6 +35,7 @@ class TransmissionCoupling(EffortLaw):
 
     physics = "transmission_coupling"
     summary = "a motor that moves with two joints"
+    remedy = "enter this coupling of {place} in the controller's model, or measure the motors by their own encoders"
     of_motion = True
     settled = ("presliding", "smoothing")
     optional = ("smoothing",)

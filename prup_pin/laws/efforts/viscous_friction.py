@@ -21,6 +21,9 @@ class Damping(JointEffortLaw):
 
     physics = "viscous_friction"
     summary = "friction that grows with speed"
+    remedy = (
+        "feed the friction at {place} forward in the controller; where sister joints have less, check the lubricant"
+    )
     everywhere = True
     family = "viscous friction"
     linear = ("damping",)
@@ -43,6 +46,7 @@ class DirectedViscousFriction(JointEffortLaw):
 
     physics = "viscous_friction"
     summary = "friction that grows with speed, by direction"
+    remedy = "feed the friction at {place} forward by direction; where it differs much, check lubricant and alignment"
     family = "viscous friction"
     variant = f"{EFFORT} by direction"
     linear = ("damping_forwards", "damping_backwards")

@@ -55,10 +55,11 @@ def marks(robot: Robot, pose: ClosedPose, findings: Sequence[Finding]) -> list[M
     made: list[Mark] = []
     named: set[str] = set()
     for index, finding in enumerate(findings, 1):
-        at = _points(robot, pose, parts, finding.location)
-        if at is not None:
-            made.append(Mark(finding.location, at, index))
-            named.add(finding.location)
+        for name in finding.at_each or (finding.location,):
+            at = _points(robot, pose, parts, name)
+            if at is not None:
+                made.append(Mark(name, at, index))
+                named.add(name)
     for finding in findings:
         for name in finding.candidates:
             at = None if name in named else _points(robot, pose, parts, name)
@@ -139,7 +140,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     draw_legend(figure, parts, False, None, layout)
     place = (0.06, 0.33) if narrow else (0.655, 0.87 if response is None else 0.965)
-    _draw_list(figure, diagnosis, found, place, layout.line)
+    _draw_list(figure, diagnosis, found, place, layout.line, 4 if narrow else 9)
     if beside is not None and isinstance(response, Recovered) and not narrow:
         small = figure.add_axes(layout.beside)
         _draw_response(small, response, beside.physics, 8.0)
@@ -183,15 +184,17 @@ def _mark_texts(drawing: Drawing, found: Sequence[Mark]) -> list[tuple[str, Arra
 
 
 def _draw_list(
-    figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], place: tuple[float, float], line: int
+    figure: Figure, diagnosis: Diagnosis, found: Sequence[Mark], place: tuple[float, float], line: int, most: int
 ) -> None:
-    """Write the findings beside the drawing, by the numbers that it shows."""
+    """Write the findings beside the drawing, by the numbers that it shows; `most` lines of `line` letters."""
     lines = []
     for index, finding in enumerate(diagnosis.findings, 1):
         lines += wrap(f"{index}  {finding_text(finding)}", line, subsequent_indent="    ", break_on_hyphens=False)
     if any(not mark.number for mark in found):
         lines.append("dashed: these data cannot tell them apart")
-    text = "\n".join(lines[:9]) if lines else "nothing is missing"
+    if len(lines) > most:
+        lines[most - 1 :] = ["…"]
+    text = "\n".join(lines) or "nothing is missing"
     figure.text(*place, text, fontsize=11, color=FOUND, va="top", linespacing=1.6)
 
 

@@ -16,8 +16,8 @@ from .plotting import Figure, FigureCanvasAgg, ListedColormap, MaxNLocator, Patc
 
 __all__ = ["Panel", "beside_figure", "figures_of", "map_figure", "share_figure"]
 
-#: Quantities that no map shows: where the robot stands, and 6 x 6 matrices.
-_NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
+#: Quantities that no map shows: where the robot stands, and matrices.
+_NO_MAP = {"C", "K", "K_task", "K_yielding", "q", "softest"}
 #: Modules with a map of their own, and colours of those that dominate.
 _SHARES = 5
 _DOMINANT = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb")

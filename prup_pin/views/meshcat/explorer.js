@@ -33,7 +33,12 @@ function build(controls) {
         input.setAttribute("aria-label", `${control.label} ${control.unit}`);
       }
       number.removeAttribute("min"); number.removeAttribute("max");
-      slider.addEventListener("input", () => { number.value = Number(Number(slider.value).toPrecision(4)); ask(); });
+      // beside the middle of a slider numbers are rounding, and their exponents do not fit into the box
+      const rounding = 1e-6 * (control.high - control.low);
+      slider.addEventListener("input", () => {
+        number.value = Math.abs(slider.value) < rounding ? 0 : Number(Number(slider.value).toPrecision(4));
+        ask();
+      });
       number.addEventListener("input", () => { if (number.value !== "") { slider.value = number.value; ask(); } });
       inputs[control.name] = { group: group.name, number, factor: control.factor, start: control.value, slider };
     }
@@ -44,7 +49,7 @@ function build(controls) {
     element("span", "", "drawn ×", row);
     drawn = element("input", "", undefined, row);
     Object.assign(drawn, { type: "number", min: 0, step: "any", value: controls.scale });
-    drawn.style.cssText = "font: inherit; width: 5em";
+    drawn.style.width = "5em";
     drawn.setAttribute("aria-label", "deflection drawn so many times larger");
     drawn.addEventListener("input", () => { if (Number(drawn.value) > 0) ask(); });
     const fit = element("button", "", "fit", row);

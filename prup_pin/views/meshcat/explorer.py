@@ -23,7 +23,7 @@ from ..scene.elastic import Deflections, fitting_scale
 from ..scene.painter import Painter
 from ..scene.scene import Part, Scene
 from ..text.answer import Answer
-from ..text.joints import coordinate_dimensions, dimension, limits
+from ..text.joints import clean, coordinate_dimensions, dimension, limits
 from ..text.tables import rigid_texts, stiffness_table
 from .commands import changes, folders, packed, stage
 from .server import Message, Served, Server
@@ -52,7 +52,7 @@ class Control:
     def described(self) -> dict[str, Any]:
         """Return what the page makes of it, in the unit that it shows."""
         unit, factor = _UNITS.get(self.dimension, (self.dimension, 1.0))
-        shown = {key: float(f"{getattr(self, key) / factor:.6g}") for key in ("value", "low", "high")}
+        shown = {key: float(f"{clean(getattr(self, key)) / factor:.6g}") for key in ("value", "low", "high")}
         return {"name": self.name, "label": self.name, "unit": unit, "factor": factor, **shown}
 
 
@@ -190,12 +190,13 @@ class Session:
                 warnings.simplefilter("always", JointLimitWarning)
                 pose = self.explorer.pose_at(values)
             scene = self.explorer.scene(pose, wrench, None if scale is None else float(scale))
+            said = {"scale": scene.scale or None, "trouble": " ".join(str(item.message) for item in caught)}
+            answer = self._told(scene, pose, wrench, {**told, **said})
         except PrupPinError as error:
             return [json.dumps({**told, "trouble": str(error)})]
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
             return [json.dumps({**told, "trouble": "this question was not understood"})]
-        told |= {"scale": scene.scale or None, "trouble": " ".join(str(item.message) for item in caught)}
-        return [*self._difference(scene), self._told(scene, pose, wrench, told)]
+        return [*self._difference(scene), answer]
 
     def _difference(self, scene: Scene) -> list[Message]:
         """Return the commands from what the browser has to a scene."""

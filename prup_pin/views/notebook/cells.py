@@ -15,7 +15,7 @@ from ...numbers import number, quantity
 from ...robot import Robot
 from ...statics import Compliance
 from ..text.answer import Answer, ranked
-from ..text.diagnosis_words import channel_rows, finding_text, parameter_texts, verdict_text
+from ..text.diagnosis_words import channel_rows, effort_rows, finding_text, parameter_texts, verdict_text
 from ..text.joints import clean, pose_text
 from ..text.tables import (
     MatrixTable,
@@ -24,6 +24,7 @@ from ..text.tables import (
     percent_text,
     rigid_texts,
     stiffness_table,
+    task_table,
     yielding_table,
 )
 
@@ -80,7 +81,7 @@ def compliance_html(compliance: Compliance) -> str:
     if answer.stiffness is None:
         texts = "; ".join(rigid_texts(answer))
         parts.append(_facts([("K does not exist", f"no module yields under {texts}")]))
-    table = stiffness_table(answer) or yielding_table(answer)
+    table = stiffness_table(answer) or task_table(answer) or yielding_table(answer)
     if table is not None:
         parts.append(_matrix(table))
     parts.append(_matrix(compliance_table(answer)))
@@ -109,6 +110,8 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         parts.append(_table(("", "left out", "parameter", "value", "95 % interval"), rows, words=3))
     if not any(value != value for value in diagnosis.before.values()):
         parts.append(_table(("residual, RMS", "before", "after", ""), channel_rows(diagnosis), words=1))
+    if efforts := effort_rows(diagnosis):
+        parts.append(_table(("joint", "noise", "× noise", "% of the effort"), efforts, words=1))
     parts += [f'<p style="margin: 4px 0; opacity: 0.75">{escape(text)}</p>' for text in diagnosis.remarks]
     return _block("Diagnosis", parts)
 

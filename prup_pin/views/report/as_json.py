@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import PrupPinError
+from ...mechanism.tolerances import value_tolerances
+from ...recordings import Tolerances
 from ...robot import Robot
 from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, WRENCH_NAMES
 from ..text.answer import Answer
-from ..text.joints import coordinate_dimensions, dimension
+from ..text.joints import coordinate_dimensions, dimension, joint_type, limits
 
-__all__ = ["answer_as_json", "dump", "plain"]
+__all__ = ["answer_as_json", "dump", "info_as_json", "plain"]
 
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
@@ -77,6 +80,7 @@ def answer_as_json(
         },
         "C": compliance.C,
         "K": answer.stiffness,
+        "K_task": answer.task_stiffness,
         "rigid_directions": compliance.rigid_directions,
         "load": {"wrench": answer.load.wrench, "source": "given" if answer.load.given else "softest direction"},
         "linearised_at": compliance.load,
@@ -91,6 +95,29 @@ def answer_as_json(
     }
     if sensitivity is not None:
         document["sensitivity"] = _sensitivity(sensitivity)
+    return plain(document)
+
+
+def info_as_json(robot: Robot, tolerances: Tolerances | None, version: str) -> dict[str, Any]:
+    """Return the document of `prup-pin info --json`: what the file says, home and its mobility, None without one."""
+    try:
+        home = robot.home
+        found = robot.mobility(home)
+        at_home = {
+            "task_coordinates": home.coordinates,
+            "actuators": home.actuators,
+            "mobility": found.mobility,
+            "redundant": found.redundant,
+            "idle_joints": list(found.idle_joints),
+        }
+    except PrupPinError:
+        at_home = None
+    document = {"prup_pin": version, **robot.to_dict(), "home": at_home}
+    for name, joint in document["joints"].items():
+        joint |= {"type": joint_type(robot.mechanism, name), "limits": limits(robot.mechanism, name)}
+    own = value_tolerances(robot.mechanism, tolerances.declared if tolerances else {})
+    for name, parameter in document["parameters"].items():
+        parameter["tolerance"] = own.get(name)
     return plain(document)
 
 

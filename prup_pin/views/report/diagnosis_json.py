@@ -127,6 +127,7 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
         },
         "heldout_gain": finding.heldout_gain,
         "statement": finding.statement,
+        "remedy": finding.remedy,
         "alternatives": list(finding.alternatives),
     }
     if finding.curve is not None and robot is not None:

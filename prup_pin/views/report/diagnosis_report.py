@@ -22,16 +22,20 @@ from ..drawing import diagnosis_figures as figures
 from ..drawing.effort_figures import effort_curve_figure, effort_figure
 from ..text.diagnosis_words import (
     alternative_text,
+    by_place,
     channel_rows,
+    cost_text,
+    effort_rows,
     finding_text,
-    gain_text,
     hidden_rows,
+    length_of,
     noise_text,
     parameter_texts,
     recording_rows,
+    summary_text,
     verdict_text,
 )
-from ..text.joints import dimension
+from ..text.joints import clean, dimension
 from .pose_report import Picture, page_template, picture
 
 __all__ = ["diagnosis_html", "page"]
@@ -53,13 +57,16 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         version=__version__,
         path=robot.mechanism.description.path.name,
         recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
+        many=len(recordings) > 1,
         verdict=diagnosis.verdict,
         sentence=verdict_text(diagnosis),
+        summary=summary_text(diagnosis),
         facts=_facts(diagnosis),
         measured=_measured(diagnosis, robot, recordings),
         place=picture(lambda narrow: figures.place_figure(robot, diagnosis, narrow=narrow)),
         findings=[_finding(diagnosis, finding) for finding in diagnosis.findings],
         channels=channel_rows(diagnosis),
+        joints=effort_rows(diagnosis),
         samples=picture(lambda narrow: figures.sample_figure(diagnosis, narrow=narrow), many) if drawn else None,
         histogram=None
         if white is None or not drawn
@@ -69,8 +76,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         remarks=list(diagnosis.remarks),
         why=_sentence(str(diagnosis.next_experiment.get("why", ""))),
         plan=_plan(plan, robot),
-        actuators=robot.mechanism.actuated if plan else [],
-        components=WRENCH_NAMES,
+        poses=len(plan.get("poses", ())),
         effects=len(diagnosis.effects),
     )
 
@@ -91,20 +97,20 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         if values is not None:
             ends = (number(values[f"{key}_u{unit}"], 3) for key in ("before", "after"))
             facts.append((f"{name.capitalize()} residual", " → ".join(ends), f"µ{unit}, root mean square"))
+    if diagnosis.efforts is not None:
+        shares = diagnosis.efforts.shares["all"]
+        ends = (number(100 * shares[key], 3) for key in ("rigid", "heldout"))
+        facts.append(("Efforts not told", " → ".join(ends), "% of them, root mean square"))
     return facts
 
 
 def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> list[tuple[str, list[str]]]:
     recording = Together.of(recordings, robot.mechanism.actuated, robot.mechanism.gravity).recording
-    blocks = len(np.unique(recording.blocks())) if len(recording) else 0
     used = len(diagnosis.samples)
     rows = [("Samples", [str(len(recording)), f"{used} used"] if used != len(recording) else [str(used)])]
     if len(recordings) > 1:
         rows += [(name, [*texts]) for name, *texts in recording_rows(diagnosis)]
-    if diagnosis.efforts is not None and 2 * blocks > len(recording):
-        rows.append(("Motion", [f"{number(float(np.ptp(diagnosis.efforts.time)), 3)} s"]))
-    else:
-        rows.append(("Poses", [f"{blocks} standstills of the actuators"]))
+    rows.append(("Length", [length_of(diagnosis, recording)]))
     sizes = []
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
         size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
@@ -138,9 +144,10 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
     return {
         "title": finding_text(finding),
         "statement": _sentence(finding.statement),
-        "gain": gain_text(finding),
-        "unknown": finding.physics == "unknown",
-        "parameters": parameter_texts(finding.parameters),
+        "cost": _sentence(cost_text(finding)),
+        "remedy": _sentence(finding.remedy),
+        "places": (places := by_place(finding)),
+        "parameters": [] if places else parameter_texts(finding.parameters),
         "response": _response(diagnosis, finding, many),
         "doubts": [_sentence(text) for text in alternative_text(diagnosis, finding)],
     }
@@ -163,15 +170,19 @@ def _sentence(text: str) -> str:
     return started if not started or started.endswith((".", ")")) else f"{started}."
 
 
-def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[list[str], list[str]]]:
-    """Return rows of actuator positions and full loads, one a pose of the plan."""
-    rows = []
-    for place, pose in enumerate(plan.get("poses", ())):
-        positions = []
-        for name in robot.mechanism.actuated:
-            turning = dimension(robot.mechanism, name) == "angle"
-            positions.append(number(pose["actuators"][name] * (180 / np.pi if turning else 1e3), 5))
-        here: list[dict[str, float]] = [item["wrench"] for item in plan["loads"] if place in item.get("poses", [place])]
-        wrench = here[0] if here else {}
-        rows.append((positions, [number(wrench.get(name, 0.0), 3) for name in WRENCH_NAMES]))
+def _plan(plan: dict[str, Any], robot: Robot) -> list[tuple[str, str, list[str]]]:
+    """Return rows of actuator positions, then of full loads: name, unit, a number for each pose of the plan."""
+    rows, poses = [], plan.get("poses", ())
+    for name in robot.mechanism.actuated if poses else ():
+        turning = dimension(robot.mechanism, name) == "angle"
+        unit, factor = ("°", 180 / np.pi) if turning else ("mm", 1e3)
+        rows.append((name, unit, [number(clean(pose["actuators"][name]) * factor, 5) for pose in poses]))
+    loads: list[dict[str, float]] = [
+        next((item["wrench"] for item in plan["loads"] if place in item.get("poses", [place])), {})
+        for place in range(len(poses))
+    ]
+    for index, name in enumerate(WRENCH_NAMES):
+        values = [wrench.get(name, 0.0) for wrench in loads]
+        if any(values):
+            rows.append((name, "N" if index < 3 else "N m", [number(value, 3) for value in values]))
     return rows

@@ -44,6 +44,7 @@ from ..text.tables import (
     redundancy_text,
     rigid_texts,
     stiffness_table,
+    task_table,
     why_rigid,
     yielding_table,
 )
@@ -114,7 +115,7 @@ def report_html(
         script_hashes=_script_hashes(scene),
         script=_LOADER,
         drawing=_drawing(robot, answer, scale),
-        stiffness=stiffness_table(answer) or yielding_table(answer),
+        stiffness=stiffness_table(answer) or task_table(answer) or yielding_table(answer),
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
         why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),

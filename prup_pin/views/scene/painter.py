@@ -28,6 +28,9 @@ from .visuals import Visual, visuals
 
 __all__ = ["Painter", "pose_scene", "pose_words"]
 
+#: How far a deflection may be drawn at most, in sizes of the robot, or rotated [rad].
+_FARTHEST = 100.0
+
 
 class Painter:
     """Draws poses of one robot: reads its geometry once, keeps eye and sizes the same for all poses."""
@@ -247,7 +250,7 @@ class Painter:
             assert compliance is not None
             assert wrench is not None
             moved = moved or Deflections(compliance, wrench)
-            scale = fitting_scale(moved, self.size) if scale is None else scale
+            scale = fitting_scale(moved, self.size) if scale is None else self._drawable(scale, moved)
             try:
                 shares = compliance.shares(wrench)
             except InputError:
@@ -302,6 +305,17 @@ class Painter:
         return Scene(
             self.robot.name, tuple(parts), tuple(labels), legend, self.up, self.viewer, balls, float(scale or 0.0)
         )
+
+    def _drawable(self, scale: float, moved: Deflections) -> float:
+        """Return the factor asked for. Raises InputError where the deflection would leave any picture by it."""
+        metres, radians = moved.largest()
+        far = max(metres / float(self.size), radians)
+        if scale * far > _FARTHEST:
+            raise InputError(
+                f"the deflection of {length_text(metres)} cannot be drawn {number(scale, 3)} times larger: it would "
+                f"leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
+            )
+        return scale
 
     # -- signs -----------------------------------------------------------------------------------------------------
 
@@ -463,7 +477,8 @@ class Painter:
             rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
             turned = "does not turn" if rigid else f"turns {quantity(angle, 'rad')}"
             if not headline:
-                lines.append(f"The tool moves {moved_text} and {turned}; drawn {number(scale or 0, 3)} times larger")
+                drawn = f"; drawn {number(scale, 3)} times larger" if scale else ""
+                lines.append(f"The tool moves {moved_text} and {turned}{drawn}")
             names = ranked(shares)
             shown = names[:6] if len(names) > 7 else names  # one more is named rather than counted
             rows = [Row(map_colour(shares[name] / top), name, f"{100 * shares[name]:.1f} %") for name in shown if top]

@@ -131,6 +131,14 @@ class Answer:
             return None
 
     @cached_property
+    def task_stiffness(self) -> Array | None:
+        """K in the task coordinates of a robot with fewer than six; None where it has others or some are rigid."""
+        try:
+            return self.compliance.K_task if len(self.mechanism.tasks) < 6 else None
+        except (InputError, NoStiffnessError):
+            return None
+
+    @cached_property
     def deflection(self) -> Array:
         """Deflection (6,) of the tool [m, rad]; what is only rounding is zero."""
         c, w = self.compliance.C, self.load.wrench

@@ -27,6 +27,7 @@ from .tables import (
     sag_cells,
     some,
     stiffness_table,
+    task_table,
     why_rigid,
     yielding_table,
 )
@@ -91,19 +92,23 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
 
 
 def _print_stiffness(out: Console, robot: Robot, answer: Answer) -> None:
-    whole = stiffness_table(answer)
+    whole, task = stiffness_table(answer), task_table(answer)
     if whole is not None:
         _print_matrix(out, whole)
-        return
+    else:
+        _print_rigid(out, robot, answer)
+    part = task if task is not None or whole is not None else yielding_table(answer)
+    if part is not None:
+        _print_matrix(out, part)
+
+
+def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:
     directions = rigid_texts(answer)
     some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
     heading(out, "K does not exist:", f"no module yields, the model is rigid, under {some}:")
     for direction in directions:
         listed(out, "", [direction])
     paragraph(out, why_rigid(robot, answer))
-    part = yielding_table(answer)
-    if part is not None:
-        _print_matrix(out, part)
 
 
 def _print_compliance(out: Console, answer: Answer) -> None:
@@ -199,10 +204,11 @@ def _print_assumptions(out: Console, robot: Robot, answer: Answer) -> None:
 
 
 def _print_matrix(out: Console, matrix: MatrixTable) -> None:
-    """Print a 6 x 6 matrix in blocks of equal units; where that is too wide, forces above moments."""
+    """Print a matrix, 6 x 6 in blocks of equal units; where that is too wide, forces above moments."""
     heading(out, matrix.title, matrix.detail)
-    whole = _matrix_table(matrix, slice(0, 3), slice(3, 6))
-    if fits(out, whole):
+    six = len(matrix.rows) == 6
+    whole = _matrix_table(matrix, *((slice(0, 3), slice(3, 6)) if six else (slice(None),)))
+    if not six or fits(out, whole):
         print_table(out, whole)
         return
     print_table(out, _matrix_table(matrix, slice(0, 3)))
@@ -218,5 +224,10 @@ def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:
     table = make_table(("", "left"), *headers)
     for index, (name, cells) in enumerate(zip(matrix.rows, matrix.cells, strict=True)):
         first, *others = (cells[block] for block in blocks)
-        table.add_row(name, *first, *(cell for other in others for cell in ("|", *other)), end_section=index == 2)
+        table.add_row(
+            name,
+            *first,
+            *(cell for other in others for cell in ("|", *other)),
+            end_section=index == 2 and len(others) > 0,
+        )
     return table

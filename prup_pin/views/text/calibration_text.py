@@ -12,6 +12,7 @@ from ...diagnosis.calibration import Calibration
 from ...numbers import number, readable_unit
 from ...recordings import Recording
 from ...robot import Robot
+from .tables import some
 from .terminal import heading, lines_of, listed, make_table, paragraph, print_table
 
 __all__ = ["print_calibration"]
@@ -20,6 +21,8 @@ __all__ = ["print_calibration"]
 _SHOWN, _FAR = 20, 2.0
 #: What is learned less than this was not seen.
 _UNSEEN = 0.01
+#: Of parameters that were not seen so many of a kind are named, and how many more there are.
+_NAMED = 3
 
 
 def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording], found: Calibration) -> None:
@@ -57,7 +60,12 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     unseen = [item.name for item in found.parameters if item.learned <= _UNSEEN]
     if unseen:
         heading(out, "Never seen by these data", f"({len(unseen)} parameters)")
-        paragraph(out, ", ".join(unseen), "  ")
+        alike: dict[str, list[str]] = {}
+        for parameter in unseen:
+            owner, _, kind = parameter.rpartition(".")
+            alike.setdefault(kind, []).append(owner)
+        for kind, owners in alike.items():
+            paragraph(out, f"{kind} of {', '.join(some(owners, _NAMED))}", "- ")
     if found.remarks:
         heading(out, "Remarks")
         for text in found.remarks:

@@ -41,7 +41,7 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     try:
         home = robot.home
     except PrupPinError as error:
-        yield f"home: {in_options(str(error))}"
+        yield in_options(str(error))
         return
     with suppress(MissingExtraError):  # a second reader is an opinion more, no condition
         yield from second_opinion(mechanism)

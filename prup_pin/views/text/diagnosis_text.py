@@ -13,10 +13,13 @@ from ...recordings import Recording
 from ...robot import Robot
 from .diagnosis_words import (
     alternative_text,
+    by_place,
     channel_rows,
+    cost_text,
+    effort_rows,
     finding_text,
-    gain_text,
     hidden_rows,
+    length_of,
     noise_text,
     parameter_texts,
     recording_rows,
@@ -40,8 +43,8 @@ def print_diagnosis(
             listed(out, "recording", [name, *texts], ", ")
     else:
         used = len(diagnosis.samples)
-        blocks = len(set(recordings[0].blocks().tolist()))
-        listed(out, "recording", [f"{len(recordings[0])} samples, {used} used", f"{blocks} poses"], ", ")
+        held = length_of(diagnosis, recordings[0])
+        listed(out, "recording", [f"{len(recordings[0])} samples, {used} used", held], ", ")
     listed(out, "noise", noise_text(diagnosis), ", ")
     if diagnosis.findings:
         heading(out, "Left out")
@@ -52,6 +55,12 @@ def print_diagnosis(
     for row in channel_rows(diagnosis):
         table.add_row(*row)
     print_table(out, table)
+    if rows := effort_rows(diagnosis):
+        heading(out, "Efforts, joint by joint", "(held out)")
+        table = make_table(("joint", "left"), ("noise", "right"), ("× noise", "right"), ("% of the effort", "right"))
+        for row in rows:
+            table.add_row(*row)
+        print_table(out, table)
     if diagnosis.not_detectable:
         heading(out, "What these data could not show", "(and from which size they would)")
         for physics, where, needed in hidden_rows(diagnosis.not_detectable):
@@ -73,13 +82,20 @@ def _verdict(out: Console, text: str) -> None:
 
 
 def _print_finding(out: Console, diagnosis: Diagnosis, index: int, finding: Finding) -> None:
-    paragraph(out, f"{finding_text(finding)}: {gain_text(finding)}", f"{index}  ")
+    paragraph(out, finding_text(finding), f"{index}  ")
     paragraph(out, finding.statement, "   ")
-    for name, value, interval in parameter_texts(finding.parameters):
+    places = by_place(finding)
+    for place, texts in places.items():
+        told = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in texts)
+        paragraph(out, f"{place}: {told}", "   ")
+    for name, value, interval in () if places else parameter_texts(finding.parameters):
         paragraph(out, f"{name} {value} (95 %: {interval})", "   ")
     if finding.curve is not None:
         pairs = zip(finding.curve.load, finding.curve.deformation, strict=True)
         points = "  ".join(f"{number(load, 3)}: {number(1e6 * moved, 3)}" for load, moved in pairs)
         paragraph(out, f"curve, load [N, N m]: deformation [µm, µrad]  {points}", "   ")
-    for text in alternative_text(diagnosis, finding):
-        paragraph(out, text, "   ")
+    for text in (*alternative_text(diagnosis, finding), cost_text(finding)):
+        if text:
+            paragraph(out, text, "   ")
+    if finding.remedy:
+        paragraph(out, f"to do: {finding.remedy}", "   ")

@@ -5,23 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
-from ...laws.joint_compliance import EACH_JOINT
 from ...numbers import number, quantity, readable_unit
+from ...recordings import Recording
 
 __all__ = [
     "alternative_text",
+    "by_place",
     "channel_rows",
+    "cost_text",
     "diagnosis_text",
+    "effort_rows",
     "finding_text",
-    "gain_text",
     "hidden_rows",
+    "length_of",
     "noise_text",
     "parameter_texts",
     "places_text",
     "recording_rows",
+    "summary_text",
     "verdict_text",
 ]
 
@@ -29,6 +35,11 @@ __all__ = [
 _ABSURD = 1e9
 #: Findings that a sentence lists one by one.
 _IN_A_SENTENCE = 6
+#: ... and whose statements a paragraph holds.
+_MOST_TOLD = 3
+_COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
+#: Share of the squared residual that is nothing; how many times as much is beyond counting.
+_NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
@@ -115,7 +126,8 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the verdict, and a paragraph for each finding."""
     lines = [verdict_text(diagnosis)]
     for index, finding in enumerate(diagnosis.findings, 1):
-        lines += ["", f"{index}  {finding_text(finding)}: {gain_text(finding)}", f"   {finding.statement}"]
+        lines += ["", f"{index}  {finding_text(finding)}", f"   {finding.statement}"]
+        lines += [f"   {text}" for text in (cost_text(finding), f"to do: {finding.remedy}") if text]
         lines += [
             f"   {name} {value} (95 %: {interval})" for name, value, interval in parameter_texts(finding.parameters)
         ]
@@ -123,13 +135,64 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     return "\n".join(lines)
 
 
-def gain_text(finding: Finding) -> str:
-    """Return what a finding is worth."""
-    percent = 100 * finding.heldout_gain
-    if percent < 0.05 and finding.effect is not None:
+def summary_text(diagnosis: Diagnosis) -> str:
+    """Return what was measured, what accounts for it and what is left, for who looks after the machine."""
+    first, last = _beside(diagnosis)
+    if not first:
+        return ""
+    every = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
+    named = [finding for finding in every if finding.physics != "finite_deflection"] or every  # that is no fault
+    causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
+    them = "it" if len(causes) == 1 else "them"
+    texts = [first]
+    if diagnosis.verdict == "nothing_missing":
+        return f"{first} That is what the sensors scatter by themselves: nothing has to be mended."
+    if causes:
+        count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
+        things = f"{count} thing{'s' if len(causes) > 1 else ''}"
+        texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for it: {'; '.join(causes)}.")
+    if diagnosis.verdict == "explained":
+        texts.append(f"With {them} in the model {last}, little more than the sensors scatter by themselves.")
+    else:
+        texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
+        texts[-1] += ": something is missing that has no name here, and the corrected model holds only near these data."
+    first_remedy = next((finding.remedy for finding in named if finding.remedy), "")
+    if first_remedy:
+        texts.append(f"To do first: {first_remedy}.")
+    return " ".join(texts)
+
+
+def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
+    """Return how far what was measured is beside the robot file, as a sentence, and what is left at the end."""
+    for name, unit, _ in diagnosis.columns:
+        values = diagnosis.by_channel.get(name, {})
+        if math.isfinite(before := values.get(f"before_u{unit}", math.nan)):
+            ends = [quantity(1e-6 * value, unit) for value in (before, values[f"after_u{unit}"])]
+            what = "the tool" if name in ("position", "rotation") else name.removesuffix(f" {name.split()[-1]}")
+            does = "stood" if unit == "m" else "was turned"
+            text = f"Where it was measured, {what} {does} {ends[0]} (root mean square) beside what the robot file says."
+            return text, f"{ends[1]} are left"
+    if diagnosis.efforts is None:
+        return "", ""
+    ends = [_percent(diagnosis.efforts.shares["all"][key]) for key in ("rigid", "heldout")]
+    return (
+        f"In motion, the drives' efforts are {ends[0]} (root mean square) beside those that the robot file asks for.",
+        f"{ends[1]} are left",
+    )
+
+
+def cost_text(finding: Finding) -> str:
+    """Return what leaving a finding out would cost."""
+    if finding.physics == "unknown":
+        share = number(100 * finding.heldout_gain, 3)
+        return f"a law for it would take {share} % of the squared residual" if finding.heldout_gain > 0 else ""
+    if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "what else is off could make up for it" if finding.parameters else "acts whatever else does"
-    shown = number(percent, 3) if percent < 99.5 else f"{percent:.2f}"
-    return f"removes {shown} % of the squared residual"
+    if finding.cost > _BEYOND_COUNTING:
+        return f"without it more than {_BEYOND_COUNTING} times as much would be left"
+    if finding.cost < 2:
+        return f"without it {number(100 * (finding.cost - 1), 2)} % more would be left"
+    return f"without it {number(finding.cost, 3)} times as much would be left"
 
 
 def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str, str, str]]:
@@ -144,6 +207,18 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
     return rows
 
 
+def by_place(finding: Finding) -> dict[str, list[tuple[str, str, str]]]:
+    """Return what `parameter_texts` does by place, where a finding has the same parameters at several; else nothing."""
+    groups: dict[str, dict[str, FittedParameter]] = {}
+    for name, fitted in finding.parameters.items():
+        place, _, key = name.rpartition(".")
+        groups.setdefault(place, {})[key] = fitted
+    keys = {tuple(group) for group in groups.values()}
+    if len(groups) < 2 or len(keys) > 1 or not groups.keys() <= {*finding.at_each}:
+        return {}
+    return {place: parameter_texts(group) for place, group in groups.items()}
+
+
 def _end(value: float) -> str:
     """Return an end of an interval; beyond a million it means that the data set no bound."""
     return number(value, 4) if 1e-9 < abs(value) < 1e9 or value == 0 else f"{value:.1e}"
@@ -152,10 +227,8 @@ def _end(value: float) -> str:
 def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
     """Return what these data cannot tell from a finding, as sentences."""
     texts = []
-    here, effect = finding.location, finding.effect
-    others = [place for place in finding.candidates if place != here]
-    if here == "robot" and (effect is None or effect.place.aspect == EACH_JOINT):
-        others = []
+    here = finding.location
+    others = [place for place in finding.candidates if place not in (here, *finding.at_each)]
     wholes = [place for place in others if here.startswith(f"{place}/")]
     parts = [place for place in others if place.startswith(f"{here}/")]
     if rivals := [place for place in others if place not in (*wholes, *parts)]:
@@ -171,21 +244,46 @@ def alternative_text(diagnosis: Diagnosis, finding: Finding) -> list[str]:
 
 
 def channel_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
-    """Return (what, before, after, unit) of the residuals: all in multiples of the noise, then by channel."""
+    """Return (what, before, after, unit) of the residuals: all in multiples of the noise, then by channel of poses."""
     before, after = diagnosis.before, diagnosis.after
     rows = [
         (f"all, {name}", number(before[key], 3), number(after[key], 3), "× noise")
         for key, name in (("fit", "fitted"), ("heldout", "held out"))
     ]
     for name, values in diagnosis.by_channel.items():
-        rows.append((name, number(values["before"], 3), number(values["after"], 3), "× noise"))
         if "left_share" in values:
-            shares = [number(100 * values[key], 3) for key in ("before_share", "left_share")]
-            rows.append(("", shares[0], shares[1], "% of the effort, held out"))
+            continue
+        rows.append((name, number(values["before"], 3), number(values["after"], 3), "× noise"))
         for unit, shown in (("um", "µm"), ("urad", "µrad")):
             if f"before_{unit}" in values:
                 rows.append(("", number(values[f"before_{unit}"], 3), number(values[f"after_{unit}"], 3), shown))
     return rows
+
+
+def effort_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
+    """Return a row for each joint: its name, noise, residual in multiples of it and in percent of its effort."""
+    efforts = diagnosis.efforts
+    if efforts is None:
+        return []
+    told = dict(zip(efforts.joints, zip(efforts.noise.tolist(), efforts.units, strict=True), strict=True))
+    rows = []
+    for name, values in diagnosis.by_channel.items():
+        if "left_share" not in values:
+            continue
+        joint = name.removeprefix("effort").strip()
+        noise = quantity(*told[joint]) if joint in told and math.isfinite(told[joint][0]) else "-"
+        ends = [number(values[key], 3) for key in ("before", "after")]
+        shares = [number(100 * values[key], 3) for key in ("before_share", "left_share")]
+        rows.append((joint or "all", noise, " → ".join(ends), " → ".join(shares)))
+    return rows
+
+
+def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
+    """Return how much a recording holds: '8 poses', or '21.8 s of motion'."""
+    poses = len(set(recording.blocks().tolist())) if len(recording) else 0
+    if diagnosis.efforts is None or 2 * poses <= len(recording):
+        return f"{poses} poses"
+    return f"{number(float(np.ptp(diagnosis.efforts.time)), 3)} s of motion"
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:

@@ -3,20 +3,55 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...laws import Law, Place
+from ...errors import UnknownNameError
+from ...laws import LAWS, Law, Place
+from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...robot import Robot
 from .terminal import listed, make_table, paragraph, print_table
 
-__all__ = ["print_laws"]
+__all__ = ["laws_named", "print_laws"]
+
+#: Both channels', poses' first.
+_ALL: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
+#: What else a law is called by whoever looks for it.
+_CALLED = {
+    "backlash": "play, clearance, slack, lost motion, a loose fit",
+    "base_compliance": "foundation, floor, table, stand",
+    "cogging": "torque ripple, detent",
+    "coulomb_friction": "dry friction, stick-slip, hysteresis, drag, stiction",
+    "counterbalance": "gravity compensation, balancer",
+    "creep": "relaxation, viscoelastic",
+    "eccentric_encoder": "runout",
+    "effort_delay": "latency, lag",
+    "effort_filter": "bandwidth, smoothing",
+    "effort_gain": "torque constant, current, scale",
+    "encoder_delay": "latency, lag",
+    "encoder_offset": "zero, homing",
+    "external_spring": "dress pack",
+    "geometric_offset": "calibration, kinematic error, Denavit-Hartenberg, misalignment",
+    "hertzian_contact": "preload, nonlinear stiffness",
+    "inertial_parameters": "mass, centre of gravity",
+    "joint_compliance": "elastic joint, flexible gear, harmonic drive, strain wave",
+    "lead_error": "pitch error, scale",
+    "payload": "gripper, tool mass",
+    "pose_sensor_misalignment": "tracker, camera",
+    "rotor_inertia": "armature, reflected inertia, motor inertia",
+    "stiffness_changed": "soft, weak, worn, loose, flexibility",
+    "stribeck_friction": "stiction, breakaway, stick-slip",
+    "thermal_growth": "heat, expansion",
+    "viscous_friction": "damping, grease",
+    "wrench_sensor_bias": "force sensor, load cell, tare",
+}
 
 _NEEDS = {
     "temperature": "the column temperature",
@@ -26,13 +61,48 @@ _NEEDS = {
 }
 
 
+def laws_named(word: str | None, mechanism: Mechanism) -> list[Law]:
+    """Return the laws of a name; without one all; else those that verdicts or people speak of by that word.
+
+    Raises UnknownNameError where none is.
+    """
+    if word is None:
+        return list(_ALL)
+    names = {law.physics for law in _ALL}
+    plain = "_".join(re.split(r"[\s_-]+", word.strip().lower()))
+    if plain not in names:
+        said = re.compile(rf"\b{re.escape(word.strip())}", re.IGNORECASE)
+        spoken = {law.physics for law in _ALL if said.search(_spoken(law, mechanism))} if word.strip() else set()
+        if not spoken:
+            raise UnknownNameError("law", word, sorted(names))
+        return [law for law in _ALL if law.physics in spoken]
+    return [law for law in _ALL if law.physics == plain]
+
+
+def _spoken(law: Law, mechanism: Mechanism) -> str:
+    """Return a law's name, what it is, what else it is called, and what a verdict says of it."""
+    text = f"{law.physics.replace('_', ' ')}; {law.summary}; {_CALLED.get(law.physics, '')}"
+    place = next(iter(law.places(mechanism)), None)
+    return text if place is None else f"{text}; {law.statement(place, law.starts(place, mechanism)[0], mechanism)}"
+
+
 def print_laws(out: Console, laws: Sequence[Law], robot: Robot) -> None:
-    """Print laws with the places where they can act on a robot, their parameters and sources."""
+    """Print laws with the places where they can act on a robot, their parameters and sources.
+
+    Of several names, which are not all, what each is.
+    """
     mechanism = robot.mechanism
+    names = dict.fromkeys(law.physics for law in laws)
+    if 1 < len(names) < len({law.physics for law in _ALL}):
+        for name in names:
+            alike = dict.fromkeys(law.summary for law in laws if law.physics == name)
+            listed(out, "", [f"{name}: {next(iter(alike))}"])
+        paragraph(out, "One of them whole: prup-pin laws NAME")
+        return
     for index, law in enumerate(laws):
         if index:
             out.print()
-        out.print(Text(law.physics, style="bold"))
+        out.print(Text(law.physics + (", in efforts" if isinstance(law, EffortLaw) else ""), style="bold"))
         for text in _paragraphs(law):
             paragraph(out, text)
         if law.source:

@@ -40,6 +40,8 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "number": {},
     "joint": {**_LENGTH, **_ANGLE},
 }
+#: Without a unit larger values are taken for a slip: the largest, the unit that they would have, the one meant.
+_LARGEST_BARE = {"angle": (7.0, "rad", "deg"), "length": (20.0, "m", "mm")}
 #: Dimension of each component of a wrench.
 WRENCH_DIMENSIONS: Mapping[str, str] = {name: "force" if name[0] == "f" else "moment" for name in WRENCH_NAMES}
 
@@ -89,7 +91,8 @@ def _units_in_words(dimension: str) -> str:
 def parse_quantity(text: str, dimension: str, option: str, whole: str | None = None, offset: int = 0) -> float:
     """Return the SI value of '25deg'. `whole` and `offset` place the text in what the user typed.
 
-    Raises InputError with the position of the fault and the units that fit.
+    Raises InputError with the position of the fault and the units that fit, also for an angle above 7 or a length above
+    20 without a unit: degrees or millimetres were meant.
     """
     whole = text if whole is None else whole
     stripped = text.strip()
@@ -105,6 +108,15 @@ def parse_quantity(text: str, dimension: str, option: str, whole: str | None = N
     units = UNITS[dimension]
     if not unit:
         value = float(match.group())
+        most, si, meant = _LARGEST_BARE.get(dimension, (math.inf, "", ""))
+        if abs(value) > most:
+            typed = re.split(r"[,;]", whole[:offset])[-1].strip() + match.group()
+            raise _refuse(
+                option,
+                whole,
+                offset,
+                f"{typed} would be {match.group()} {si}; write {typed}{meant}, or {typed}{si} if it is meant",
+            )
     elif unit in units:
         value = float(match.group()) * units[unit]
     else:

@@ -33,7 +33,8 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
     listed(out, "file", [str(description.path)])
     listed(out, "tool", [f"'{mechanism.tool.name}'" if mechanism.tool else "none: --tool FRAME says where forces act"])
     gravity = [number(clean(value), 6) for value in mechanism.gravity]
-    listed(out, "gravity", [f"({' '.join(gravity)}) m/s^2, base axes"])
+    source = "Pinocchio's own: the file gives none" if description.gravity is None else "the file's"
+    listed(out, "gravity", [f"({' '.join(gravity)}) m/s^2, base axes; {source}"])
     if mechanism.tasks:
         order = " ".join(f"R{axis}" for axis in description.rotation)
         tasks = [f"{task.name} = {task.component} of the tool" for task in mechanism.tasks]
@@ -49,7 +50,8 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
         _print_tolerances(out, tolerances)
     if description.variants:
         heading(out, "Variants")
-        listed(out, "", description.variants, ", ")
+        for name, variant in description.variants.items():
+            paragraph(out, ": ".join((name, "; ".join(variant.notes))) if variant.notes else name)
     heading(out, "Assumed")
     for note in robot.assumptions or ("nothing besides small deflections",):
         paragraph(out, note, "- ")

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...kinematics import Mobility
 from ...mechanism import Mechanism, Module
@@ -34,19 +35,25 @@ __all__ = [
     "sag_cells",
     "some",
     "stiffness_table",
+    "task_table",
     "why_rigid",
     "yielding_table",
 ]
 
 #: A wrench's component below this, beside a largest one of 1, is none.
 _NO_COMPONENT = 1e-4
+#: What a robot's six motions are called: the load along each, the motion, whether it is a turn.
+_AXES = tuple(zip(WRENCH_NAMES, TWIST_NAMES, 3 * [False] + 3 * [True], strict=True))
+_TURNS = np.array([turn for *_, turn in _AXES])
+#: Unit of a load along a translation and along a turn.
+_LOADS = {False: "N", True: "N m"}
 #: A share below this many percent is rounding.
 _NO_PERCENT = 1e-10
 
 
 @dataclass(frozen=True)
 class MatrixTable:
-    """A 6 x 6 matrix in words: `cells` by row; rows and columns carry units."""
+    """A square matrix in words: `cells` by row; rows and columns carry units."""
 
     title: str
     detail: str
@@ -59,25 +66,38 @@ def stiffness_table(answer: Answer) -> MatrixTable | None:
     """Return K in N/mm and N m/mrad, or finer where it is very stiff; None where it does not exist."""
     if answer.stiffness is None:
         return None
-    return _stiffness("Stiffness K", answer, answer.stiffness)
+    return _stiffness("Stiffness K", f"at '{answer.tool}', base axes", answer.stiffness)
+
+
+def task_table(answer: Answer) -> MatrixTable | None:
+    """Return the stiffness in the task coordinates, likewise; None where there are none, six, or some are rigid."""
+    if answer.task_stiffness is None:
+        return None
+    tasks = [(task.name, task.name, task.component not in "xyz") for task in answer.mechanism.tasks]
+    where = f"at '{answer.tool}', in the task coordinates"
+    return _stiffness("Stiffness K_task", where, answer.task_stiffness, tasks)
 
 
 def yielding_table(answer: Answer) -> MatrixTable | None:
     """Return the stiffness in the directions that yield, likewise; None where none does."""
     if len(answer.compliance.rigid_directions) == 6:
         return None
-    return _stiffness("Stiffness where it yields", answer, answer.compliance.K_yielding)
+    where = f"at '{answer.tool}', base axes"
+    return _stiffness("Stiffness where it yields", where, answer.compliance.K_yielding)
 
 
-def _stiffness(title: str, answer: Answer, stiffness: Array) -> MatrixTable:
-    moves, turns = _per(stiffness[:3, :3], "m"), _per(stiffness[3:, 3:], "rad")
-    (far, _), (arc, _) = moves, turns
+def _stiffness(title: str, where: str, stiffness: Array, axes: Sequence[tuple[str, str, bool]] = _AXES) -> MatrixTable:
+    """Return a stiffness; of each of its axes the load's name, the motion's, and whether that is a turn."""
+    turns = np.array([turn for *_, turn in axes])
+    units = {turn: _per(stiffness[np.ix_(turns == turn, turns == turn)], "rad" if turn else "m") for turn in (0, 1)}
+    kinds = sorted(set(turns.tolist()))
+    blocks = "; ".join(", ".join(f"{_LOADS[load]}/{units[turn][0]}" for turn in kinds) for load in kinds)
     return MatrixTable(
         title,
-        f"at '{answer.tool}', base axes [N/{far}, N/{arc}; N m/{far}, N m/{arc}]",
-        tuple(f"{name} {'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)),
-        tuple(f"{name}/{far if i < 3 else arc}" for i, name in enumerate(TWIST_NAMES)),
-        _cells(stiffness / np.repeat([moves[1], turns[1]], 3)),
+        f"{where} [{blocks}]",
+        tuple(f"{load} {_LOADS[turn]}" for load, _, turn in axes),
+        tuple(f"{motion}/{units[turn][0]}" for _, motion, turn in axes),
+        _cells(stiffness / [units[turn][1] for turn in turns.tolist()], turns),
     )
 
 
@@ -85,7 +105,8 @@ def _per(block: Array, unit: str) -> tuple[str, float]:
     """Return the coarsest small unit of which one takes less than 10 000 N (N m) along the softest axis."""
     units = finer_units(unit)
     sizes = np.abs(np.diagonal(block))
-    softest = float(sizes[sizes > 1e-9 * sizes.max()].min(initial=np.inf)) if sizes.max() > 0 else 0.0
+    largest = sizes.max(initial=0.0)
+    softest = float(sizes[sizes > 1e-9 * largest].min(initial=np.inf)) if largest > 0 else 0.0
     return next((step for step in units if softest / step[1] < 1e4), units[-1])
 
 
@@ -101,7 +122,7 @@ def compliance_table(answer: Answer) -> MatrixTable:
         f"at '{answer.tool}', base axes [{far}/N, {far}/(N m); {arc}/N, {arc}/(N m)]",
         tuple(f"{name} {far if i < 3 else arc}" for i, name in enumerate(TWIST_NAMES)),
         tuple(f"{name}/{'N' if i < 3 else 'N m'}" for i, name in enumerate(WRENCH_NAMES)),
-        _cells(compliance * np.repeat([moves, turns], 3)[:, None]),
+        _cells(compliance * np.repeat([moves, turns], 3)[:, None], _TURNS),
     )
 
 
@@ -114,16 +135,16 @@ def _of_compliances(sizes: Array, unit: str) -> tuple[str, float]:
     return (name, factor) if largest * factor < 1e4 else readable_unit(largest, unit)
 
 
-def _cells(matrix: Array) -> tuple[tuple[str, ...], ...]:
-    """Return a 6 x 6 matrix as text, each block of equal units with its own number of decimals; rounding is zero."""
+def _cells(matrix: Array, turns: NDArray[np.bool_]) -> tuple[tuple[str, ...], ...]:
+    """Return a matrix as text, each block of equal units with its own number of decimals; rounding is zero."""
     size = np.sqrt(np.abs(np.diagonal(matrix)))
     matrix = np.where(np.abs(matrix * matrix.T) < 1e-18 * np.outer(size, size) ** 2, 0.0, matrix)
-    cells = [[""] * 6 for _ in range(6)]
-    for i in (0, 3):
-        for j in (0, 3):
-            for index, text in enumerate(fixed(matrix[i : i + 3, j : j + 3].ravel())):
-                cells[i + index // 3][j + index % 3] = text
-    return tuple(tuple(row) for row in cells)
+    cells = np.full(matrix.shape, "", object)
+    for rows in (~turns, turns):
+        for columns in (~turns, turns):
+            block = np.ix_(rows, columns)
+            cells[block] = np.reshape(np.array(fixed(matrix[block].ravel()), object), matrix[block].shape)
+    return tuple(map(tuple, cells))
 
 
 def rigid_texts(answer: Answer) -> list[str]:

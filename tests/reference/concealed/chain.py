@@ -18,7 +18,7 @@ from lxml import etree
 
 from .rotations import matrix
 
-GRAVITY = np.array([0.0, 0.0, -9.80665])  # m/s^2
+GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2, as a file means that says nothing
 
 
 @dataclass(frozen=True)
