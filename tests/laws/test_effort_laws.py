@@ -17,6 +17,7 @@ from prup_pin.laws.efforts.delay import Lagging
 from prup_pin.laws.efforts.effort_filter import EffortFilter, EffortsFilter, low_passed
 from prup_pin.laws.efforts.effort_law import EFFORT
 from prup_pin.laws.efforts.effort_sensor import EffortDelay
+from prup_pin.laws.efforts.joint_compliance import YieldingGear
 from prup_pin.laws.efforts.joint_coupling import FeltMotion, FeltPosition, SpringAcross
 from prup_pin.laws.efforts.viscous_friction import Damping
 from prup_pin.parameters import Quantity
@@ -346,3 +347,23 @@ def test_friction_without_a_step_is_viscous_when_slow_and_dry_when_fast(at):
     assert slow == pytest.approx(1e-3 * step * np.abs(speed), rel=1e-4)
     fast = law.efforts(place, {"limit": 3.0, "presliding": 0.0, "smoothing": 1e-9}, at)[:, 2]
     assert fast == pytest.approx(step)
+
+
+def test_links_behind_a_gear_stand_back_by_what_the_gear_passes_on(at):
+    """Efforts at q = theta - c tau_l(q), iterated: to first order in c what the law adds, with nothing else known."""
+    law = YieldingGear()
+    place = law.places(at.mechanism)[1]
+    column, compliance = at.motion.names.index(place.name), 1e-7
+    told = at.knowing(np.zeros_like(at.rigid), np.zeros_like(at.rigid))
+    passed = at.effort_of(place.name, at.rigid)
+    rate = at.rate(passed)
+    rates = [passed, rate, at.rate(rate)]
+    moved = []
+    for table, back in zip((at.motion.position, at.motion.speed, at.motion.acceleration), rates, strict=True):
+        other = table.copy()
+        other[:, column] -= compliance * back
+        moved.append(other)
+    exact = at.rigid_of(at.motion.with_motion(*moved)) - at.rigid
+    added = law.efforts(place, {"compliance": compliance}, told)
+    assert np.abs(added - exact).max() < 5e-3 * np.abs(exact).max()
+    assert np.abs(1.01 * added - exact).max() > 5e-3 * np.abs(exact).max()

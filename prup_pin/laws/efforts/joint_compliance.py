@@ -17,15 +17,16 @@ from .effort_law import MovingEffortLaw, in_units, way_unit
 
 
 class YieldingGear(MovingEffortLaw):
-    """The links stand at q = theta - c tau_l where the motor stands at theta: tau = tau_l + what the motor needs.
+    """The links stand at q = theta - c tau_l where the motor stands at theta: tau = tau_l(q) + what the motor needs.
 
-    tau_l is what bodies ask for behind the gear, at the links' own motion. Below its resonance, links swing farther than
-    the motor; rotor and friction are the motor's. Its damping is neglected.
+    tau_l is what bodies ask of the gear. To first order in c, about the motor's motion; the gear's damping is neglected.
+    Below the resonance links swing farther than the motor and ask for more. Rotor and friction are the motor's.
     """
 
     physics = JointCompliance.physics
     summary = "a gear that yields between the motor's encoder and the links"
     source = JointCompliance.source
+    remedy = "give {place} a spring of this stiffness in the robot file, or keep motions far below its resonance"
     of_motion = True
     of_what_is_known = True
     of_bodies = True
