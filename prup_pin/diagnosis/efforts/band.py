@@ -128,15 +128,17 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
 
 
 def _own_frequency(at: InMotion) -> float:
-    """Return the frequency [Hz] below which most of every speed's power lies."""
+    """Return the frequency [Hz] below which most of the speeds' power lies, of each joint by its own: those that move
+    little vibrate as others do."""
     from scipy.signal import welch
 
     motion = at.motion
     longest = max(pieces(motion.piece), key=lambda where: where.stop - where.start)
     speed = motion.speed[longest]
     frequency, power = welch(speed, motion.rate, nperseg=max(len(speed) // 2, 16), detrend="constant", axis=0)
-    share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
-    return float(frequency[np.argmax(share > _OWN, axis=0)].max())
+    power = power[:, power.any(axis=0)]
+    share = np.cumsum(power / power.sum(axis=0), axis=0).mean(axis=1)
+    return float(frequency[np.argmax(share > _OWN)]) if power.size else float(motion.band.highest)
 
 
 def _background(at: InMotion, joint: int) -> tuple[Array, Array, Array]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from ...dynamics import INERTIAL, InMotion
-from ...dynamics.smoothing import Band
+from ...dynamics.smoothing import Band, pieces
 from ...laws import Effect, Place
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...laws.efforts.all_links import AllLinks
@@ -52,6 +53,8 @@ _ROUGH = tuple(curve for curve in CURVES if curve.friction)
 _FARTHEST, _SETTLED = 2.0, 0.5
 #: Logarithm of a scanned value over the best one beyond which data do not end it.
 _NEVER = 7.0
+#: Periods of the cut-off at an end of a piece by which nothing is judged.
+_PERIODS = 1.5
 #: Samples whose regressors are multiplied at a time.
 _AT_ONCE = 4096
 
@@ -113,6 +116,20 @@ class Efforts:
     def kept(self, values: Array) -> Array:
         """Return efforts (N, k, p) filtered, at the kept samples (n, k, p)."""
         return self.filter(values)[self.every]
+
+    @cached_property
+    def counting(self) -> np.ndarray:
+        """The kept samples by which what is left is judged (n, k): not those at ends of pieces, where filters and rates
+        have no other side, and nobody knows what a signal that comes late was before."""
+        motion, good = self.at.motion, self.good
+        if motion.standing:
+            return good
+        step = max(int(np.median(np.diff(self.every))), 1)
+        end = int(np.ceil(_PERIODS * motion.rate / (step * min(self.judged.cutoffs))))
+        inside = good.copy()
+        for where in pieces(self.piece):
+            inside[where.start : where.start + end] = inside[max(where.stop - end, where.start) : where.stop] = False
+        return np.where(inside.any(axis=0), inside, good)
 
     def _good(self) -> np.ndarray:
         """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit."""

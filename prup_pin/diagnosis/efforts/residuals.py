@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...dynamics.smoothing import pieces
 from ...spatial import Array
 from .chosen import saved
 from .noise import EffortNoise, noise_of_efforts
@@ -12,8 +11,6 @@ from .outcome import Outcome
 
 __all__ = ["noise_of", "residuals_of", "rms_of", "shares_of"]
 
-#: Kept samples at an end of a piece by which nothing is judged: somewhat more than a period of the cut-off.
-_END = 4
 
 
 def noise_of(outcome: Outcome) -> dict[str, EffortNoise]:
@@ -32,7 +29,7 @@ def residuals_of(
     NaN where the noise is unknown. Judged where the motion has its power: what is left above counts as white noise does,
     at most, for motors that vibrate are none of the rigid robot's matter.
     """
-    every, good = outcome.efforts.every, _settled(outcome)
+    every, good = outcome.efforts.every, outcome.efforts.counting
     told = outcome.motion.efforts - outcome.at.rigid / outcome.scale
     left = outcome.motion.efforts - outcome.at.rigid - added
     judged, piece = outcome.efforts.judged, outcome.motion.piece
@@ -57,18 +54,6 @@ def _of_all(squares: Array, counts: Array) -> float:
     """Return the root mean square of all joints' samples by the mean squares of each (k,), of so many samples (k,)."""
     known = counts > 0
     return float(np.sqrt(squares[known] @ counts[known] / counts[known].sum())) if known.any() else float("nan")
-
-
-def _settled(outcome: Outcome) -> np.ndarray:
-    """Return the samples that count (n, k) but for those at ends of pieces, where filters and rates have no other
-    side, and nobody knows what a signal that comes late was before."""
-    good = outcome.efforts.good
-    if outcome.motion.standing:
-        return good
-    inside = good.copy()
-    for where in pieces(outcome.efforts.piece):
-        inside[where.start : where.start + _END] = inside[max(where.stop - _END, where.start) : where.stop] = False
-    return np.where(inside.any(axis=0), inside, good)
 
 
 def _held_ratio(outcome: Outcome) -> float:
