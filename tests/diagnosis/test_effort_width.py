@@ -48,7 +48,7 @@ def learned(monkeypatch):
     monkeypatch.setattr("prup_pin.diagnosis.efforts.width.fit", plain_fit)
 
     def of(given, kinds):
-        kinds = {name: (own, np.eye(len(own))) for name, own in kinds.items()}
+        kinds = {name: (np.array(own), np.eye(len(own))) for name, own in kinds.items()}
         return learned_precisions(given, Chosen(given.table.shape[1]), kinds)
 
     return of
@@ -56,7 +56,7 @@ def learned(monkeypatch):
 
 @pytest.mark.parametrize("width", [0.03, 0.1, 0.5])
 def test_the_width_of_a_kind_is_what_its_coefficients_scatter_by(learned, width):
-    """Forty coefficients tell a standard deviation to some 11 %; blocks' scatter about white noise is one or a little more."""
+    """Forty coefficients tell a standard deviation to some 11 %; blocks scatter like white noise or a little more."""
     precision = learned(problem(1, np.full(40, width)), {"kind": range(40)})["kind"]
     assert precision == pytest.approx(width**-2, rel=0.5)
 

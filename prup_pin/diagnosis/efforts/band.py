@@ -113,8 +113,8 @@ def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> S
 def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
     """Return (k,) frequencies [Hz] up to the lowest one at which a prediction adds more than there was.
 
-    Where it is a vibration that ends what is compared, no joint is compared far above the motion, nor far above the joint
-    that ends first: the mass matrix passes it on.
+    Where a vibration ends what is compared, no joint is compared far above the motion, nor far above the joint that
+    ends first: the mass matrix passes it on.
     """
     worse = (spectra.explained < -_WORSE) & (spectra.frequency > lowest) & (spectra.frequency < highest)
     first = np.argmax(worse, axis=1)

@@ -51,7 +51,7 @@ class Changing:
 def changing(efforts: Efforts, left: Array, measured: Array, noise: Array) -> Changing | None:
     """Return what the efforts that are left (n, k) at the kept samples follow by changing amounts, if anything.
 
-    measured (n, k): the efforts; noise (k,): of them; all below where they are judged. Judged by the largest of all joints and
+    measured (n, k): the efforts; noise (k,): of them; all where they are judged. Told by the largest of all joints and
     motions in the recording as it is and in each shifted one, in standard deviations of the shifted ones.
     """
     if efforts.at.motion.standing:

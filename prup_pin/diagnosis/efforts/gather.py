@@ -40,8 +40,8 @@ from .columns import (
 from .combinations import Combinations
 from .normal import Normal
 from .search import pulls, worth
-from .width import learned_precisions
 from .stretches import Outlying, outlying
+from .width import learned_precisions
 
 __all__ = ["Base", "Efforts"]
 
@@ -391,17 +391,17 @@ class Efforts:
 
         What is usual of a drive is an effort of its own as large as what is measured beyond the rigid robot's.
         """
-        size, kinds = given.columns.power_by_joint, {}
+        kinds: dict[str, tuple[np.ndarray, Array]] = {}
         usual: dict[tuple[str, str], Array] = {}
         for term in (term for term in chosen.terms if chosen.stays(term)):
             block = given.precision(range(term.where.start, term.where.stop))
             if not isinstance(term.law, AllLinks):
-                power = size[self.at.driven.index(term.place.name)]
+                power = given.columns.power_by_joint[self.at.driven.index(term.place.name)]
                 usual[term.name] = np.diag(given.columns.total)[term.where] / power
                 block = np.diag(usual[term.name])
-            own = range(len(chosen.where))[chosen.own(term)]
-            before = kinds.get(term.law.physics, ((), np.zeros((0, 0))))
-            kinds[term.law.physics] = (*before[0], *own), block_diag(before[1], block)
+            own = np.arange(len(chosen.where))[chosen.own(term)]
+            before, together = kinds.get(term.law.physics, (np.zeros(0, int), np.zeros((0, 0))))
+            kinds[term.law.physics] = np.append(before, own), block_diag(together, block)
         precisions = learned_precisions(given, chosen, kinds)
         other = copy(self)
         other._narrower = precisions.get(InertialParameters.physics, 1.0)

@@ -12,7 +12,6 @@ from .outcome import Outcome
 __all__ = ["noise_of", "residuals_of", "rms_of", "shares_of"]
 
 
-
 def noise_of(outcome: Outcome) -> dict[str, EffortNoise]:
     """Return the noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
     declared = outcome.recording.noise.effort
@@ -26,8 +25,8 @@ def residuals_of(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """Return the residual in multiples of the noise (k,) before and after, of all and by joint.
 
-    NaN where the noise is unknown. Judged where the motion has its power: what is left above counts as white noise does,
-    at most, for motors that vibrate are none of the rigid robot's matter.
+    NaN where the noise is unknown. Judged where the motion has its power: what is left above that counts as white noise
+    does, at most, for motors that vibrate are none of the rigid robot's matter.
     """
     every, good = outcome.efforts.every, outcome.efforts.counting
     told = outcome.motion.efforts - outcome.at.rigid / outcome.scale

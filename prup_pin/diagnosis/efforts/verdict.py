@@ -76,8 +76,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         unknown = unknown or (
             list(_beyond_declared(after, by_joint))
             if declared
-            else list(_no_noise(outcome, measured, shares, by_joint))
-            or list(_changing(outcome, added, told))
+            else list(_no_noise(outcome, measured, shares, by_joint)) or list(_changing(outcome, added, told))
         )
         named = {finding.location for finding in unknown}
         unknown += [item for item in _worse(outcome, measured, rigid, held, shares) if item.location not in named]

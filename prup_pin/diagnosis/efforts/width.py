@@ -10,7 +10,7 @@ unit of P (MacKay 1992, variance components):
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.linalg import eigh
@@ -28,7 +28,7 @@ _NARROWEST, _WIDEST, _ROUNDS = 0.01, 1.0, 3
 
 
 def learned_precisions(
-    given: Gathered, chosen: Chosen, kinds: Mapping[str, tuple[Sequence[int], Array]]
+    given: Gathered, chosen: Chosen, kinds: Mapping[str, tuple[np.ndarray, Array]]
 ) -> dict[str, float]:
     """Return by kind the factor of P that is the inverse covariance of its coefficients beside whitened noise.
 
@@ -45,8 +45,7 @@ def learned_precisions(
         precision[np.ix_(own, own)] = usual
     widths = dict.fromkeys(kinds, 1.0)
     for _ in range(_ROUNDS):
-        for name, (chosen_of, usual) in kinds.items():
-            own = np.array(chosen_of)
+        for name, (own, usual) in kinds.items():
             others = np.setdiff1d(np.arange(len(where)), own)
             beside = Normal.of((told + precision)[np.ix_(others, others)])
             cross = beside.solve(told[np.ix_(others, own)])

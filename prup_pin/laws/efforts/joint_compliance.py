@@ -13,14 +13,14 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..joint_compliance import JointCompliance
 from ..law import Place
-from .effort_law import MovingEffortLaw, in_units, way_unit
+from .effort_law import MovingEffortLaw
 
 
 class YieldingGear(MovingEffortLaw):
     """The links stand at q = theta - c tau_l where the motor stands at theta: tau = tau_l(q) + what the motor needs.
 
-    tau_l is what bodies ask of the gear. To first order in c, about the motor's motion; the gear's damping is neglected.
-    Below the resonance links swing farther than the motor and ask for more. Rotor and friction are the motor's.
+    tau_l is what bodies ask of the gear. To first order in c, about the motor's motion; the gear does not damp. Below
+    the resonance links swing farther than the motor and ask for more. Rotor and friction are the motor's.
     """
 
     physics = JointCompliance.physics
@@ -32,13 +32,13 @@ class YieldingGear(MovingEffortLaw):
     of_bodies = True
     one_sided = True
     linear = ("compliance",)
-    quantities = (Quantity("compliance", "rad/(N m)", "turn of the gear per torque that it passes on", 1e-5, upper=1.0),)
+    quantities = (Quantity("compliance", "rad/(N m)", "turn of the gear per torque through it", 1e-5, upper=1.0),)
     neutral: ClassVar = {"compliance": 0.0}
 
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         if not mechanism.joint(place.name).slides:
             return self.quantities
-        return (replace(self.quantities[0], unit="m/N", description="travel of the drive per force that it passes on"),)
+        return (replace(self.quantities[0], unit="m/N", description="travel of the drive per force through it"),)
 
     def acts(self, place: Place, at: InMotion) -> bool:
         return super().acts(place, at) and place.name in at.motion.names
