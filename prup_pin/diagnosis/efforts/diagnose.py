@@ -120,25 +120,31 @@ def _outcome(
 def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
     """Return the laws that the efforts ask for, and efforts that know them; `freed`: beside the masses of all links.
 
-    Looked for from nothing, one after the other, and from what every drive has, all at once: of a robot on which
-    everything is a little off, the first single law would stand for much that it is not. What every drive has is there
-    where most drives surely have something of the kind, by both searches or with less left on held-out blocks.
+    Looked for beside what every drive has: of a robot on which everything is a little off, the first single law would
+    stand for much that it is not. Where most drives surely have nothing of the kind, the drawing is that of this device
+    but for a few laws, and these are looked for from nothing, one after the other.
+
+    How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
+    friction are the usual ones to begin with, or those that suit best before any law is found.
     """
-    found = []
-    for common, share in ((False, 0.0), (True, 0.5)):
-        given = efforts.gathered()
-        start = efforts.start(given if freed else None)
-        if common:
-            start = efforts.background(given, start)
-            efforts, given = efforts.with_learned_widths(given, start)
-            # beside all that every drive has, how its friction turns round stands for nothing else
-            given, start = efforts.closer(given, start, range(len(start.terms)), at_last=True)
-        part = partial(_between, tell, share, share + 0.5)
-        found.append((efforts, *searched(given, start, efforts.renewed, efforts.closer, part)))
-    single, together = found
-    kinds = [kinds_of_most(given, surely(given, chosen).terms) for _, given, chosen in found]
-    less = worth(held_out(*single[1:]), held_out(*together[1:]))[0] > EFFORT_GAIN
-    return together if kinds[1] and (kinds[0] or less) else single
+
+    def begun(of: Efforts) -> tuple[Gathered, Chosen]:
+        given = of.gathered()
+        return given, of.start(given if freed else None)
+
+    first, second = (partial(_between, tell, share, share + 0.5) for share in (0.0, 0.5))
+    given, start = begun(efforts)
+    start = efforts.background(given, start)
+    common, given = efforts.with_learned_widths(given, start)
+    usual = searched(given, start, common.renewed, common.closer, first)
+    if not kinds_of_most(usual[0], surely(*usual).terms):
+        return efforts, *searched(*begun(efforts), efforts.renewed, efforts.closer, second)
+    given, start = begun(common)
+    start = common.background(given, start)
+    given, start = common.closer(given, start, range(len(start.terms)), at_last=True)
+    suiting = searched(given, start, common.renewed, common.closer, second)
+    less = worth(held_out(*suiting), held_out(*usual))[0] > EFFORT_GAIN
+    return common, *(usual if less else suiting)
 
 
 def _between(tell: Callable[[float], None], first: float, last: float, share: float) -> None:
