@@ -175,6 +175,12 @@ class InMotion:
         """Return whether a joint moves at all."""
         return bool(np.ptp(self.position(joint)) > 0)
 
+    def shows(self, joint: str) -> bool:
+        """Return whether an effort along a joint reaches a drive whose effort is compared."""
+        dof = self.mechanism.joint(joint).first_v
+        spread = self.trajectory.spread
+        return bool((self.trajectory.dofs == dof).any() if spread is None else spread[:, dof].any())
+
     def along(self, joint: str, effort: Array) -> Array:
         """Return what the drives give (N, k) for an effort (N,) needed along a joint, be it driven or not."""
         dof = self.mechanism.joint(joint).first_v

@@ -75,7 +75,7 @@ def test_a_motor_that_vibrates_ends_what_is_compared(carriage):
     bands = []
     for vibration in (0.0, 5.0):
         at = InMotion.of(carriage.mechanism, motion_of(log(noise=1e-7, vibration=vibration), carriage.mechanism))
-        bands.append(coherent_band(at)["carriage"])
+        bands.append(coherent_band(at)[0]["carriage"])
     assert bands[0] > 40.0
     assert 4.0 < bands[1] < 30.0
 
@@ -85,7 +85,7 @@ def test_a_late_or_filtered_effort_is_still_compared(carriage):
     late = 8  # ms
     moved = replace(recording, efforts={"carriage": np.roll(recording.efforts["carriage"], late)})
     at = InMotion.of(carriage.mechanism, motion_of(moved, carriage.mechanism))
-    assert coherent_band(at)["carriage"] > 20.0
+    assert coherent_band(at)[0]["carriage"] > 20.0
 
 
 def test_how_far_a_body_is_from_the_drawn_one_is_told_by_ratios_of_its_moments():

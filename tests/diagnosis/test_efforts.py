@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
 
 from prup_pin import load
@@ -375,3 +376,24 @@ def test_a_drive_that_saturates_is_told_before(carriage):
     cut = np.clip(recording.efforts["carriage"], -25.0, 25.0)
     found = prospects(carriage, recording.with_measurements(efforts={"carriage": cut}))
     assert any("tau.carriage is at 25" in text and "saturates" in text for text in found.remarks)
+
+
+def test_a_drive_without_a_column_of_efforts_is_left_out():
+    """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
+    robot = load("ur5")
+    names, model = robot.mechanism.actuated, robot.model
+    time = np.arange(0, 12, 0.01)
+    rates = 2 * np.pi * np.linspace(0.1, 0.3, 6)
+    q = 0.8 * np.sin(np.outer(time, rates))
+    v, a = 0.8 * rates * np.cos(np.outer(time, rates)), -0.8 * rates**2 * np.sin(np.outer(time, rates))
+    data = model.createData()
+    tau = np.array([pinocchio.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
+    tau[:, 1] += 6.0 * v[:, 1]
+    tau += 0.1 * np.random.default_rng(1).normal(size=tau.shape)
+    recording = Recording(
+        time=time,
+        positions=dict(zip(names, q.T, strict=True)),
+        efforts={name: own for name, own in zip(names, tau.T, strict=True) if name != "elbow_joint"},
+    )
+    found = diagnose(robot, recording)
+    assert named(found) == {("viscous_friction", "shoulder_lift_joint")}

@@ -68,29 +68,27 @@ class Spectra:
         return (2 * self.both - self.predicted) / np.maximum(self.measured, np.finfo(float).tiny)
 
 
-def coherent_band(at: InMotion) -> dict[str, float]:
-    """Return by driven joint the frequency [Hz] up to which its efforts are compared."""
+def coherent_band(at: InMotion) -> tuple[dict[str, float], float | None]:
+    """Return by driven joint the frequency [Hz] up to which its efforts are compared, and that below which what is left
+    is judged where motors vibrate: above it the motion has nothing but vibration. None where they do not.
+    """
     motion = at.motion
     highest = motion.band.highest
     lowest = own_band(at)
     columns = [_background(at, joint) for joint in range(len(at.driven))]
-    cutoffs = np.full(len(at.driven), lowest)
+    cutoffs, shaken = np.full(len(at.driven), lowest), False
     for _ in range(_ROUNDS):
         parts = [_fitted(at, joint, own, cutoffs[joint]) for joint, own in enumerate(columns)]
         inertial, others = (np.column_stack(part) for part in zip(*parts, strict=True))
         seen = spectra_of(at, motion.efforts - others, inertial, lowest / _OWN_TIMES)
-        before, cutoffs = cutoffs, _cutoffs(seen, lowest, highest)
+        before, (cutoffs, shaken) = cutoffs, _cutoffs(seen, lowest, highest)
         if (cutoffs == before).all():
             break
-    return dict(zip(at.driven, cutoffs.tolist(), strict=True))
+    return dict(zip(at.driven, cutoffs.tolist(), strict=True)), lowest if shaken else None
 
 
 def own_band(at: InMotion) -> float:
-    """Return the frequency [Hz] up to which all efforts are compared: some times the motion's own.
-
-    Above it what the motion has is noise or vibration. A rigid robot that follows it is of use to a fit, but what it
-    misses there is no fault of the drawing.
-    """
+    """Return the frequency [Hz] up to which all efforts are compared: some times the motion's own."""
     return min(_OWN_TIMES * _own_frequency(at), at.motion.band.highest)
 
 
@@ -110,8 +108,9 @@ def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> S
     return Spectra(frequency, m, p, np.abs(both))
 
 
-def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
-    """Return (k,) frequencies [Hz] up to the lowest one at which a prediction adds more than there was.
+def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bool]:
+    """Return (k,) frequencies [Hz] up to the lowest one at which a prediction adds more than there was, and whether
+    motors vibrate.
 
     Where a vibration ends what is compared, no joint is compared far above the motion, nor far above the joint that
     ends first: the mass matrix passes it on.
@@ -124,7 +123,7 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> Array:
     if shaken.any():
         most = _SHAKEN_TIMES * lowest
         cut = np.minimum(cut, np.sqrt(most * np.clip(cut[shaken].min(), lowest, most)))
-    return np.maximum(cut, lowest)
+    return np.maximum(cut, lowest), bool(shaken.any())
 
 
 def _own_frequency(at: InMotion) -> float:

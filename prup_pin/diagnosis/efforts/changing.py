@@ -56,7 +56,7 @@ def changing(efforts: Efforts, left: Array, measured: Array, noise: Array) -> Ch
     """
     if efforts.at.motion.standing:
         return None
-    good = efforts.counting & np.isfinite(left)
+    good = efforts.away_from_ends(min(efforts.judged.cutoffs)) & np.isfinite(left)
     left = np.where(good, left, 0.0)
     white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
     starts = np.flatnonzero(np.diff(efforts.blocks, prepend=-1))

@@ -60,11 +60,11 @@ def diagnose_efforts(
     """
     tell("the motion", 0.02)
     seen = _in_motion(robot.mechanism, recording)
-    band = None if seen.motion.standing else coherent_band(seen)
+    band, below = (None, None) if seen.motion.standing else coherent_band(seen)
 
     def efforts_without(stretches: Sequence[Stretch]) -> Efforts:
         at = _in_motion(robot.mechanism, recording, stretches, band)
-        return _efforts(recording, at if held is None else _holding(at, held))
+        return _efforts(recording, at if held is None else _holding(at, held), below)
 
     whole = efforts_without(())
     stretches = stretches_of(whole.at, whole.every, whole.outlying)
@@ -96,7 +96,7 @@ def _outcome(
         doubts = check_efforts(at, scale)
         efforts = plainly
         if gains is not None:
-            efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None)
+            efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None, plainly.below)
         first, last = share
         return doubts, *_laws(efforts, gains is not None, partial(_between, partial(tell, _LAWS), first, last))
 
@@ -170,9 +170,9 @@ def _holding(at: InMotion, held: Mapping[str, Array]) -> InMotion:
     return replace(at, rigid=np.where(np.isfinite(known), known, at.rigid))
 
 
-def _efforts(recording: Recording, at: InMotion) -> Efforts:
+def _efforts(recording: Recording, at: InMotion, below: float | None) -> Efforts:
     noise = recording.noise.effort
-    return Efforts(at, _tolerances(recording), np.full(len(at.driven), noise) if noise else None)
+    return Efforts(at, _tolerances(recording), np.full(len(at.driven), noise) if noise else None, below)
 
 
 def _tolerances(recording: Recording) -> dict[str, float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -23,7 +22,6 @@ from ...laws.efforts.inertial_parameters import InertialParameters
 from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_INDISTINCT, EFFORT_SURE, EFFORT_TOLD
-from .band import own_band
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import (
@@ -77,15 +75,16 @@ class Base:
 class Efforts:
     """The efforts of a robot in one motion, ready to be asked which laws they want."""
 
-    def __init__(self, at: InMotion, tolerances: Mapping[str, float], noise: Array | None):
-        """`noise` (k,): declared, of each joint's efforts as they are compared."""
+    def __init__(self, at: InMotion, tolerances: Mapping[str, float], noise: Array | None, below: float | None = None):
+        """`noise` (k,): declared, of each joint's efforts as they are compared. `below` [Hz]: where what is left is
+        judged; None: where it is compared."""
         self.at = at
         self.noise = noise
         motion = at.motion
         self.filter = lambda values: motion.band(values, motion.piece)
-        own = motion.band.highest if motion.standing else own_band(at)
-        #: what is left is judged below this
-        self.judged = Band(tuple(min(own, cutoff) for cutoff in motion.band.cutoffs), motion.band.rate)
+        self.below = below
+        most = np.inf if below is None else below
+        self.judged = Band(tuple(min(most, cutoff) for cutoff in motion.band.cutoffs), motion.band.rate)
         self.every = kept_samples(at)
         self.piece = motion.piece[self.every]
         self.blocks = column_blocks(self.every)
@@ -117,15 +116,14 @@ class Efforts:
         """Return efforts (N, k, p) filtered, at the kept samples (n, k, p)."""
         return self.filter(values)[self.every]
 
-    @cached_property
-    def counting(self) -> np.ndarray:
-        """The kept samples by which what is left is judged (n, k): not those at ends of pieces, where filters and rates
-        have no other side, and nobody knows what a signal that comes late was before."""
+    def away_from_ends(self, cutoff: float) -> np.ndarray:
+        """Return the kept samples (n, k) by which what is left below a cut-off [Hz] is judged: not those at ends of
+        pieces, where filters and rates have no other side, and nobody knows what a late signal was before."""
         motion, good = self.at.motion, self.good
         if motion.standing:
             return good
         step = max(int(np.median(np.diff(self.every))), 1)
-        end = int(np.ceil(_PERIODS * motion.rate / (step * min(self.judged.cutoffs))))
+        end = int(np.ceil(_PERIODS * motion.rate / (step * cutoff)))
         inside = good.copy()
         for where in pieces(self.piece):
             inside[where.start : where.start + end] = inside[max(where.stop - end, where.start) : where.stop] = False

@@ -212,7 +212,7 @@ class JointEffortLaw(EffortLaw):
         return moving_places(mechanism, self.variant)
 
     def acts(self, place: Place, at: InMotion) -> bool:
-        return at.moves(place.name)
+        return at.moves(place.name) and at.shows(place.name)
 
 
 class DrivenEffortLaw(EffortLaw):
