@@ -25,8 +25,8 @@ def residuals_of(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
     """Return the residual in multiples of the noise (k,) before and after, of all and by joint.
 
-    NaN where the noise is unknown. What is left above where it is judged counts as white noise does, at most: motors that
-    vibrate are none of the rigid robot's matter.
+    NaN where the noise is unknown. What is left above where it is judged counts as white noise does, at most: a motor
+    that vibrates is none of the rigid robot's matter.
     """
     every, good = outcome.efforts.every, outcome.efforts.away_from_ends(outcome.motion.band.highest)
     told = outcome.motion.efforts - outcome.at.rigid / outcome.scale
