@@ -463,3 +463,11 @@ def test_numbers(value, text):
 def test_fixed_keeps_decimals_alike():
     assert fixed([123.4, 0.5, 1e-9]) == ["123.4", "0.5", "0"]
     assert fixed([0, 0]) == ["0", "0"]
+
+
+def test_a_packaged_robot_on_which_nothing_yields_is_not_said_to_have_modules(run):
+    listed = run("robots").stdout
+    first, _, rest = listed.partition("Packaged without compliant modules")
+    assert "3prup" in first
+    assert "ball_screw_axis" not in first
+    assert "ball_screw_axis" in rest

@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..recordings.writer import text_of
 from .files import check_folder, file_name, say_written, write
 from .options import Frame, Open, Scale
-from .question import Question
+from .question import Question, Sight
 
 if TYPE_CHECKING:
     from ..views.meshcat.explorer import Explorer
@@ -23,7 +23,7 @@ __all__ = ["report", "view"]
 
 
 def view(
-    question: Question,
+    question: Sight,
     scale: Scale = None,
     html: Annotated[
         Path | None, typer.Option("--html", metavar="FILE", help="Where to write the page. Default: ./ROBOT.html.")

@@ -20,7 +20,7 @@ from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_
 from ..views.text.tables import some
 from .options import Reading, RobotName, SetParameters, changes_of
 
-__all__ = ["Case", "Question", "limits_as_notes"]
+__all__ = ["Case", "Question", "Sight", "limits_as_notes"]
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,16 @@ class Question:
         if kept:
             notes.append(f"not given, so at home: {', '.join(some(kept))}")
         return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
+
+
+@dataclass(frozen=True)
+class Sight(Question):
+    """The same options where a robot is looked at: without a load no deflection is drawn."""
+
+    wrench: Annotated[
+        str | None,
+        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Without it no deflection is drawn."),
+    ] = None
 
 
 @contextmanager

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..errors import InputError
 from ..loading import Reading
 from ..mechanism import Joint, Mechanism
 from ..numbers import number
@@ -17,6 +19,11 @@ __all__ = ["AsRecorded", "as_recorded"]
 
 #: Joints that a sentence lists by name.
 _MOST_LISTED = 8
+
+#: How alike (difflib) a column's name and a joint's are, and their words one by one, where one is the other misspelt.
+#: It is more than a name needs to be suggested: joints of another device share words such as "joint" with the robot's.
+_MISSPELT = 0.85
+_MISSPELT_WORD = 0.75
 
 
 @dataclass(frozen=True)
@@ -43,8 +50,12 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
     A tree without a tool has the first marker's frame for one. A joint of a tree whose position was not recorded is
     held where the robot file has it: off the way from the base to what was measured it makes no difference but for the
     weight of what it carries. A base that floats stands still.
+
+    Raises InputError for a column whose joint is misspelt: it would be left out, and its joint held instead.
     """
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    for recording in given:
+        _check_spelling(recording, robot.mechanism)
     given = [_followed(recording, robot.mechanism) for recording in given]
     remarks: list[str] = []
     markers = list(dict.fromkeys(name for recording in given for name in recording.marker_names))
@@ -58,6 +69,44 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
     held = _held(robot.mechanism, given, frames)
     remarks += _told(robot.mechanism, held)
     return AsRecorded(robot.with_held_joints(held), tuple(given), tool, held, tuple(remarks))
+
+
+def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
+    """Raise InputError where a column names no joint of the robot, but nearly one that lacks this column."""
+    joints = [joint.name for joint in mechanism.joints]
+    known = {*joints, *mechanism.description.held, *mechanism.frame_names}
+    for prefix, columns in (
+        ("q", recording.positions),
+        ("qd", recording.velocities),
+        ("qdd", recording.accelerations),
+        ("tau", recording.efforts),
+    ):
+        lacking = {name.lower(): name for name in joints if name not in columns}
+        for name in columns:
+            if name in known:
+                continue
+            close = difflib.get_close_matches(name.lower(), list(lacking), cutoff=_MISSPELT)
+            close = [match for match in close if _misspelt(name.lower(), match)]
+            if close:
+                raise InputError(
+                    f"no joint '{name}' (column {prefix}.{name}); did you mean {lacking[close[0]]}? Name the column "
+                    f"{prefix}.{lacking[close[0]]}, or leave it out"
+                )
+
+
+def _misspelt(name: str, joint: str) -> bool:
+    """Return False for names that are alike and still of two joints: joint_6 and joint_7, left_hip and right_hip."""
+    if _digits(name) != _digits(joint):
+        return False
+    words, others = name.split("_"), joint.split("_")
+    if len(words) != len(others):
+        return "".join(words) == "".join(others)
+    pairs = zip(words, others, strict=True)
+    return all(difflib.SequenceMatcher(None, *pair).ratio() >= _MISSPELT_WORD for pair in pairs)
+
+
+def _digits(name: str) -> list[str]:
+    return [letter for letter in name if letter.isdigit()]
 
 
 def _mimics(mechanism: Mechanism, frame: str) -> bool:

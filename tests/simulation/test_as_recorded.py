@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.errors import UnknownNameError
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.before import prospects
+from prup_pin.errors import InputError, UnknownNameError
 from prup_pin.laws import Place, law_at
 from prup_pin.loading import Reading
 from prup_pin.recordings import Noise, Recording, write_recording
@@ -176,3 +178,44 @@ def test_all_of_it_from_the_command_line(tmp_path):
     for name in MARKERS:
         apart = simulated.markers[name] - recording.markers[name]
         assert np.sqrt(np.mean(apart**2)) < 1.1e-4
+
+
+def ur5_log(**names: str) -> Recording:
+    """Return a log of a ur5 in motion with columns of all six joints, some under another name."""
+    time = np.linspace(0, 4, 400)
+    joints = prup_pin.load("ur5").mechanism.actuated
+    q = {name: 0.3 * np.sin((1 + k) * time) for k, name in enumerate(joints)}
+    tau = {names.get(name, name): np.ones(len(time)) for name in joints}
+    return Recording(time, positions=q, efforts=tau)
+
+
+@pytest.mark.parametrize("ask", [diagnose, simulate, prospects])
+def test_a_misspelt_joint_is_refused_by_all_that_read_a_recording(ask):
+    said = "no joint 'elbo_joint' (column tau.elbo_joint); did you mean elbow_joint?"
+    with pytest.raises(InputError, match=re.escape(said)):
+        ask(prup_pin.load("ur5"), ur5_log(elbow_joint="elbo_joint"))
+
+
+@pytest.mark.parametrize("group", ["positions", "velocities", "accelerations", "efforts"])
+def test_a_misspelt_joint_is_refused_in_every_group_of_columns(group):
+    log = ur5_log()
+    columns = {name.replace("elbow", "elbwo"): values for name, values in log.positions.items()}
+    with pytest.raises(InputError, match="did you mean elbow_joint"):
+        as_recorded(prup_pin.load("ur5"), replace(log, **{group: columns}))
+
+
+def test_a_foreign_joint_is_not_used_and_no_misspelling():
+    robot, log = prup_pin.load("ur5"), ur5_log()
+    log = replace(log, efforts={**log.efforts, "gripper_joint": np.ones(len(log))})
+    assert "tau.gripper_joint" in prospects(robot, log).unused_columns
+
+
+@pytest.mark.parametrize("foreign", ["gripper_joint", "wrist_4_joint", "left_shoulder_pan_joint"])
+def test_a_foreign_joint_stays_so_beside_joints_without_a_column(foreign):
+    log = ur5_log()
+    as_recorded(prup_pin.load("ur5"), replace(log, efforts={foreign: np.ones(len(log))}))
+
+
+def test_a_column_beside_its_joint_s_own_is_no_misspelling():
+    log = ur5_log()
+    as_recorded(prup_pin.load("ur5"), replace(log, efforts={**log.efforts, "elbo_joint": np.ones(len(log))}))

@@ -184,13 +184,17 @@ def print_robots(out: Console) -> None:
     """Print the robots that can be loaded by name, and where they come from."""
     from ...mechanism.readers import read
 
-    heading(out, "Packaged", "with compliant modules")
     folder = robots.packaged_folder()
-    table = make_table(("name", "left"), ("file", "left"), ("variants", "left"))
-    for name in robots.packaged_names():
-        path = folder / f"{name}.urdf"
-        table.add_row(name, path.name, ", ".join(f"{name}_{variant}" for variant in read(path).variants) or "-")
-    print_table(out, table)
+    packaged = {name: read(folder / f"{name}.urdf") for name in robots.packaged_names()}
+    for yields, which in ((True, "with compliant modules"), (False, "without compliant modules")):
+        group = {name: robot for name, robot in packaged.items() if bool(robot.modules) is yields}
+        if group:
+            heading(out, "Packaged", which)
+            table = make_table(("name", "left"), ("file", "left"), ("variants", "left"))
+            for name, robot in group.items():
+                variants = ", ".join(f"{name}_{variant}" for variant in robot.variants)
+                table.add_row(name, f"{name}.urdf", variants or "-")
+            print_table(out, table)
     examples = robots.example_folder()
     heading(out, "From example-robot-data,", "which describes no compliance: add --joint-stiffness")
     if examples is None:
