@@ -3,7 +3,7 @@
     python scripts/examples.py [--recordings]
 
 The recordings are those of concealed devices, made by the simulators of tests/reference/concealed, which share no code
-with the package; `DEVICES` says what is different about them. examples/README.md tells their stories.
+with the package; `DEVICES` says what is different about them. examples/EXAMPLES.md tells their stories.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -67,3 +68,10 @@ def test_a_file_is_no_folder(run, tmp_path):
     done = run("--copy", tmp_path / "file")
     assert done.exit_code == 2
     assert "is not a folder" in " ".join(done.output.split())
+
+
+def test_examples_are_copied_into_a_clone(tmp_path):
+    """README's own commands are typed there: no example is called as a file of the clone is."""
+    clone = Path(__file__).resolve().parents[1]
+    there = {path.name for path in clone.iterdir()}
+    assert not there & {path.name for path in examples_folder().iterdir() if path.is_file()}

@@ -47,7 +47,7 @@ def examples(
         raise InputError(f"--copy: {error}; nothing was copied") from error
     except OSError as error:
         raise InputError(f"--copy: cannot write to '{copy}': {error.strerror}") from error
-    typer.echo(f"{len(files)} files in {target}; README.md tells what they are")
+    typer.echo(f"{len(files)} files in {target}; EXAMPLES.md tells what they are")
 
 
 def examples_folder() -> Path:
@@ -65,7 +65,7 @@ def _differs(path: Path, there: Path) -> bool:
 
 
 def _about(path: Path) -> str:
-    """Return what a file is, in a few words: its first comment, or what stands in the README's table."""
+    """Return what a file is, in a few words: its first comment, or what stands in the table of EXAMPLES.md."""
     if path.suffix == ".urdf":
         comment = re.search(r"<!--\s*(.*?)-->", path.read_text(encoding="utf-8"), re.DOTALL)
         words = " ".join(comment[1].split()) if comment else "a robot file"
