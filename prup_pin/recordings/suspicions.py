@@ -16,6 +16,8 @@ _LARGEST_POSITION = 50.0
 _LARGEST_FORCE = 1e5
 #: A moment this many metres times the force is more likely in N mm.
 _LONGEST_LEVER = 20.0
+#: A motion of so many rows, this slow [s] a row and by so little of its travel [1], is more likely in milliseconds.
+_MOVING_ROWS, _SLOW_ROW, _SHORT_WAY = 500, 0.5, 0.01
 #: Fewer repeats tell little about the noise.
 _FEWEST_REPEATS = 5
 
@@ -23,6 +25,7 @@ _FEWEST_REPEATS = 5
 def suspicions(recording: Recording) -> tuple[str, ...]:
     """Return sentences for a person on values that are hardly meant so. An empty tuple if nothing stands out."""
     return (
+        *_time(recording),
         *_units(recording),
         *_gravity(recording),
         *_channels(recording),
@@ -47,6 +50,22 @@ def _columns(recording: Recording) -> Iterator[tuple[str, Array]]:
                 yield f"{prefix}.{axis}", array[:, k]
     if recording.temperature is not None:
         yield "temperature", recording.temperature
+
+
+def _time(recording: Recording) -> Iterator[str]:
+    step = float(np.median(np.diff(recording.time))) if len(recording) > _MOVING_ROWS else 0.0
+    if not step > _SLOW_ROW or not recording.efforts:
+        return
+    ways = [
+        (float(np.nanmedian(np.abs(np.diff(q)))), float(np.nanmax(q) - np.nanmin(q)))
+        for q in recording.positions.values()
+        if np.isfinite(q).sum() > 1
+    ]
+    if any(travel > 0 for _, travel in ways) and all(way < _SHORT_WAY * travel for way, travel in ways if travel > 0):
+        yield (
+            f"time goes on by {number(step, 3)} a row, and joints that move hardly move from row to row: is it in "
+            "milliseconds? Expected seconds."
+        )
 
 
 def _gravity(recording: Recording) -> Iterator[str]:

@@ -203,3 +203,14 @@ def test_repeated_rows():
 def test_suspicions_of_next_to_nothing():
     assert suspicions(Recording(time=[0.0], positions={"a": [0.1]})) == ()
     assert suspicions(bench().select([])) != ()  # nothing was measured
+
+
+def test_a_clock_in_milliseconds_is_suspected():
+    """A motion of 30 s that seems to take eight hours; postures one after the other may take as long."""
+    time = np.arange(0, 30, 0.02)
+    motion = {"time": time, "positions": {"axis": np.sin(time)}, "efforts": {"axis": np.cos(time)}}
+    assert not suspicions(Recording(**motion))
+    (said,) = suspicions(Recording(**(motion | {"time": 1e3 * time})))
+    assert "is it in milliseconds?" in said
+    postures = {"axis": np.random.default_rng(1).uniform(-1, 1, len(time))}
+    assert not suspicions(Recording(**(motion | {"time": 1e3 * time, "positions": postures})))

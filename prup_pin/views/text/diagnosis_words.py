@@ -37,6 +37,8 @@ _ABSURD = 1e9
 _IN_A_SENTENCE = 6
 #: ... and whose statements a paragraph holds.
 _MOST_TOLD = 3
+#: Multiples of the noise up to which what is left is little more than that.
+_LITTLE_MORE = 1.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
 _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
@@ -152,7 +154,12 @@ def summary_text(diagnosis: Diagnosis) -> str:
         things = f"{count} thing{'s' if len(causes) > 1 else ''}"
         texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for it: {'; '.join(causes)}.")
     if diagnosis.verdict == "explained":
-        texts.append(f"With {them} in the model {last}, little more than the sensors scatter by themselves.")
+        times = diagnosis.after.get("heldout", math.nan)
+        scatter = "little more than the sensors scatter by themselves"
+        if not times < _LITTLE_MORE:
+            known = f"{number(times, 3)} times" if math.isfinite(times) else "an unknown multiple of"
+            scatter = f"{known} what the sensors scatter by themselves, which follows nothing that was measured"
+        texts.append(f"With {them} in the model {last}, {scatter}.")
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
         texts[-1] += ": something is missing that has no name here, and the corrected model holds only near these data."
