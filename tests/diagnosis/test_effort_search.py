@@ -5,12 +5,17 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.efforts import search
 from prup_pin.diagnosis.efforts.beside import Beside
+from prup_pin.diagnosis.efforts.chosen import Chosen
+from prup_pin.diagnosis.efforts.columns import EffortCandidate
 from prup_pin.diagnosis.efforts.combinations import Combinations
 from prup_pin.diagnosis.efforts.gather import Efforts
 from prup_pin.diagnosis.efforts.relief import relieved
 from prup_pin.diagnosis.efforts.search import scores
 from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.laws import Place
+from prup_pin.laws.efforts.viscous_friction import Damping
 from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
@@ -121,3 +126,11 @@ def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_i
     _, found = relieved(given, chosen, efforts.with_curves)
     assert {term.law.physics for term in found.terms} - {friction} == {"rotor_inertia"}
     assert friction in {term.law.physics for term in found.terms}
+
+
+def test_a_law_that_comes_back_as_often_as_it_is_needless_ends_the_search(monkeypatch):
+    """All links' masses come in for several of them, whatever was refused before."""
+    coming = EffortCandidate(Damping(), Place("a", "effort"), {}, slice(0, 1))
+    monkeypatch.setattr(search, "_forward", lambda given, chosen, *rest: (given, chosen.with_term(coming)))
+    monkeypatch.setattr(search, "pruned", lambda given, chosen, doubtful: chosen.of(()))
+    assert search.searched(None, Chosen(()))[1].terms == ()

@@ -170,15 +170,17 @@ def searched(
     """
     chosen = start
     refused: Counter[tuple[str, str, str]] = Counter()
+    left: set[tuple[str, str, str]] = set()
     while True:
         given, chosen = _forward(given, chosen, refused, refresh, closer, tell)
         needed = pruned(given, chosen, chosen.terms)
-        # what only imitated a plainer law leaves its place to that
-        needless = [term for term in chosen.terms if not any(term is other for other in needed.terms)]
-        refused.update({_key(term): _ENTRIES for term in needless})
+        # what only imitated a plainer law leaves its place to that, once
+        gone = {_key(term) for term in chosen.terms if not any(term is other for other in needed.terms)}
         chosen = needed
-        if not needless:
+        if gone <= left:
             break
+        left |= gone
+        refused.update(dict.fromkeys(gone, _ENTRIES))
     # bodies first: what follows from what is known acts on them
     chosen = chosen.of(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known))
     if closer is not None and chosen.terms:
