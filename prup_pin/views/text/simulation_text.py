@@ -33,7 +33,8 @@ def print_simulation(
     notes: Sequence[str] = (),
 ) -> None:
     """Print the closing summary of a simulation; `recording` holds what was measured, if anything was."""
-    out.print(Text(f"{robot.name}, loaded, in its deformed position", style="bold"))
+    how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
+    out.print(Text(f"{robot.name}, {how}", style="bold"))
     listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
     _print_rows(out, prediction)
     found = compare(recording, prediction)
