@@ -391,10 +391,13 @@ class Efforts:
         """
         kinds: dict[str, tuple[np.ndarray, Array]] = {}
         usual: dict[tuple[str, str], Array] = {}
-        for term in (term for term in chosen.terms if chosen.stays(term)):
+        for term in chosen.terms:
+            if not (chosen.stays(term) and given.columns.touched[term.where].any()):
+                continue
             block = given.precision(range(term.where.start, term.where.stop))
             if not isinstance(term.law, AllLinks):
-                power = given.columns.power_by_joint[self.at.driven.index(term.place.name)]
+                shown = given.columns.touched[term.where].any(axis=0)  # a passive joint's at the drives that move it
+                power = max(float(given.columns.power_by_joint[shown].sum()), np.finfo(float).tiny)
                 usual[term.name] = np.diag(given.columns.total)[term.where] / power
                 block = np.diag(usual[term.name])
             own = np.arange(len(chosen.where))[chosen.own(term)]
