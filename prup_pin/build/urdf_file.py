@@ -53,10 +53,7 @@ def in_metres(**lengths: float) -> None:
     positive(**lengths)
     for name, value in lengths.items():
         if float(value) > _LONGEST:
-            raise InputError(
-                f"{name} = {value:g} m is longer than any part of such a robot: is it in millimetres? Lengths are in "
-                f"metres: {name}={float(value) / 1e3:g}"
-            )
+            raise _millimetres(name, value, "longer than any part of such a robot")
 
 
 def thinner(length: float, **diameter: float) -> None:
@@ -64,10 +61,13 @@ def thinner(length: float, **diameter: float) -> None:
     in_metres(**diameter)
     for name, value in diameter.items():
         if float(value) > length:
-            raise InputError(
-                f"{name} = {value:g} m is more than its bar is long, {length:g} m: is it in millimetres? Lengths are "
-                f"in metres: {name}={float(value) / 1e3:g}"
-            )
+            raise _millimetres(name, value, f"more than its bar is long, {length:g} m")
+
+
+def _millimetres(name: str, value: float, why: str) -> InputError:
+    return InputError(
+        f"{name} = {value:g} m is {why}: is it in millimetres? Lengths are in metres: {name}={float(value) / 1e3:g}"
+    )
 
 
 class Shape(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -144,8 +144,7 @@ class TestPlan:
             raise InputError(f"encoder_resolution = {self.encoder_resolution!r}: expected 0 or more [m or rad]")
         if self.pose_count > MAX_POSES:
             raise InputError(f"{self.pose_count} poses; expected at most {MAX_POSES}")
-        samples = sum(load.samples * (self.pose_count if load.poses is None else len(set(load.poses)))
-                      for load in self.loads)  # fmt: skip
+        samples = _sample_count(self.loads, self.pose_count)
         if samples > MAX_SAMPLES:
             raise InputError(f"the plan has {samples} samples; expected at most {MAX_SAMPLES}")
         for k, load in enumerate(self.loads):
@@ -220,6 +219,11 @@ class TestPlan:
                     raise _placed(error, f"poses[{k}].at") from error
             else:
                 yield from _drawn(pose, solve_pose, random, f"poses[{k}].random")
+
+
+def _sample_count(loads: Iterable[LoadProgramme], poses: int) -> int:
+    """Return how many samples load programmes take at so many poses."""
+    return sum(load.samples * (poses if load.poses is None else len(set(load.poses))) for load in loads)
 
 
 def _drawn(
@@ -474,7 +478,7 @@ class _PlanReader:
         tolerances = tolerances_value(values.get("tolerances"), self.problems, self.path.name, "tolerances.")
         markers, gravity = self.markers(values.get("markers")), self.gravity(values.get("gravity"))
         seed = self.whole(values.get("seed", 0), "seed", 0)
-        samples = sum(load.samples * (count if load.poses is None else len(set(load.poses))) for load in loads)
+        samples = _sample_count(loads, count)
         if samples > MAX_SAMPLES:
             self.wrong("loads", f"come to {samples} samples; expected at most {MAX_SAMPLES}")
         robot, notes = self.text(values.get("robot"), "robot"), self.text(values.get("notes"), "notes")

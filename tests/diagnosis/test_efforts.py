@@ -398,5 +398,6 @@ def test_a_drive_without_a_column_of_efforts_is_left_out():
     found = diagnose(robot, recording)
     assert named(found) == {("viscous_friction", "shoulder_lift_joint")}
     blind = replace(recording, positions={k: v for k, v in recording.positions.items() if k != "wrist_1_joint"})
-    with pytest.raises(InputError, match=r"tau.wrist_1_joint was recorded, but no q.wrist_1_joint"):
-        diagnose(robot, blind)
+    for asked in (diagnose, prospects):
+        with pytest.raises(InputError, match=r"tau.wrist_1_joint was recorded, but no q.wrist_1_joint"):
+            asked(robot, blind)

@@ -24,7 +24,7 @@ from ...laws.efforts.effort_law import usual_way
 from ...laws.efforts.inertial_parameters import near_body
 from ...spatial import Array
 
-__all__ = ["Spectra", "coherent_band", "own_band", "spectra_of"]
+__all__ = ["Spectra", "coherent_band", "spectra_of"]
 
 #: Share of the speeds' power below a motion's own frequency, and up to how many times that all efforts are compared.
 _OWN, _OWN_TIMES = 0.99, 4.0
@@ -74,7 +74,7 @@ def coherent_band(at: InMotion) -> tuple[dict[str, float], float | None]:
     """
     motion = at.motion
     highest = motion.band.highest
-    lowest = own_band(at)
+    lowest = min(_OWN_TIMES * _own_frequency(at), highest)
     columns = [_background(at, joint) for joint in range(len(at.driven))]
     cutoffs, shaken = np.full(len(at.driven), lowest), False
     for _ in range(_ROUNDS):
@@ -85,11 +85,6 @@ def coherent_band(at: InMotion) -> tuple[dict[str, float], float | None]:
         if (cutoffs == before).all():
             break
     return dict(zip(at.driven, cutoffs.tolist(), strict=True)), lowest if shaken else None
-
-
-def own_band(at: InMotion) -> float:
-    """Return the frequency [Hz] up to which all efforts are compared: some times the motion's own."""
-    return min(_OWN_TIMES * _own_frequency(at), at.motion.band.highest)
 
 
 def spectra_of(at: InMotion, measured: Array, predicted: Array, own: float) -> Spectra:

@@ -186,11 +186,6 @@ class Columns:
         """The joints in which each column acts, (P, k)."""
         return self._touched[: self.size]
 
-    @property
-    def power_by_joint(self) -> Array:
-        """Squares of the target (k,), summed over all samples."""
-        return (self.target**2).sum(axis=0)
-
     def by_block(self, values: Array) -> Array:
         """Return sums over blocks (B, ...) of values (n, ...)."""
         return np.add.reduceat(values, self.starts) if self.count else np.zeros((0, *values.shape[1:]))

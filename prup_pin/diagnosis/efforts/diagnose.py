@@ -161,13 +161,6 @@ def _in_motion(
     motion = motion_of(recording, mechanism, without=[stretch.rows for stretch in without], band=band)
     if not motion.driven:
         raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
-    unseen = [name for name in motion.driven if name not in motion.names]
-    if unseen and not mechanism.loops:
-        name = unseen[0]
-        raise InputError(
-            f"tau.{name} was recorded, but no q.{name}: where {name} stood is not known. Add the column, constant "
-            f"where the joint is held, or leave tau.{name} out"
-        )
     return InMotion.of(mechanism, motion)
 
 

@@ -389,15 +389,17 @@ class Efforts:
 
         What is usual of a drive is an effort of its own as large as what is measured beyond the rigid robot's.
         """
+        powers = (given.columns.target**2).sum(axis=0)
         kinds: dict[str, tuple[np.ndarray, Array]] = {}
         usual: dict[tuple[str, str], Array] = {}
         for term in chosen.terms:
-            if not (chosen.stays(term) and given.columns.touched[term.where].any()):
+            shown = given.columns.touched[term.where].any(axis=0)  # a passive joint's at the drives that move it
+            if not (chosen.stays(term) and shown.any()):
                 continue
-            block = given.precision(range(term.where.start, term.where.stop))
-            if not isinstance(term.law, AllLinks):
-                shown = given.columns.touched[term.where].any(axis=0)  # a passive joint's at the drives that move it
-                power = max(float(given.columns.power_by_joint[shown].sum()), np.finfo(float).tiny)
+            if isinstance(term.law, AllLinks):
+                block = given.precision(range(term.where.start, term.where.stop))
+            else:
+                power = max(float(powers[shown].sum()), np.finfo(float).tiny)
                 usual[term.name] = np.diag(given.columns.total)[term.where] / power
                 block = np.diag(usual[term.name])
             own = np.arange(len(chosen.where))[chosen.own(term)]

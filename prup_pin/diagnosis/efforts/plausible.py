@@ -53,6 +53,7 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
 
     known (k,): gains of the efforts, where those are in units of their own.
     """
+    _check_places(at)
     rows = np.unique(np.linspace(0, len(at) - 1, _SAMPLES).astype(int))
     motion = at.motion.select(rows)
     efforts = at.motion.band(at.motion.efforts, at.motion.piece)[rows]
@@ -82,6 +83,17 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
         f"the efforts follow the rigid robot's, but are other multiples of them at each joint ({told}): are they in "
         "per cent or A? Expected N m or N"
     ]
+
+
+def _check_places(at: InMotion) -> None:
+    """Raise InputError where an effort was recorded of a joint whose place is neither recorded nor told by loops."""
+    unseen = [name for name in at.driven if name not in at.motion.names]
+    if unseen and not at.mechanism.loops:
+        name = unseen[0]
+        raise InputError(
+            f"tau.{name} was recorded, but no q.{name}: where {name} stood is not known. Add the column, constant "
+            f"where the joint is held, or leave tau.{name} out"
+        )
 
 
 def _apart(gains: dict[str, float]) -> bool:
