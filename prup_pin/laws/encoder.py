@@ -20,6 +20,7 @@ class EncoderOffset(Law):
 
     physics = "encoder_offset"
     summary = "an encoder with an offset"
+    sensor = "encoders"
     remedy = "set the zero of the encoder at {place} anew, by the offset found here"
     quantities = (Quantity("offset", "m", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1),)
     neutral: ClassVar = {"offset": 0.0}

@@ -25,6 +25,7 @@ class StiffnessChanged(Law):
         "check {place} for wear, loose screws or lost preload; if it is sound, enter this stiffness in the robot file"
     )
     quantities = (Quantity("factor", "1", "true stiffness over the robot file's", 0.5, lower=0.0, upper=100.0),)
+    of_stiffness = True
     neutral: ClassVar = {"factor": 1.0}
     strong = 0.2
 

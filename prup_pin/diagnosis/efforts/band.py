@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics import InMotion, LowPass
+from ...dynamics.inertial import near_body
 from ...dynamics.smoothing import by_bands, pieces
 from ...laws.efforts.effort_law import usual_way
-from ...laws.efforts.inertial_parameters import near_body
 from ...spatial import Array
 
 __all__ = ["Spectra", "coherent_band", "spectra_of"]

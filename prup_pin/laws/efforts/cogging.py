@@ -39,6 +39,8 @@ class Periodic(MovingEffortLaw):
     )
     of_motion = True  # postures would be taken for any period
     linear = ("cosine", "sine")
+    against = "position"
+    told_by_values = True
     settled = ("period",)
     quantities = (
         Quantity("cosine", "N m", "amplitude of the cosine", 1.0, positive=False, lower=-1e6),
@@ -110,6 +112,7 @@ class CoggingOfFewPeriods(Periodic):
     family = "counterbalance"
     least_gain = _SURELY
     by_shape = True
+    within_travel = True
     fewest = 0.3
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:

@@ -48,6 +48,7 @@ class SlidingFriction(JointEffortLaw):
     everywhere = True
     family = "dry friction"
     linear = ("limit",)
+    against = "speed"
     settled = ("presliding", "smoothing")
     optional = ("smoothing",)
     one_sided = True
@@ -86,6 +87,7 @@ class LoadedFriction(MovingEffortLaw):
     variant = f"{EFFORT} by load"
     of_motion = True
     linear = ("limit", "share_of_load")
+    against = "speed"
     settled = ("presliding", "smoothing")
     optional = ("smoothing",)
     one_sided = True
@@ -129,6 +131,7 @@ class ColdFriction(MovingEffortLaw):
     variant = f"{EFFORT} while it warms up"
     of_motion = True
     linear = ("limit", "cold")
+    against = "speed"
     settled = ("time", "presliding")
     one_sided = True
     quantities = (

@@ -25,6 +25,7 @@ class EffortOffset(DrivenEffortLaw):
     remedy = "zero the effort of {place} with the drive off"
     everywhere = True
     linear = ("offset",)
+    tolerance = "effort_bias"
     quantities = (Quantity("offset", "N m", "reported less true effort", 1.0, positive=False, lower=-1e6),)
     neutral: ClassVar = {"offset": 0.0}
 
@@ -52,6 +53,9 @@ class EffortGain(DrivenEffortLaw):
     summary = "a gain of the reported effort"
     remedy = "calibrate the torque constant of {place} with a known load"
     linear = ("gain",)
+    against = "load"
+    of_gain = True
+    tolerance = "effort_gain"
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-0.99),)
     neutral: ClassVar = {"gain": 0.0}
 
@@ -69,6 +73,7 @@ class EffortUnit(EffortGain):
 
     variant = f"{EFFORT} in a unit of its own"
     competes = False
+    tolerance = ""
     summary = "efforts in a unit of their own"
     remedy = "enter the torque constant of {place}, so that it reports N m or N"
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-1e6),)
