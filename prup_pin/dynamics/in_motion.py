@@ -244,7 +244,7 @@ class InMotion:
 
     def _ago(self, splines: list, values: Array, delay: float) -> Array:
         out = np.zeros_like(values)
-        if self.motion.standing:
+        if self.motion.standing or not delay:
             return out
         for where, spline in zip(pieces(self.motion.piece), splines, strict=True):
             time = self.motion.time[where]

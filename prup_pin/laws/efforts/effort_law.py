@@ -43,6 +43,8 @@ class EffortLaw(Law):
     linear: ClassVar[tuple[str, ...]]
     #: True where none of them can be negative.
     one_sided: ClassVar[bool] = False
+    #: Those of them that take power from the motion: friction.
+    resists: ClassVar[tuple[str, ...]] = ()
     #: Share of the held-out squares that it must save, where that is more than of any law.
     least_gain: ClassVar[float] = 0.0
     #: False where it is told before any law competes.

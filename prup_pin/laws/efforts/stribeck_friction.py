@@ -37,6 +37,7 @@ class StribeckFriction(JointEffortLaw):
     family = "dry friction"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit (1994)"
     linear = ("limit", "extra")
+    resists = linear
     against = "speed"
     settled = ("speed", "presliding")
     one_sided = True

@@ -40,6 +40,7 @@ class TransmissionCoupling(EffortLaw):
     settled = ("presliding", "smoothing")
     optional = ("smoothing",)
     linear = ("limit", "damping", "inertia")
+    resists = ("limit", "damping")
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "dry friction of the motor, seen at the joint", 1.0, positive=False, upper=1e6),

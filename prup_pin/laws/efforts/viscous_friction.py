@@ -27,6 +27,7 @@ class Damping(JointEffortLaw):
     everywhere = True
     family = "viscous friction"
     linear = ("damping",)
+    resists = linear
     against = "speed"
     one_sided = True
     quantities = (Quantity("damping", "N m s/rad", "effort per speed", 1.0, upper=1e9),)
@@ -51,6 +52,7 @@ class DirectedViscousFriction(JointEffortLaw):
     family = "viscous friction"
     variant = f"{EFFORT} by direction"
     linear = ("damping_forwards", "damping_backwards")
+    resists = linear
     against = "speed"
     one_sided = True
     quantities = (
