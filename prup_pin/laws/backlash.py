@@ -29,6 +29,7 @@ class Backlash(Law):
 
     physics = "backlash"
     summary = "play"
+    called = "play, clearance, slack, lost motion, a loose fit"
     remedy = "take out the play at {place}: check its preload first, then bearings and guides for wear"
     likely = ("ball_nut", "preloaded_ball_nut")
     quantities = (

@@ -27,6 +27,7 @@ class CreepLaw(Law):
 
     physics = "creep"
     summary = "a part that goes on yielding"
+    called = "relaxation, viscoelastic"
     remedy = (
         "find what goes on yielding at {place} (a polymer, a joint that works loose), or wait as long at every load"
     )

@@ -33,6 +33,7 @@ class JointCompliance(Law):
 
     physics = "joint_compliance"
     summary = "a joint yields that the robot file has rigid"
+    called = "elastic joint, flexible gear, harmonic drive, strain wave"
     remedy = (
         "give {place} a spring of this stiffness in the robot file; if it should be stiff, check its bearing and gear"
     )

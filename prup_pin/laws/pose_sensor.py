@@ -22,6 +22,7 @@ class PoseSensorMisalignment(Law):
 
     physics = "pose_sensor_misalignment"
     summary = "a pose sensor whose frame is turned or shifted"
+    called = "tracker, camera"
     sensor = "pose_sensor"
     remedy = (
         "measure the tracker's frame anew, or declare that it just stands there (tolerances "

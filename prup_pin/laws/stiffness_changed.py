@@ -21,6 +21,7 @@ class StiffnessChanged(Law):
 
     physics = "stiffness_changed"
     summary = "a stiffness differs from the robot file's"
+    called = "soft, weak, worn, loose, flexibility"
     remedy = (
         "check {place} for wear, loose screws or lost preload; if it is sound, enter this stiffness in the robot file"
     )

@@ -98,6 +98,7 @@ class WrenchSensorBias(Law):
 
     physics = "wrench_sensor_bias"
     summary = "a wrench sensor that is not zeroed"
+    called = "force sensor, load cell, tare"
     sensor = "wrench_sensor"
     remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
     needs = ("wrench",)

@@ -33,6 +33,7 @@ class Periodic(MovingEffortLaw):
     """tau = c cos(2 pi q / p) + s sin(2 pi q / p); the period p is looked for."""
 
     physics = "cogging"
+    called = "torque ripple, detent"
     remedy = (
         "compensate this ripple of {place} by a table over its position; where it is new, look for a "
         "damaged tooth or ball"

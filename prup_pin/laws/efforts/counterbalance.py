@@ -21,6 +21,7 @@ class Counterbalance(DrivenEffortLaw):
 
     physics = "counterbalance"
     summary = "a counterbalance, by the sine of the joint's angle"
+    called = "gravity compensation, balancer"
     remedy = (
         "enter the counterbalance of {place} in the controller's model; where it should be another, "
         "check its pressure or spring"

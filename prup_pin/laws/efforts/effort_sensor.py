@@ -51,6 +51,7 @@ class EffortGain(DrivenEffortLaw):
     physics = "effort_gain"
     of_what_is_known = True
     summary = "a gain of the reported effort"
+    called = "torque constant, current, scale"
     remedy = "calibrate the torque constant of {place} with a known load"
     linear = ("gain",)
     against = "load"
@@ -91,6 +92,7 @@ class EffortDelay(Delay, DrivenEffortLaw):
 
     physics = "effort_delay"
     summary = "efforts that are reported late"
+    called = "latency, lag"
     remedy = "stamp efforts and positions of {place} by one clock, or shift the efforts by this delay"
 
     def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:

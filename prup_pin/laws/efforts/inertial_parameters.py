@@ -113,6 +113,7 @@ class ScaledInertia(EffortLaw):
 
     physics = "inertial_parameters"
     summary = "the mass of a link"
+    called = "mass, centre of gravity"
     remedy = "weigh {place}, or enter this mass in the robot file; look for what was bolted to it"
     of_bodies = True
     family = "link"
