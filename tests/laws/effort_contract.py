@@ -97,11 +97,11 @@ def check_units(law, place, values, at):
     """
     units = {q.name: q.unit for q in law.quantities_at(place, at.mechanism)}
     columns = law.efforts_per(place, values, at)
-    other = {name: value * _scale(units.get(name, _SCANNED.get(name))) for name, value in values.items()}
+    assert values.keys() <= units.keys() | _SCANNED.keys(), "what is scanned is a quantity, or has a unit in _SCANNED"
+    other = {name: value * _scale((_SCANNED | units)[name]) for name, value in values.items()}
     scaled = law.efforts_per(place, other, _played_faster(at))
-    names = {q.name for q in law.quantities_at(place, at.mechanism)}
     for index, name in enumerate(law.linear):
-        unit = units[name] if name in names else "kg m"  # a body's first moments stand for its centre
+        unit = units.get(name, "kg m")  # a body's first moments stand for its centre
         expected = FASTER**2 / _scale(unit) * columns[..., index]
         assert scaled[..., index] == pytest.approx(expected, abs=1e-6 * max(np.abs(expected).max(), 1e-30))
 
