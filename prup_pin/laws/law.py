@@ -49,8 +49,8 @@ class Place(NamedTuple):
 class Law(ABC):
     """One piece of physics, with one optional method for each channel: `deeds` for poses, `efforts_per` of `EffortLaw`.
 
-    Final subclasses are listed in `laws.LAWS` and `laws.efforts.EFFORT_LAWS`. What a diagnosis must know of a law is data
-    of the law: nobody asks for its name or class.
+    Final subclasses are listed in `laws.LAWS` and `laws.efforts.EFFORT_LAWS`. What a diagnosis must know of a law is
+    data of the law: it asks for no law's name or class.
     """
 
     #: The word of the diagnosis' vocabulary.
