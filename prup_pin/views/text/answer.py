@@ -11,12 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, JointLimitWarning, NoStiffnessError, PrupPinError
-from ...numbers import number
 from ...robot import Robot
-from ...spatial import WRENCH_NAMES, Array, as_wrench
+from ...spatial import Array, as_wrench
 from ...statics import Compliance
 
-__all__ = ["Answer", "Load", "ranked", "softest_load", "wrench_text", "yielding_beside"]
+__all__ = ["Answer", "Load", "ranked", "softest_load", "yielding_beside"]
 
 #: Decimals of a share that are more than rounding.
 _SHARE_DIGITS = 9
@@ -56,16 +55,6 @@ def softest_load(compliance: Compliance) -> Load:
             wrench[block] = direction * np.sign(direction[int(np.argmax(np.abs(direction)))])
             return Load(wrench, given=False)
     return Load(wrench, given=False)
-
-
-def wrench_text(wrench: Array) -> str:
-    """Return 'fx 300 N, mz 100 N m'."""
-    parts = [
-        f"{name} {number(value)} {'N' if index < 3 else 'N m'}"
-        for index, (name, value) in enumerate(zip(WRENCH_NAMES, wrench, strict=True))
-        if value
-    ]
-    return ", ".join(parts) or "no load"
 
 
 def ranked(shares: Mapping[str, float]) -> list[str]:
