@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from ...mechanism import Mechanism
 from ...numbers import fixed, readable_unit
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .joints import coordinate_text
@@ -17,6 +18,10 @@ __all__ = ["print_sweep"]
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
+#: Unit of an entry of K_task between two coordinates of which so many are angles.
+_OF_K_TASK = ("N/m", "N/rad", "N m/rad")
+#: What of a matrix' entry, beside the two on its diagonal, is rounding.
+_ROUNDING = 1e-9
 
 
 def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str, str]) -> None:
@@ -43,34 +48,41 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
     table = make_table(
         ("", "left"), ("least", "right"), ("mean", "right"), ("95 %", "right"), ("largest", "right"), ("unit", "left")
     )
-    rows, matrices = 0, []
+    rows, large = 0, []
     for name in found:
-        labels = [labels(found.mechanism) for labels in QUANTITIES[name].labels]
-        if len(labels) > 1 or (labels and len(labels[0]) > _ENTRIES):
-            matrices.append(name)
+        entries = QUANTITIES[name].columns(found.mechanism)
+        if len(entries) > _ENTRIES:
+            large.append(name)
             continue
         values = found[name][ok]
-        for place, label in enumerate(labels[0] if labels else [""]):
-            column = values[:, place] if labels else values
-            finite = column[np.isfinite(column)]
+        for column, place in entries:
+            entry = values[(slice(None), *place)]
+            finite = entry[np.isfinite(entry)]
             if not len(finite):
                 continue
-            unit, factor = _unit(name, label, float(np.abs(finite).max()))
+            if len(set(place)) == 2:
+                beside = np.sqrt(np.nanmax(values[:, place[0], place[0]]) * np.nanmax(values[:, place[1], place[1]]))
+                finite = np.where(np.abs(finite) < _ROUNDING * beside, 0.0, finite)
+            labels = column.split(".")[1:]
+            unit, factor = _unit(name, labels, found.mechanism, float(np.abs(finite).max()))
             shown = (finite.min(), finite.mean(), np.percentile(finite, 95), finite.max())
-            table.add_row(f"{name} {label}".strip(), *fixed(factor * value for value in shown), unit)
+            table.add_row(" ".join((name, *labels)), *fixed(factor * value for value in shown), unit)
             rows += 1
     if rows:
         heading(out, "Over the poses that answered")
         print_table(out, table)
-    if matrices:
-        listed(out, "besides", matrices, ", ")
+    if large:
+        listed(out, "in --out", [f"{', '.join(large)}: of each pose more than {_ENTRIES} numbers, not listed here"])
 
 
-def _unit(name: str, label: str, largest: float) -> tuple[str, float]:
+def _unit(name: str, labels: Sequence[str], mechanism: Mechanism, largest: float) -> tuple[str, float]:
     """Return the unit in which an entry is shown, and its factor; rotations are told in degrees, as poses are."""
     unit = QUANTITIES[name].unit
+    if name == "K_task":
+        turning = {task.name for task in mechanism.tasks if task.component not in "xyz"}
+        return readable_unit(largest, _OF_K_TASK[sum(label in turning for label in labels)])
     if unit == "m, rad" and name not in ("q", "joints", "actuators"):
-        if label.startswith("r"):
+        if labels[0].startswith("r"):
             return "°", 180 / np.pi
         unit = "m"
     return readable_unit(largest, unit)
