@@ -78,4 +78,5 @@ def test_a_rigid_direction_is_told_with_the_unit_of_each_component():
     assert any(len(direction) > 1 for direction in words)
     shown = rigid_texts(Answer(bent))
     mixed = [text for text in shown if not text.startswith("a ")]
-    assert mixed and all(component.match(word) for text in mixed for word in text.split(", ")), shown
+    assert mixed
+    assert all(component.match(word) for text in mixed for word in text.split(", ")), shown
