@@ -56,7 +56,8 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
             continue
         values = found[name][ok]
         for column, place in entries:
-            entry = values[(slice(None), *place)]
+            every = (slice(None), *place)
+            entry = values[every]
             finite = entry[np.isfinite(entry)]
             if not len(finite):
                 continue
