@@ -8,7 +8,6 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...mechanism import Mechanism
 from ...numbers import fixed, readable_unit
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .joints import coordinate_text
@@ -18,10 +17,6 @@ __all__ = ["print_sweep"]
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
-#: Unit of an entry of K_task between two coordinates of which so many are angles.
-_OF_K_TASK = ("N/m", "N/rad", "N m/rad")
-#: What of a matrix' entry, beside the two on its diagonal, is rounding.
-_ROUNDING = 1e-9
 
 
 def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str, str]) -> None:
@@ -50,22 +45,18 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
     )
     rows, large = 0, []
     for name in found:
-        entries = QUANTITIES[name].columns(found.mechanism)
+        entries = QUANTITIES[name].entries(found.mechanism)
         if len(entries) > _ENTRIES:
             large.append(name)
             continue
         values = found[name][ok]
-        for column, place in entries:
-            every = (slice(None), *place)
-            entry = values[every]
+        for labels, place in entries:
+            entry = QUANTITIES[name].entry(values, place)
             finite = entry[np.isfinite(entry)]
             if not len(finite):
                 continue
-            if len(set(place)) == 2:
-                beside = np.sqrt(np.nanmax(values[:, place[0], place[0]]) * np.nanmax(values[:, place[1], place[1]]))
-                finite = np.where(np.abs(finite) < _ROUNDING * beside, 0.0, finite)
-            labels = column.split(".")[1:]
-            unit, factor = _unit(name, labels, found.mechanism, float(np.abs(finite).max()))
+            unit = QUANTITIES[name].unit_of(found.mechanism, place)
+            unit, factor = ("°", 180 / np.pi) if unit == "rad" else readable_unit(float(np.abs(finite).max()), unit)
             shown = (finite.min(), finite.mean(), np.percentile(finite, 95), finite.max())
             table.add_row(" ".join((name, *labels)), *fixed(factor * value for value in shown), unit)
             rows += 1
@@ -74,19 +65,6 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
         print_table(out, table)
     if large:
         listed(out, "in --out", [f"{', '.join(large)}: of each pose more than {_ENTRIES} numbers, not listed here"])
-
-
-def _unit(name: str, labels: Sequence[str], mechanism: Mechanism, largest: float) -> tuple[str, float]:
-    """Return the unit in which an entry is shown, and its factor; rotations are told in degrees, as poses are."""
-    unit = QUANTITIES[name].unit
-    if name == "K_task":
-        turning = {task.name for task in mechanism.tasks if task.component not in "xyz"}
-        return readable_unit(largest, _OF_K_TASK[sum(label in turning for label in labels)])
-    if unit == "m, rad" and name not in ("q", "joints", "actuators"):
-        if labels[0].startswith("r"):
-            return "°", 180 / np.pi
-        unit = "m"
-    return readable_unit(largest, unit)
 
 
 def axis_text(name: str, kind: str, values: Sequence[float], count: int | None = None) -> str:
