@@ -138,7 +138,7 @@ def test_files_are_refused_before_anything_is_computed(run, model):
     refused(run("compensate", "path.csv", "--model", model, "--out", "path.csv"), "is the path itself")
     Path("file").touch()
     done = run("compensate", "path.csv", "--model", model, "--out", "commands.csv", "--plots", "file")
-    refused(done, "--plots: cannot make the folder 'file'")
+    refused(done, "--plots: 'file' is a file; give a folder")
 
 
 def test_rows_without_a_command_are_listed(run):

@@ -1,5 +1,6 @@
 """`prup-pin sweep` as a user meets it."""
 
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -125,7 +126,42 @@ def test_maps_are_drawn_beside_the_table(run, tmp_path):
     (tmp_path / "file").touch()
     refused = run("3prup", *GRID, *BOX, "--plots", str(tmp_path / "file"))
     assert refused.exit_code == 2
-    assert "--plots: cannot make the folder" in " ".join(refused.stderr.split())
+    assert refused.stdout == ""
+    assert "is a file; give a folder" in " ".join(refused.stderr.split())
+
+
+def test_where_pictures_cannot_be_written_nothing_is_printed_and_none_is_left(run, tmp_path, monkeypatch):
+    """A disk that fills up at the second picture."""
+    real, opened = Path.open, []
+
+    def full(path, *mode, **how):
+        if path.name.endswith(".part") and len(opened.append(path) or opened) > 1:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(path, *mode, **how)
+
+    monkeypatch.setattr(Path, "open", full)
+    done = run("3prup", *GRID, "--plots", str(tmp_path / "maps"))
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert "--plots: cannot write" in done.stderr
+    assert "No space left on device" in " ".join(done.stderr.split())
+    assert list((tmp_path / "maps").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (["--over", "z=0.3", "--over", "theta=0..0.1", "--over", "phi=0", "--draws", "3"], "scattered poses"),
+        (["--over", "z=0.3", "--over", "theta=0", "--over", "phi=0"], "or one alone, have no map"),
+        ([*GRID, "--quantities", "C,K"], "nothing of C, K can be drawn"),
+    ],
+)
+def test_what_has_no_picture_is_refused_before_anything_is_computed(run, tmp_path, monkeypatch, asked, said):
+    monkeypatch.setattr(prup_pin.Robot, "sweep", None)
+    done = run("3prup", *asked, "--plots", str(tmp_path / "maps"))
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert said in " ".join(done.stderr.split())
 
 
 def test_a_planar_robot_is_swept_by_default_quantities(run):

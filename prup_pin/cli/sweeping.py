@@ -116,14 +116,16 @@ def sweep(
         text["loads"] = f"{', '.join(sizes)}, each component, all signs"
     if draws is not None:
         asked |= {"draws": draws, "seed": seed}
+    if plots is not None:
+        from ..views.drawing.sweep_figures import check_drawn, figures_of
+
+        check_drawn(names, scattered=not any(isinstance(asked.get(name), np.ndarray) for name in kinds))
     with progress.rows() as show, _executor(workers) as executor:
         found = loaded.sweep(quantities=names, compiled=compiled, executor=executor, out=out, progress=show, **asked)
-    print_sweep(terminal.console(), found, text)
     written = [] if out is None else [out]
     if plots is not None:
-        from ..views.drawing.sweep_figures import figures_of
-
         written += write_figures(plots, figures_of(found), "--plots")
+    print_sweep(terminal.console(), found, text)
     if written:
         list_written(written)
 

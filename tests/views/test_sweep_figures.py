@@ -134,7 +134,7 @@ def test_maps_of_a_hinge_are_in_degrees_and_of_two_alike_the_first_is_named(five
 def test_what_has_no_map_is_said(swept):
     with pytest.raises(InputError, match="nothing of C"):
         figures_of(ROBOT.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["C"]))
-    with pytest.raises(InputError, match="scattered poses have no map"):
+    with pytest.raises(InputError, match="scattered poses, or one alone, have no map"):
         figures_of(ROBOT.sweep([[0.3, 0.0, 0.1]], quantities=["ksi"]))
 
 

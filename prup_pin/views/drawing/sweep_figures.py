@@ -14,7 +14,7 @@ from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, INK, map_colour
 from .plotting import Figure, FigureCanvasAgg, ListedColormap, MaxNLocator, Patch, plain_words
 
-__all__ = ["Panel", "beside_figure", "figures_of", "map_figure", "share_figure"]
+__all__ = ["Panel", "beside_figure", "check_drawn", "figures_of", "map_figure", "share_figure"]
 
 #: Quantities that no map shows: where the robot stands, and matrices.
 _NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
@@ -36,21 +36,30 @@ Swept = SweepResult | SweepFile
 Panel = tuple[str, str, Array]
 
 
+def check_drawn(names: Sequence[str], scattered: bool = False) -> None:
+    """Raise InputError where a sweep of these quantities has no picture, or where its poses span no grid."""
+    if scattered:
+        raise InputError(
+            "scattered poses, or one alone, have no map; give coordinates as rising arrays, which span a grid (on the "
+            "command line --over x=FROM..TO:COUNT without --draws)"
+        )
+    if set(names) <= _NO_MAP:
+        listed = ", ".join(names)
+        raise InputError(f"nothing of {listed} can be drawn as a map; ask for extremes, shares or ksi as well")
+
+
 def figures_of(found: Swept) -> dict[str, Figure]:
     """Return the pictures of a sweep over one or two coordinates, by the names of what they show.
 
     Of more than two that vary the others stand at their middle. Raises InputError for scattered poses.
     """
+    check_drawn(list(found), scattered=not found._places.axes)
     figures = {}
     for name in found:
         if name == "shares":
             figures["shares"] = share_figure(found)
         elif name not in _NO_MAP:
             figures[name] = map_figure(found, name)
-    if not figures:
-        raise InputError(
-            f"nothing of {', '.join(found)} can be drawn as a map; ask for extremes, shares or ksi as well"
-        )
     return figures
 
 
@@ -185,8 +194,6 @@ def _axis(found: Swept, name: str) -> tuple[Array, str]:
 
 def _plane(found: Swept, values: Array) -> Array:
     """Return values over the axes that are drawn; other axes stand at their middle."""
-    if not found._places.axes:
-        raise InputError("scattered poses have no map; give coordinates as rising arrays, which span a grid")
     for axis in list(found._places.axes.values())[:-2]:
         values = values[len(axis) // 2]
     return values
