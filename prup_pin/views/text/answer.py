@@ -15,7 +15,7 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 
-__all__ = ["Answer", "Load", "ranked", "softest_load", "yielding_beside"]
+__all__ = ["Answer", "Load", "ranked", "softest", "softest_load", "yielding_beside"]
 
 #: Decimals of a share that are more than rounding.
 _SHARE_DIGITS = 9
@@ -63,6 +63,13 @@ def ranked(shares: Mapping[str, float]) -> list[str]:
     Shares that differ by rounding alone (mirrored legs, parts that carry nothing) stay as the robot file has them.
     """
     return sorted(shares, key=lambda name: -round(shares[name], _SHARE_DIGITS))
+
+
+def softest(shares: Mapping[str, float]) -> list[str]:
+    """Return the names with the largest share: several where they differ by rounding alone."""
+    first, *others = ranked(shares)
+    least = round(shares[first], _SHARE_DIGITS)
+    return [first, *(name for name in others if round(shares[name], _SHARE_DIGITS) == least)]
 
 
 def yielding_beside(robot: Robot, compliance: Compliance) -> int | None:
