@@ -44,10 +44,8 @@ from ..text.tables import (
     redundancy_text,
     rigid_texts,
     some,
-    stiffness_table,
-    task_table,
+    stiffness_tables,
     why_rigid,
-    yielding_table,
 )
 from .levers import STEP, Lever, find_levers
 
@@ -116,7 +114,7 @@ def report_html(
         script_hashes=_script_hashes(scene),
         script=_LOADER,
         drawing=_drawing(robot, answer, scale),
-        stiffness=stiffness_table(answer) or task_table(answer) or yielding_table(answer),
+        stiffness=stiffness_tables(answer),
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
         why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),

@@ -35,6 +35,7 @@ __all__ = [
     "sag_cells",
     "some",
     "stiffness_table",
+    "stiffness_tables",
     "task_table",
     "why_rigid",
     "yielding_table",
@@ -84,6 +85,12 @@ def yielding_table(answer: Answer) -> MatrixTable | None:
         return None
     where = f"at '{answer.tool}', base axes"
     return _stiffness("Stiffness where it yields", where, answer.compliance.K_yielding)
+
+
+def stiffness_tables(answer: Answer) -> tuple[MatrixTable, ...]:
+    """Return all that is told of the stiffness: K, and K in the task coordinates; without either, where it yields."""
+    found = [table for table in (stiffness_table(answer), task_table(answer)) if table is not None]
+    return tuple(found or [table for table in [yielding_table(answer)] if table is not None])
 
 
 def _stiffness(title: str, where: str, stiffness: Array, axes: Sequence[tuple[str, str, bool]] = _AXES) -> MatrixTable:
