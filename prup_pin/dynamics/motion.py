@@ -183,7 +183,7 @@ def motion_of(
     moving = [band for band in bands if band > 0]
     compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]
     slowest = rate / max(rates.every.get(name, 1) for name in compared)
-    stands_out, told = max(_SLOWEST, *moving), band or {}
+    stands_out, told = max((_SLOWEST, *moving)), band or {}
     cutoffs = [min(told.get(name, stands_out), 0.4 * slowest) for name in drives]
     cutoff = max(cutoffs, default=_SLOWEST)
     # a motion whose band is known is followed by that where nothing is compared with it

@@ -72,12 +72,13 @@ def is_known(name: str) -> bool:
 
 
 def unit_of(name: str) -> str:
-    """Return the unit of a column that belongs to the format."""
+    """Return the unit of a column that belongs to the format; other ones are task coordinates, which paths have."""
     if name in UNITS:
         return UNITS[name]
     if marker := marker_of(name):
         return "m" if marker[0] == "markers" else "rad"
-    return {"q": "m or rad", "qd": "m/s or rad/s", "qdd": "m/s^2 or rad/s^2", "tau": "N or N m"}[name.partition(".")[0]]
+    by_prefix = {"qd": "m/s or rad/s", "qdd": "m/s^2 or rad/s^2", "tau": "N or N m"}
+    return by_prefix.get(name.partition(".")[0], "m or rad")
 
 
 def without_unit(name: str) -> str:
