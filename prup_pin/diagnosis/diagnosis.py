@@ -53,6 +53,7 @@ class Finding:
     is None for `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it
     has no place.
     `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places without one effect.
+    `advice`: what to do about it, where its physics does not say.
     """
 
     physics: str
@@ -66,6 +67,7 @@ class Finding:
     curve: LocalCurve | None = field(default=None, repr=False)
     recovered: Recovered | Agreement | None = field(default=None, repr=False)
     law: Law | None = field(default=None, repr=False)
+    advice: str = ""
 
     @property
     def cost(self) -> float:
@@ -75,6 +77,8 @@ class Finding:
     @property
     def remedy(self) -> str:
         """What to do about it, in one short sentence; of what has no effect of its own by its physics."""
+        if self.advice:
+            return self.advice
         if self.effect is not None and self.physics not in _REMEDIES:
             return self.effect.law.advice(self.effect.place, self.effect.values)
         known = {law.physics: law.remedy for law in reversed((*LAWS, *EFFORT_LAWS))} | _REMEDIES

@@ -532,7 +532,9 @@ def _needless(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidat
     least: tuple[float, EffortCandidate | None] = (np.inf, None)
     for term, without in zip(old, beside.without_each(old), strict=True):
         saving = float((without - beside.left).sum())
-        share = saving / max(beside.left_in(term) + saving, np.finfo(float).tiny)
+        # without a needless term less may be left than nothing, but for rounding
+        left, numbers = beside.left_in(term) + saving, np.finfo(float)
+        share = saving / max(left, numbers.eps * abs(saving), numbers.tiny)
         earns = _earns(beside, term, without, beside.left) and shows_beside(given, chosen, term)
         if not earns and share < least[0]:
             least = share, term
