@@ -30,8 +30,9 @@ from ...spatial import Array
 
 __all__ = ["Spectra", "band_of", "coherent_band", "in_motion", "spectra_of"]
 
-#: Share of the speeds' power below a motion's own frequency, and up to how many times that all efforts are compared.
-_OWN, _OWN_TIMES = 0.99, 4.0
+#: Share of a joint's way that is no more than vibration or noise, and up to how many times the motion's own frequency,
+#: below which the rest lies, all efforts are compared.
+_TREMBLE, _OWN_TIMES = 0.01, 4.0
 #: Times as far up as that, at most, where motors vibrate: bodies that swing on gears look heavier by 1 / (1 - r^2), at
 #: a tenth of a resonance by a hundredth, at half of it by a third, and vibration is all that is there between.
 _SHAKEN_TIMES = 3.0
@@ -148,17 +149,20 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
 
 
 def _own_frequency(at: InMotion) -> float:
-    """Return the frequency [Hz] below which most of the speeds' power lies, of each joint by its own: those that move
-    little vibrate as others do."""
+    """Return the frequency [Hz] below which a hundredth of the way is all that is missed, over all joints.
+
+    Of the way and not of the speed: a motor that trembles by microradians at thirty times the frequency of its motion
+    has a good share of the speed. Of each joint by its own: those that move little vibrate as others do.
+    """
     from scipy.signal import welch
 
     motion = at.motion
     longest = max(pieces(motion.piece), key=lambda where: where.stop - where.start)
     speed = motion.speed[longest]
     frequency, power = welch(speed, motion.rate, nperseg=max(len(speed) // 2, 16), detrend="constant", axis=0)
-    power = power[:, power.any(axis=0)]
-    share = np.cumsum(power / power.sum(axis=0), axis=0).mean(axis=1)
-    return float(frequency[np.argmax(share > _OWN)]) if power.size else float(motion.band.highest)
+    way = power[1:, power.any(axis=0)] / frequency[1:, None] ** 2
+    share = np.cumsum(way / way.sum(axis=0), axis=0).mean(axis=1)
+    return float(frequency[1:][np.argmax(share > 1 - _TREMBLE**2)]) if way.size else float(motion.band.highest)
 
 
 def _background(at: InMotion, joint: int) -> tuple[Array, Array, Array]:
