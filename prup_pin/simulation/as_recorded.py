@@ -9,13 +9,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import InputError
+from ..laws import Inputs
 from ..loading import Reading
 from ..mechanism import Joint, Mechanism
 from ..numbers import number
-from ..recordings import Recording
+from ..recordings import Drawn, Recording, read_as, written_as
 from ..robot import Robot
+from ..spatial import Array
+from .simulator import Simulator
 
-__all__ = ["AsRecorded", "as_recorded"]
+__all__ = ["AsRecorded", "as_logged", "as_recorded", "drawn_for", "in_format"]
 
 #: Joints that a sentence lists by name.
 _MOST_LISTED = 8
@@ -30,7 +33,7 @@ _MISSPELT_WORD = 0.75
 class AsRecorded:
     """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it.
 
-    recordings: those that were given, with positions of joints that follow others (<mimic>) by these.
+    recordings: those that were given, read as their conventions say, with positions of joints that follow others (<mimic>) by these.
     """
 
     robot: Robot
@@ -53,7 +56,7 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
 
     Raises InputError for a column whose joint is misspelt: it would be left out, and its joint held instead.
     """
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    given = in_format(robot, recordings)
     for recording in given:
         _check_spelling(recording, robot.mechanism)
     given = [_followed(recording, robot.mechanism) for recording in given]
@@ -69,6 +72,42 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
     held = _held(robot.mechanism, given, frames)
     remarks += _told(robot.mechanism, held)
     return AsRecorded(robot.with_held_joints(held), tuple(given), tool, held, tuple(remarks))
+
+
+def in_format(robot: Robot, recordings: Recording | Sequence[Recording]) -> list[Recording]:
+    """Return recordings in the format's own conventions, read as the conventions say that they declare.
+
+    Raises InputError where one needs what the robot or the recording lacks.
+    """
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    return [
+        replace(read_as(item, item.conventions, drawn_for(robot)), conventions=()) if item.conventions else item
+        for item in given
+    ]
+
+
+def as_logged(recording: Recording, robot: Robot, like: Recording) -> Recording:
+    """Return a recording as another one is written: the inverse of `in_format`."""
+    return written_as(recording, like.conventions, drawn_for(robot))
+
+
+def drawn_for(robot: Robot) -> Drawn:
+    """Return what the robot knows of its logs: joints that slide, and where its tool is drawn; NaN where nowhere."""
+
+    def tool(recording: Recording) -> Array:
+        adapted = as_recorded(robot, replace(recording, conventions=()))
+        actuators = adapted.recordings[0].actuator_positions(adapted.robot.mechanism.actuated)
+        nothing = np.zeros((len(recording), 6))
+        inputs = Inputs(recording.time, actuators, nothing, np.arange(len(recording)))
+        geometry = Simulator(adapted.robot, inputs).geometry({})
+        out = np.full((len(recording), 4, 4), np.nan)
+        if geometry.poses:
+            each = np.array([pose.base_from_tool for pose in geometry.poses])
+            out[geometry.reachable] = each[geometry.rows[geometry.reachable]]
+        return out
+
+    slides = frozenset(joint.name for joint in robot.mechanism.joints if joint.slides)
+    return Drawn(slides, None if robot.mechanism.tool is None else tool)
 
 
 def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
