@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
@@ -341,7 +342,7 @@ def convention_of(columns: str, said: str, joints: Mapping[str, Sequence[str]]) 
     name, colon, text = said.strip().partition(":")
     word = _BY_NAME.get((group, name))
     if word is None:
-        raise UnknownNameError(f"convention of {columns}", name, [word for of, word in _BY_NAME if of == group])
+        raise UnknownNameError(f"convention of {columns}", name, [known for of, known in _BY_NAME if of == group])
     if (word.name in ("order",) and dot) or (word.name in ("plus", "minus", "wrapped") and not dot):
         raise InputError(f"{columns}={said}: expected {'all of ' + group if dot else group + '.<joint>, one joint'}")
     return Convention(columns, name, _argument(word, colon, text, f"{columns}={said}", own))
@@ -375,7 +376,9 @@ def _argument(word: Word, colon: str, text: str, said: str, joints: Sequence[str
         if part not in joints:
             raise UnknownNameError("joint with a column", part, joints)
     if word.takes == "joint" and len(parts) != 1:
-        raise InputError(f"{said}: '{word.name}' takes one joint, for example {word.name}:{next(iter(joints), 'joint')}")
+        raise InputError(
+            f"{said}: '{word.name}' takes one joint, for example {word.name}:{next(iter(joints), 'joint')}"
+        )
     if word.takes == "joints" and len(set(parts)) < max(len(parts), 2):
         raise InputError(f"{said}: expected the joints of all columns, each once, in the order of the table")
     return tuple(parts)
@@ -419,8 +422,10 @@ def _sorted(conventions: Sequence[Convention]) -> list[Convention]:
 def _changed(recording: Recording, convention: Convention, drawn: Drawn, back: bool) -> Recording:
     group, word = convention.group, convention.meaning
     if group in _OF_JOINTS:
-        changes = {field: _of_joints(getattr(recording, field), field, convention, recording, drawn, back)
-                   for field in _OF_JOINTS[group]}  # fmt: skip
+        changes: dict[str, Any] = {
+            field: _of_joints(getattr(recording, field), field, convention, recording, drawn, back)
+            for field in _OF_JOINTS[group]
+        }
         return replace(recording, **changes)
     factor = None if word.factor is None else 1 / word.factor if back else word.factor
     if group == "time":
@@ -441,9 +446,9 @@ def _changed(recording: Recording, convention: Convention, drawn: Drawn, back: b
 
     if group in ("p", "r"):
         own, marked = ("position", "markers") if group == "p" else ("rotation", "marker_rotations")
-        value = getattr(recording, own)
-        changed = {own: None if value is None else change(value)}
-        return replace(recording, **changed, **{marked: {k: change(v) for k, v in getattr(recording, marked).items()}})
+        value, others = getattr(recording, own), getattr(recording, marked)
+        changed: dict[str, Any] = {marked: {name: change(values) for name, values in others.items()}}
+        return replace(recording, **changed | {own: None if value is None else change(value)})
     if group == "g":
         return recording if recording.gravity is None else replace(recording, gravity=change(recording.gravity))
     part = {"force": slice(0, 3), "moment": slice(3, 6)}.get(group, slice(0, 6))

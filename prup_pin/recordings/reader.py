@@ -700,7 +700,9 @@ def _own_sensors(value: object, problems: Problems, file: str) -> tuple[str, ...
 
 def _joints(header: Sequence[str]) -> dict[str, list[str]]:
     """Return the joints that have a column q, and those that have a column tau."""
-    return {group: [name.partition(".")[2] for name in header if name.startswith(f"{group}.")] for group in ("q", "tau")}
+    return {
+        group: [name.partition(".")[2] for name in header if name.startswith(f"{group}.")] for group in ("q", "tau")
+    }
 
 
 def conventions_value(
@@ -721,7 +723,7 @@ def conventions_value(
         for said in given if isinstance(given, list) else [given]:
             place = f"conventions.{shown(columns)}"
             if not isinstance(said, str):
-                message = f"is {json_kind(said)}; expected a text such as \"reaction\", or a list of such texts"
+                message = f'is {json_kind(said)}; expected a text such as "reaction", or a list of such texts'
                 problems.add(KeyProblem(message, None, file, key=place))
                 continue
             try:

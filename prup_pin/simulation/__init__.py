@@ -1,6 +1,6 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
-from .as_recorded import AsRecorded, as_logged, as_recorded, drawn_for, in_format
+from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
 from .model_file import CorrectedModel, effect_named, read_model, write_model
 from .prediction import Agreement, Prediction, compare, inputs_of, simulate
 from .simulator import Memory, Run, Simulator
@@ -13,7 +13,6 @@ __all__ = [
     "Prediction",
     "Run",
     "Simulator",
-    "as_logged",
     "as_recorded",
     "compare",
     "drawn_for",

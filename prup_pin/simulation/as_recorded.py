@@ -13,12 +13,12 @@ from ..laws import Inputs
 from ..loading import Reading
 from ..mechanism import Joint, Mechanism
 from ..numbers import number
-from ..recordings import Drawn, Recording, read_as, written_as
+from ..recordings import Drawn, Recording, read_as
 from ..robot import Robot
 from ..spatial import Array
 from .simulator import Simulator
 
-__all__ = ["AsRecorded", "as_logged", "as_recorded", "drawn_for", "in_format"]
+__all__ = ["AsRecorded", "as_recorded", "drawn_for", "in_format"]
 
 #: Joints that a sentence lists by name.
 _MOST_LISTED = 8
@@ -33,7 +33,8 @@ _MISSPELT_WORD = 0.75
 class AsRecorded:
     """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it.
 
-    recordings: those that were given, read as their conventions say, with positions of joints that follow others (<mimic>) by these.
+    recordings: those that were given, read as their conventions say, with positions of joints that follow others
+    (<mimic>) by these.
     """
 
     robot: Robot
@@ -84,11 +85,6 @@ def in_format(robot: Robot, recordings: Recording | Sequence[Recording]) -> list
         replace(read_as(item, item.conventions, drawn_for(robot)), conventions=()) if item.conventions else item
         for item in given
     ]
-
-
-def as_logged(recording: Recording, robot: Robot, like: Recording) -> Recording:
-    """Return a recording as another one is written: the inverse of `in_format`."""
-    return written_as(recording, like.conventions, drawn_for(robot))
 
 
 def drawn_for(robot: Robot) -> Drawn:

@@ -46,7 +46,19 @@ _KNOWN: tuple[Law, ...] = (*EVERY_LAW, *CURVES)
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
-_KEYS = ("format", "version", "robot", "variant", "reading", "finite_deflection", "effects", "noise", "band", "conventions", "notes")
+_KEYS = (
+    "format",
+    "version",
+    "robot",
+    "variant",
+    "reading",
+    "finite_deflection",
+    "effects",
+    "noise",
+    "band",
+    "conventions",
+    "notes",
+)
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
 _EFFECT_KEYS = ("physics", "location", "aspect", "parameters")
 
