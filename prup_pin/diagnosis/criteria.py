@@ -279,9 +279,7 @@ CONVENTION_AS_GOOD: Final = 1.5
 CONVENTION_FINE: Final = 3e-4
 #: A sensor's frame up to this angle [rad], and this share of the reach, is nearly the base's.
 CONVENTION_NEAR: Final = 0.05
-#: Loads are asked where they move the tool by so many times what every bench measures.
-CONVENTION_LOADS: Final = 3.0
-#: ... and where the drawing, each module as soft as suits, leaves more of that than this share.
+#: Loads are asked where the drawing, each module as soft as suits, leaves more of what they move than this share.
 CONVENTION_SHOWN: Final = 0.03
 #: Standard deviation of how much softer a module is than drawn, while conventions compete.
 CONVENTION_SOFTER: Final = 0.5
@@ -442,7 +440,7 @@ EFFORT_STRANGE, EFFORT_MEANT, EFFORT_FEWEST = 0.35, 0.5, 50
 EFFORT_STEP = 0.85
 #: Efforts follow those of the rigid robot where their shapes are so much alike. They are suspected to be in another
 #: unit where they are so many times larger or smaller at most joints and right at none, for masses may be off as well.
-EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 0.8, 1.4, 1.15
+EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 0.8, 1.4, 1.12
 #: Drives report in units of their own where free gains save this share of the held-out squares, and at least two of
 #: them are so many times beside the others; one alone is a law of its joint. With them the joints, sharing one robot,
 #: may leave so many times what each leaves with masses of its own: more is no matter of units.

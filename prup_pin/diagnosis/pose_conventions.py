@@ -15,6 +15,7 @@ from itertools import combinations, pairwise, permutations, product
 import numpy as np
 
 from ..errors import PrupPinError
+from ..kinematics import ClosedPose
 from ..laws import Inputs
 from ..mechanism import Mechanism
 from ..recordings import WORDS, Convention, Drawn, Recording, read_as
@@ -26,7 +27,6 @@ from .criteria import (
     CONVENTION_AS_GOOD,
     CONVENTION_FINE,
     CONVENTION_LEAVES,
-    CONVENTION_LOADS,
     CONVENTION_NEAR,
     CONVENTION_SHOWN,
     CONVENTION_SOFTER,
@@ -39,8 +39,6 @@ __all__ = ["conventions_of_loads", "conventions_of_poses"]
 
 #: Postures that are looked at, of robots with loops, which take longer to close, and of others; conventions at most.
 _POSTURES, _OF_TREES, _MOST = 12, 40, 6
-#: Postures by which a reading is given up that none of them reaches.
-_TRIED = 2
 #: Rounds in which frames that depend on one another are fitted in turn.
 _ROUNDS = 8
 #: Samples by which loads are judged, and the fewest that tell anything.
@@ -81,6 +79,7 @@ class _Postures:
         frames = [name for name in recording.marker_names if name in self.mechanism.frame_names]
         self.frames = list(dict.fromkeys(frames))
         self._places: dict[bytes, dict[str, Array]] = {}
+        self.turning = np.array([self.mechanism.joint(name).turns for name in self.mechanism.actuated], bool)
         home = robot.home.base_from_tool if self.mechanism.tool is not None else np.eye(4)
         sizes = [float(np.linalg.norm(home[:3, 3]))]
         sizes += [
@@ -95,25 +94,31 @@ class _Postures:
         actuators = recording.actuator_positions(self.mechanism.actuated)
         key = actuators.tobytes()
         if key not in self._places:
-            n = len(recording)
-            inputs = Inputs(recording.time, actuators, np.zeros((n, 6)), np.arange(n))
-            geometry = Simulator(self.robot, inputs).geometry({})
             frames = {name: self.mechanism.frame(name) for name in self.frames}
             if self.mechanism.tool is not None:
                 frames[""] = self.mechanism.tool
-            found = {name: np.full((n, 4, 4), np.nan) for name in frames}
-            good = geometry.reachable
-            for name, frame in frames.items():
-                if good.any():
-                    each = np.array([pose.placements[frame.joint] @ frame.placement for pose in geometry.poses])
-                    found[name][good] = each[geometry.rows[good]]
+            found = {name: np.full((len(recording), 4, 4), np.nan) for name in frames}
+            for row, pose in self._poses(actuators):
+                for name, frame in frames.items():
+                    found[name][row] = pose.placements[frame.joint] @ frame.placement
             self._places[key] = found
         return self._places[key]
 
-    def reaches(self, recording: Recording) -> bool:
-        """Return whether the robot can be where a few of the postures say that it is."""
-        few = recording.select(np.unique(np.linspace(0, len(recording) - 1, _TRIED).astype(int)))
-        return any(np.isfinite(values).any() for values in self.places(few).values())
+    def _poses(self, actuators: Array) -> Iterator[tuple[int, ClosedPose]]:
+        """Yield the postures that the robot can be in, by their places, until it cannot be in most of them."""
+        lost = reached = 0
+        for row, values in enumerate(actuators):
+            if self.mechanism.loops and np.abs(values[self.turning]).max(initial=0.0) > 2 * np.pi:
+                continue  # chains that close do not turn round and round
+            try:
+                pose = self.robot.pose_from_actuators(values)
+            except PrupPinError:
+                lost += 1
+                if lost > reached + 1:
+                    return
+                continue
+            reached += 1
+            yield row, pose
 
     def misfit(self, recording: Recording, near: bool, fitted: np.ndarray | None = None) -> _Misfit:
         """Return how far measured poses are from the drawn ones.
@@ -299,10 +304,10 @@ def _forward(
             for convention in readings:
                 try:
                     other = read_as(read, [convention], postures.drawn)
-                    misfit = postures.misfit(other, near) if postures.reaches(other) else None
+                    misfit = postures.misfit(other, near)
                 except PrupPinError:
                     continue
-                if misfit is not None and postures.better(now, misfit):
+                if postures.better(now, misfit):
                     tried.append((postures.cost(misfit), len(tried), convention, other, misfit))
             if any((item[4].sizes <= 10 * postures.floor).all() for item in tried):
                 break
@@ -365,7 +370,8 @@ def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Conventio
             for own, other in ((after, before), (before, after)):
                 yield Convention(f"q.{own}", "plus", (other,))
                 yield Convention(f"q.{own}", "minus", (other,))
-    yield from (Convention("q", "gear", (ratio,)) for ratio in _GEARS)
+    if max(float(np.nanmax(np.abs(recording.positions[name]))) for name in names) > 2 * np.pi:
+        yield from (Convention("q", "gear", (ratio,)) for ratio in _GEARS)
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -420,7 +426,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     if loaded is None:
         return None
     target = loaded.free(loaded.moved).ravel()
-    if np.linalg.norm(target) < CONVENTION_LOADS * np.sqrt(len(target)):
+    if not target.any():
         return None
     drawn = Drawn(tool=lambda _: loaded.tool)
     now = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
@@ -498,7 +504,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     turned = turn_between(tool[:, :3, :3], rotation_exp(np.nan_to_num(vector[rows])))
     moved = np.concatenate((position[rows] - tool[:, :3, 3], turned), axis=1)
     exists = np.concatenate([np.repeat(item[rows][:, None], 3, axis=1) for item in seen], axis=1)
-    weight: Array = exists / np.array(COARSE)
+    weight = np.where(exists, 1 / np.array(COARSE), 0.0)
     moved = np.where(exists, moved, 0.0) * weight
     return _Loaded(
         parts * weight[None, :, :, None], moved, recording.wrench[rows], tool, blocks[rows], _freed(blocks[rows])

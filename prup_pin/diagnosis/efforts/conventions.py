@@ -20,7 +20,6 @@ from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
 from ...spatial import Array
 from ..criteria import (
-    CONVENTION_LEAVES,
     EFFORT_APART,
     EFFORT_FEWEST,
     EFFORT_FOLLOWS,
@@ -42,6 +41,8 @@ _SAMPLES, _SCANNED = 600, 80
 _MOST, _FEWEST = 6, 3
 #: Ratios of gears that are tried [turns of the motor for one of the joint].
 _GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
+#: Ratios that come nearest, which are looked at more closely.
+_RATIOS = 8
 #: Units of a clock by its median step: s below the first, then ms, us, ns.
 _CLOCKS = ((0.3, 300.0, "ms"), (300.0, 3e5, "us"), (3e5, 3e8, "ns"))
 #: Of its travel, what a joint that moves may go from row to row of a clock in seconds.
@@ -144,29 +145,34 @@ class _Search:
         first = self.left(self.written)
         signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
         unit = self._unit(signed)
-        start: tuple[Convention, ...] = () if unit is None else (unit,)
-        begin = read_as(self.written, start, self.drawn)
-        # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
-        scale = None
-        if unit is None and gains_apart({name: gain for name, gain in signed.items() if gain > 0}):
+        tried = [self._found((), self.written)]
+        if unit is not None:
+            tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
+        elif gains_apart({name: gain for name, gain in signed.items() if gain > 0}):
+            # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
             usual = float(np.median(np.abs(list(signed.values()))))
-            scale = {name: 1 / abs(signed.get(name, usual)) for name in self.written.efforts}
-            begin = replace(begin, efforts={name: own * scale[name] for name, own in begin.efforts.items()})
+            own = {name: tau / abs(signed.get(name, usual)) for name, tau in self.written.efforts.items()}
+            tried.append(self._found((), replace(self.written, efforts=own)))
+        found = [item for item in tried if item.conventions]
+        if not found:
+            return self._geared(first)
+        return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
+
+    def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
+        """Return what is read otherwise beside a unit; begin: as that is read."""
         now = self.left(begin)
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
         least = now
         if now > EFFORT_STRANGE:
             taken, least, others = self._forward(begin, now)
-            hung = self._hung(begin)
-            if taken and not least < min(EFFORT_MEANT * min(now, 1.0), hung):
+            if taken and not least < min(EFFORT_MEANT * min(now, 1.0), self._hung(begin)):
                 taken, least, others = (), now, ()
-        if not taken and unit is None:
-            return self._geared(first)
+        written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
-        return Evidence(conventions, "efforts", "", now if not start else first, least,
-                        1 - min(1.0, (least / (now if not start else first)) ** 2),
-                        tuple((*start, *other) for other in others))  # fmt: skip
+        held = 1 - min(1.0, (least / written) ** 2) if written > 0 else 0.0
+        equal = tuple((*start, *other) for other in others)
+        return Evidence(conventions, "efforts", "", written, least, held, equal)
 
     def left(self, recording: Recording) -> float:
         """Return what rigid efforts and friction leave of the efforts: a share, RMS of the joints."""
@@ -264,7 +270,7 @@ class _Search:
         slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
         for word in WORDS:
             known = "tau" in word.groups and word.factor is not None and slides == {word.slide}
-            if known and abs(np.log(usual * word.factor)) < np.log(EFFORT_APART) / 2:  # type: ignore[operator]
+            if known and abs(np.log(usual * word.factor)) < np.log(EFFORT_RIGHT):  # type: ignore[operator]
                 return Convention("tau", word.name)
         # of two drives a load may be so much larger as well
         return Convention("tau", "gain", (float(f"{usual:.3g}"),)) if len(sizes) >= _FEWEST else None
@@ -285,7 +291,8 @@ class _Search:
             ))  # fmt: skip
             efforts = np.column_stack([read.efforts[name] for name in motion.driven])
             tried.append((_unlike(moved, efforts, self.at.rigid_of(moved)), ratio))
-        for _, ratio in sorted(tried)[:3]:
+        found = []
+        for _, ratio in sorted(tried)[:_RATIOS]:
             steps = [Convention("q", "gear", (ratio,))]
             read = read_as(self.written, steps, self.drawn)
             moved, efforts = self.read(read)
@@ -293,10 +300,11 @@ class _Search:
             if gains and abs(np.log(np.median(np.abs(gains)) * ratio)) < np.log(EFFORT_UNIT) / 2:
                 steps.append(Convention("tau", "gear", (ratio,)))
                 read = read_as(read, steps[1:], self.drawn)
-            least = self.left(read)
-            if least < CONVENTION_LEAVES * min(first, 1.0):
-                return Evidence(tuple(steps), "efforts", "", first, least, 1 - (least / first) ** 2)
-        return None
+            found.append((self.left(read), ratio, tuple(steps)))
+        least, _, taken = min(found)
+        if not least < EFFORT_MEANT * min(first, 1.0):
+            return None
+        return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
 
     def _hung(self, recording: Recording) -> float:
         """Return what is left where gravity may pull any way, as strong as it is, which turned columns imitate."""
