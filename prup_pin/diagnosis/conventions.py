@@ -18,7 +18,7 @@ from ..recordings.conventions import as_json
 from ..robot import Robot
 from ..simulation import as_recorded, drawn_for, in_format
 from .criteria import LEVER, OPEN_FRAME
-from .diagnosis import Diagnosis, Finding, FittedParameter
+from .diagnosis import Diagnosis, Finding
 from .efforts.conventions import conventions_of_efforts
 from .efforts.merged import has_efforts, has_poses
 from .evidence import Evidence, merged
@@ -177,16 +177,11 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
     others = [", ".join(map(str, other)) for other in found.others[:_SHOWN]]
     equal = f". As good on this log: {' or '.join(others)}" if others else ""
     places = tuple(dict.fromkeys(_place(item, mechanism) for item in found.conventions))
-    unit = found.unit or "1"
     return Finding(
         physics="log_convention",
         location=places[0] if len(places) == 1 else "robot",
         candidates=places if len(places) == 1 else ("robot", *(place for place in places if place != "robot")),
-        parameters={
-            f"residual_{name}": FittedParameter(value, unit, (value, value))
-            for name, value in (("as_written", found.written), ("as_read", found.read))
-            if np.isfinite(value)
-        },
+        parameters={},
         heldout_gain=float(np.clip(found.held, 0.0, 1.0)),
         statement=(
             f"{name} seems to be written otherwise than it says, and is read so: {words}. "
@@ -196,6 +191,7 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
         ),
         alternatives=tuple(others),
         conventions=found.conventions,
+        evidence={"of": found.what, "unit": found.unit or "1", "as_written": found.written, "as_read": found.read},
     )
 
 

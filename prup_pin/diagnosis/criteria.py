@@ -451,9 +451,8 @@ EFFORT_GAINS, EFFORT_MASSES = 1.0, 0.3
 #: Efforts at rest of which so little is left without the robot's weight, as a share of what is left with it, are tared.
 EFFORT_TARED = 0.25
 #: Efforts of all drives that are so many times the rigid robot's, or fewer, are in another unit: masses are known to
-#: tens of per cent. They are in one unit where no drive's is farther from the usual one than this share of that, in
-#: logarithms, or than this.
-EFFORT_UNIT, EFFORT_UNIT_SHARE, EFFORT_OF_A_UNIT = 1.6, 0.35, 1.5
+#: tens of per cent. They are in one unit where this share of the drives is no farther than that from the usual one.
+EFFORT_UNIT, EFFORT_UNIT_SHARE, EFFORT_OF_A_UNIT = 1.6, 0.6, 1.2
 #: Multiples of a joint's limits beyond which its position is not the joint's.
 FAR_BEYOND: Final = 3.0
 

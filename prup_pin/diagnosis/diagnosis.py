@@ -56,7 +56,8 @@ class Finding:
     `heldout_gain`: by which share the held-out squared residual falls as this finding comes to all the others; `effect`
     is None for `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it
     has no place.
-    `recovered` is what the samples ask for, to be drawn. `conventions`: of `log_convention`, how a log is written.
+    `recovered` is what the samples ask for, to be drawn. `conventions`: of `log_convention`, how a log is written,
+    and `evidence`: of what the drawing leaves how much as written, and as read.
     """
 
     physics: str
@@ -70,6 +71,7 @@ class Finding:
     curve: LocalCurve | None = field(default=None, repr=False)
     recovered: Recovered | Agreement | None = field(default=None, repr=False)
     conventions: tuple[Convention, ...] = ()
+    evidence: Mapping[str, str | float] = field(default_factory=dict)
 
     @property
     def cost(self) -> float:

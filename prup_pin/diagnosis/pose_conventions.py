@@ -477,7 +477,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     good = np.isfinite(actuators).all(axis=1) & np.isfinite(recording.wrench).all(axis=1)
     position = np.full((len(recording), 3), np.nan) if recording.position is None else recording.position
     vector = np.full((len(recording), 3), np.nan) if recording.rotation is None else recording.rotation
-    seen = [np.isfinite(each).all(axis=1) for each in (position, vector)]
+    seen: list[np.ndarray] = [np.isfinite(each).all(axis=1) for each in (position, vector)]
     good &= seen[0] | seen[1]
     blocks = recording.blocks()
     sizes = np.bincount(blocks)
@@ -503,7 +503,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
     turned = turn_between(tool[:, :3, :3], rotation_exp(np.nan_to_num(vector[rows])))
     moved = np.concatenate((position[rows] - tool[:, :3, 3], turned), axis=1)
-    exists = np.concatenate([np.repeat(item[rows][:, None], 3, axis=1) for item in seen], axis=1)
+    exists = np.repeat(np.column_stack([item[rows] for item in seen]), 3, axis=1)
     weight = np.where(exists, 1 / np.array(COARSE), 0.0)
     moved = np.where(exists, moved, 0.0) * weight
     return _Loaded(

@@ -15,7 +15,7 @@ from ..mechanism import Joint, Mechanism
 from ..numbers import number
 from ..recordings import Drawn, Recording, read_as
 from ..robot import Robot
-from ..spatial import Array
+from ..spatial import Array, rotation_exp, turn_between
 from .simulator import Simulator
 
 __all__ = ["AsRecorded", "as_recorded", "drawn_for", "in_format"]
@@ -23,6 +23,8 @@ __all__ = ["AsRecorded", "as_recorded", "drawn_for", "in_format"]
 #: Joints that a sentence lists by name.
 _MOST_LISTED = 8
 
+#: Farther than this from the drawing [m, rad] nothing is deflected.
+_DEFLECTED = 0.05
 #: How alike (difflib) a column's name and a joint's are, and their words one by one, where one is the other misspelt.
 #: It is more than a name needs to be suggested: joints of another device share words such as "joint" with the robot's.
 _MISSPELT = 0.85
@@ -88,7 +90,10 @@ def in_format(robot: Robot, recordings: Recording | Sequence[Recording]) -> list
 
 
 def drawn_for(robot: Robot) -> Drawn:
-    """Return what the robot knows of its logs: joints that slide, and where its tool is drawn; NaN where nowhere."""
+    """Return what the robot knows of its logs: joints that slide, and where its tool is drawn; NaN where nowhere.
+
+    Where the log tells how the tool moves beside that, as under load, it is moved so.
+    """
 
     def tool(recording: Recording) -> Array:
         adapted = as_recorded(robot, replace(recording, conventions=()))
@@ -100,10 +105,31 @@ def drawn_for(robot: Robot) -> Drawn:
         if geometry.poses:
             each = np.array([pose.base_from_tool for pose in geometry.poses])
             out[geometry.reachable] = each[geometry.rows[geometry.reachable]]
-        return out
+        return _deflected(out, recording)
 
     slides = frozenset(joint.name for joint in robot.mechanism.joints if joint.slides)
     return Drawn(slides, None if robot.mechanism.tool is None else tool)
+
+
+def _deflected(drawn: Array, recording: Recording) -> Array:
+    """Return placements (N, 4, 4) moved as a log's poses are beside them, but for what they all have in common."""
+    out = drawn.copy()
+    if recording.position is not None:
+        out[:, :3, 3] += _beside(recording.position - drawn[:, :3, 3])
+    if recording.rotation is not None:
+        turned = turn_between(drawn[:, :3, :3], rotation_exp(recording.rotation))
+        out[:, :3, :3] = rotation_exp(_beside(turned)) @ drawn[:, :3, :3]
+    return out
+
+
+def _beside(apart: Array) -> Array:
+    """Return differences (N, 3) [m, rad] less their middle; zero where they are no deflections, or unknown."""
+    known = np.isfinite(apart).all(axis=1)
+    if not known.any():
+        return np.zeros_like(apart)
+    apart = apart - np.median(apart[known], axis=0)
+    known &= np.linalg.norm(np.nan_to_num(apart), axis=1) < _DEFLECTED
+    return np.where(known[:, None], apart, 0.0)
 
 
 def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:

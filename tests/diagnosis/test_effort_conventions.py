@@ -103,8 +103,7 @@ def test_how_far_it_is_off_is_told_with_how_to_declare_it(recording):
     assert "--convention tau.elbow_joint=reversed" in finding.statement
     assert '"conventions": {"tau.elbow_joint": "reversed"}' in finding.statement
     assert "% of efforts as it is written" in finding.statement
-    sizes = finding.parameters
-    assert sizes["residual_as_read"].value < 0.5 * sizes["residual_as_written"].value
+    assert finding.evidence["as_read"] < 0.5 * finding.evidence["as_written"]
     np.testing.assert_allclose(logs.recordings[0].efforts["elbow_joint"], recording.efforts["elbow_joint"])
 
 
@@ -140,7 +139,7 @@ def test_drives_in_units_of_their_own_are_told_by_their_sizes(ur5, recording):
 
 def test_positions_of_motors_are_told_by_the_limits_of_the_joints(ur5, recording):
     names = list(recording.positions)
-    wrong = changed(recording, "positions", dict.fromkeys(names, 77.7))
+    wrong = changed(recording, "positions", dict(zip(names, (77.0, 141.0, 53.0, 91.0, 33.0, 120.0), strict=True)))
     wrong = changed(wrong, "efforts", dict.fromkeys(names, 0.01))
     assert told(ur5, wrong) == []
     with pytest.raises(InputError, match=r"reaches \d+.*allows -6\.283 to 6\.283 rad.*motor before its gear"):

@@ -100,7 +100,9 @@ def test_orientations_are_what_scipy_makes_of_them(log, turns, drawn, said, writ
 def test_a_moment_about_another_point_is_carried_to_the_tool_point(log, turns, drawn):
     point = turns.apply([0.1, 0.2, 0.3])
     written = written_as(log, [declared("wrench=about:0.1,0.2,0.3")], drawn)
-    np.testing.assert_allclose(written.wrench[:, 3:], log.wrench[:, 3:] - np.cross(point, log.wrench[:, :3]), atol=1e-12)
+    np.testing.assert_allclose(
+        written.wrench[:, 3:], log.wrench[:, 3:] - np.cross(point, log.wrench[:, :3]), atol=1e-12
+    )
 
 
 def test_units_of_joints_are_for_those_that_have_them(log, drawn):

@@ -210,7 +210,7 @@ class _Search:
             if left > EFFORT_STEP * least:
                 break
             others = tuple((*taken, *item[1]) for item in tried
-                           if item[0] < 1.05 * left and item[1] is not step)  # fmt: skip
+                           if item[0] < 1.01 * left and item[1] is not step)  # fmt: skip
             taken, now, least = (*taken, *step), read, left
         return taken, least, others
 
@@ -261,11 +261,14 @@ class _Search:
     def _unit(self, signed: dict[str, float]) -> Convention | None:
         """Return the unit of all efforts where they are nearly as many times the rigid robot's at every joint."""
         sizes = np.abs(list(signed.values()))
+        if (self.recording.tolerances.effort_gain or 0.0) > EFFORT_UNIT - 1:
+            return None  # which is declared to be anything
         if len(sizes) < min(2, len(self.motion.driven)) or 2 * len(sizes) < len(self.motion.driven):
             return None
         usual = float(np.median(sizes))
-        apart, spread = abs(np.log(usual)), float(np.abs(np.log(sizes / usual)).max())
-        if apart < np.log(EFFORT_UNIT) or spread > min(EFFORT_UNIT_SHARE * apart, np.log(EFFORT_OF_A_UNIT)):
+        # a load may make some of them larger besides
+        alike = np.abs(np.log(sizes / usual)) < np.log(EFFORT_OF_A_UNIT)
+        if abs(np.log(usual)) < np.log(EFFORT_UNIT) or alike.mean() < EFFORT_UNIT_SHARE:
             return None
         slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
         for word in WORDS:

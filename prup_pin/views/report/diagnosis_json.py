@@ -131,6 +131,7 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
         "remedy": finding.remedy,
         "alternatives": list(finding.alternatives),
         **({"conventions": as_json(finding.conventions)} if finding.conventions else {}),
+        **({"evidence": dict(finding.evidence)} if finding.evidence else {}),
     }
     if finding.curve is not None and robot is not None:
         value["curve"] = _curve(finding.curve, robot)

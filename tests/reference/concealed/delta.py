@@ -97,7 +97,7 @@ def _measured(rng, device: Delta, poses: int) -> dict[str, np.ndarray]:
 
 
 def draw_delta(seed: int, effects=(), poses=(12, 5)) -> dict[str, Any]:
-    """A Delta and its bench test: the table that it leaves, and the truth. effects: encoder_offset, stiffness_changed."""
+    """A Delta and its bench test: its tables, and the truth. effects: encoder_offset, stiffness_changed."""
     rng = np.random.default_rng([seed, 61])
     offsets, softer, truths = np.zeros(3), np.ones(3), []
     for name in effects:

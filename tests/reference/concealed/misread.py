@@ -1,4 +1,4 @@
-"""Logs that are written otherwise than the recording format: what other controllers, sensors and scripts make of a table.
+"""Logs that are written otherwise than the recording format: what other controllers, sensors and scripts make of it.
 
 Each misreading changes the columns of a table, by its own arithmetic and SciPy's rotations; no code of the package.
 """
@@ -144,7 +144,7 @@ def of_poses(joints, slide: bool, tree: bool, turns: bool = True) -> list[Misrea
             Misreading("angles about fixed x y z", "r=euler_xyz", turned(lambda r: r.as_euler("xyz"))),
             Misreading("angles about turned X Y Z", "r=euler_XYZ", turned(lambda r: r.as_euler("XYZ"))),
             Misreading("yaw, pitch, roll in deg", "r=euler_ZYX_deg", turned(lambda r: r.as_euler("ZYX", degrees=True))),
-            Misreading("vector part of a quaternion", "r=quaternion", turned(lambda r: r.as_quat(canonical=True)[:, :3])),
+            Misreading("vector part of a quaternion", "r=quaternion", turned(lambda r: r.as_quat(canonical=True)[:, :3])),  # noqa: E501
             Misreading("w x y z taken for x y z w", "r=wxyz_as_xyzw",
                        turned(lambda r: Rotation.from_quat(np.roll(r.as_quat(), 1, axis=1)).as_rotvec())),
             Misreading("wrench in the tool's axes", "wrench=tool_frame",
@@ -167,7 +167,9 @@ def of_efforts(joints) -> list[Misreading]:
     exchanged = [joints[0], joints[2], joints[1], *joints[3:]]
     opposite = list(reversed(joints))
     q = [f"{kind}.{third}" for kind in ("q", "qd")]
-    gains = {f"tau.{name}": gain for name, gain in zip(joints, (0.083, 0.08, 0.11, 0.14, 0.12, 0.15, 0.13), strict=False)}
+    gains = {
+        f"tau.{name}": gain for name, gain in zip(joints, (0.083, 0.08, 0.11, 0.14, 0.12, 0.15, 0.13), strict=False)
+    }
 
     def each(table: Table) -> Table:
         return {name: values * gains.get(name, 1.0) for name, values in table.items()}
