@@ -477,7 +477,7 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     good = np.isfinite(actuators).all(axis=1) & np.isfinite(recording.wrench).all(axis=1)
     position = np.full((len(recording), 3), np.nan) if recording.position is None else recording.position
     vector = np.full((len(recording), 3), np.nan) if recording.rotation is None else recording.rotation
-    seen: list[np.ndarray] = [np.isfinite(each).all(axis=1) for each in (position, vector)]
+    seen = [np.isfinite(each).sum(axis=1) == 3 for each in (position, vector)]
     good &= seen[0] | seen[1]
     blocks = recording.blocks()
     sizes = np.bincount(blocks)

@@ -42,7 +42,7 @@ _MOST, _FEWEST = 6, 3
 #: Ratios of gears that are tried [turns of the motor for one of the joint].
 _GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
 #: Ratios that come nearest, which are looked at more closely.
-_RATIOS = 8
+_RATIOS = 12
 #: Units of a clock by its median step: s below the first, then ms, us, ns.
 _CLOCKS = ((0.3, 300.0, "ms"), (300.0, 3e5, "us"), (3e5, 3e8, "ns"))
 #: Of its travel, what a joint that moves may go from row to row of a clock in seconds.
@@ -267,8 +267,9 @@ class _Search:
             return None
         usual = float(np.median(sizes))
         # a load may make some of them larger besides
-        alike = np.abs(np.log(sizes / usual)) < np.log(EFFORT_OF_A_UNIT)
-        if abs(np.log(usual)) < np.log(EFFORT_UNIT) or alike.mean() < EFFORT_UNIT_SHARE:
+        apart, alike = np.log(sizes / usual), np.log(EFFORT_OF_A_UNIT)
+        most = float(np.mean(np.abs(apart) < alike)) > EFFORT_UNIT_SHARE and apart.min() > -alike
+        if abs(np.log(usual)) < np.log(EFFORT_UNIT) or not most:
             return None
         slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
         for word in WORDS:
@@ -304,7 +305,10 @@ class _Search:
                 steps.append(Convention("tau", "gear", (ratio,)))
                 read = read_as(read, steps[1:], self.drawn)
             found.append((self.left(read), ratio, tuple(steps)))
-        least, _, taken = min(found)
+        # of ratios that do as well the roundest is the usual one
+        best = min(item[0] for item in found)
+        near = [item for item in found if item[0] < 1.03 * best]
+        least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
         if not least < EFFORT_MEANT * min(first, 1.0):
             return None
         return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
