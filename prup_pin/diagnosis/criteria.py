@@ -436,6 +436,8 @@ ANYHOW = 0.5
 #: Share of the efforts beyond which columns may be meant otherwise: one of seven joints whose sign is turned round
 #: leaves more. What another reading must leave of that, and of all; and samples below which nothing is said.
 EFFORT_STRANGE, EFFORT_MEANT, EFFORT_FEWEST = 0.35, 0.5, 50
+#: ... or a third of what is left, where that makes some sense of the efforts.
+EFFORT_SENSE: Final = 0.75
 #: What each column that is read otherwise must leave of what was left before: one of several that are wrong saves less.
 EFFORT_STEP = 0.85
 #: Efforts follow those of the rigid robot where their shapes are so much alike. They are suspected to be in another

@@ -20,12 +20,14 @@ from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
 from ...spatial import Array
 from ..criteria import (
+    CONVENTION_LEAVES,
     EFFORT_APART,
     EFFORT_FEWEST,
     EFFORT_FOLLOWS,
     EFFORT_MEANT,
     EFFORT_OF_A_UNIT,
     EFFORT_RIGHT,
+    EFFORT_SENSE,
     EFFORT_STEP,
     EFFORT_STRANGE,
     EFFORT_UNIT,
@@ -166,7 +168,9 @@ class _Search:
         least = now
         if now > EFFORT_STRANGE:
             taken, least, others = self._forward(begin, now)
-            if taken and not least < min(EFFORT_MEANT * min(now, 1.0), self._hung(begin)):
+            # what is worse than no effort at all is turned round somewhere, whatever else is off
+            limit = max(EFFORT_MEANT * min(now, 1.0), min(CONVENTION_LEAVES * now, EFFORT_SENSE))
+            if taken and not least < min(limit, self._hung(begin)):
                 taken, least, others = (), now, ()
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
