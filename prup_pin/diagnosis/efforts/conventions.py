@@ -168,9 +168,7 @@ class _Search:
         least = now
         if now > EFFORT_STRANGE:
             taken, least, others = self._forward(begin, now)
-            # what is worse than no effort at all is turned round somewhere, whatever else is off
-            limit = max(EFFORT_MEANT * min(now, 1.0), min(CONVENTION_LEAVES * now, EFFORT_SENSE))
-            if taken and not least < min(limit, self._hung(begin)):
+            if taken and not least < min(_limit(now), self._hung(begin)):
                 taken, least, others = (), now, ()
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
@@ -313,7 +311,7 @@ class _Search:
         best = min(item[0] for item in found)
         near = [item for item in found if item[0] < 1.03 * best]
         least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
-        if not least < EFFORT_MEANT * min(first, 1.0):
+        if not least < _limit(first):
             return None
         return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
 
@@ -335,6 +333,14 @@ class _Search:
             return np.inf
         shares = [float(((value - own @ more) ** 2).sum()) for own, value in zip(table, values, strict=True)]
         return float(np.sqrt(np.mean(shares)))
+
+
+def _limit(written: float) -> float:
+    """Return the share that a reading must come below where a log leaves so much as it is written.
+
+    What is worse than no effort at all is turned round somewhere, whatever else is off.
+    """
+    return max(EFFORT_MEANT * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
 
 
 def gains_apart(gains: dict[str, float]) -> bool:
