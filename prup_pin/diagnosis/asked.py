@@ -72,7 +72,7 @@ class Asked:
 
         `reach`: tolerances beyond which none is taken to be off.
         """
-        rigid = any(item.law.physics == "joint_compliance" for item in self.library)
+        rigid = any(item.of_rigid_joint for item in self.library)
         if not (len(self.toleranced) or rigid) or not compared(problem, problem.drawn):
             return problem
         return within_tolerances(problem, self.toleranced, self.library, reach)
@@ -97,7 +97,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     remarks += what_is_missing(inputs, measured, robot.mechanism)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
-    allowed = beside_allowed(recording.tolerances.declared, robot.mechanism)
+    allowed = beside_allowed(recording.tolerances, robot.mechanism)
     placed = registered(measured, linear, together, robot.mechanism, allowed)
     if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
         together, placed = apart
@@ -149,7 +149,7 @@ def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) 
     simulator = problem.simulator
     if simulator.robot.mechanism.loops or not simulator.inputs.weight_alone:
         return None
-    heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
+    heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
     weight = [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
     return spread_of(problem, together, weight)
 

@@ -10,10 +10,8 @@ import numpy as np
 
 from ..channels import Columns, Noise
 from ..errors import imported
-from ..laws import LAWS, Effect
+from ..laws import LAWS, Effect, Law
 from ..laws.efforts import EFFORT_LAWS
-from ..laws.efforts.all_links import AllLinks
-from ..laws.joint_compliance import EACH_JOINT
 from ..recordings import Convention
 from ..simulation import Run
 from ..spatial import Array
@@ -58,6 +56,8 @@ class Finding:
     has no place.
     `recovered` is what the samples ask for, to be drawn. `conventions`: of `log_convention`, how a log is written,
     and `evidence`: of what the drawing leaves how much as written, and as read.
+    `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places without one effect.
+    `advice`: what to do about it, where its physics does not say.
     """
 
     physics: str
@@ -72,6 +72,8 @@ class Finding:
     recovered: Recovered | Agreement | None = field(default=None, repr=False)
     conventions: tuple[Convention, ...] = ()
     evidence: Mapping[str, str | float] = field(default_factory=dict)
+    law: Law | None = field(default=None, repr=False)
+    advice: str = ""
 
     @property
     def cost(self) -> float:
@@ -81,18 +83,19 @@ class Finding:
     @property
     def remedy(self) -> str:
         """What to do about it, in one short sentence; of what has no effect of its own by its physics."""
+        if self.advice:
+            return self.advice
         if self.effect is not None and self.physics not in _REMEDIES:
             return self.effect.law.advice(self.effect.place, self.effect.values)
-        laws = [law for law in (*EFFORT_LAWS, AllLinks(())) if law.everywhere] if self.at_each else []
-        known = {law.physics: law.remedy for law in reversed((*laws, *LAWS, *EFFORT_LAWS))} | _REMEDIES
+        known = {law.physics: law.remedy for law in reversed((*LAWS, *EFFORT_LAWS))} | _REMEDIES
+        said = known.get(self.physics, "") if self.law is None else self.law.remedy
         here = "the robot" if self.location == "robot" else self.location
-        where = "each of these places" if self.at_each else here
-        return known.get(self.physics, "").format(place=where)
+        return said.format(place="each of these places" if self.at_each else here)
 
     @property
     def at_each(self) -> tuple[str, ...]:
         """The places of what is told of several at once, each of which has it; else nothing."""
-        if self.location != "robot" or (self.effect is not None and self.effect.place.aspect != EACH_JOINT):
+        if self.location != "robot" or (self.effect is not None and not self.effect.law.for_each):
             return ()
         return tuple(place for place in self.candidates if place != "robot")
 

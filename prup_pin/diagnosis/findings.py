@@ -9,8 +9,6 @@ import numpy as np
 
 from ..laws import Effect
 from ..laws.deeds import Moved
-from ..laws.in_recording import InRecording
-from ..laws.joint_compliance import EACH_JOINT
 from ..numbers import number
 from ..recordings import SENSORS
 from ..robot import Robot
@@ -50,6 +48,12 @@ __all__ = [
     "unknown_at_robot",
 ]
 
+#: What to do where there is nothing to compare.
+_NOTHING_MEASURED = (
+    "give the recording poses (columns p.x … r.z) or efforts (tau.<joint>) under these names; prup-pin import makes"
+    " them of other ones"
+)
+
 
 def sensor_elsewhere(
     effect: Effect,
@@ -63,8 +67,8 @@ def sensor_elsewhere(
 
     deviation (6,) of its parameters; what was calibrated of them since is part of it.
     """
-    law = effect.law.law if isinstance(effect.law, InRecording) else effect.law
-    group = effect.law.group.label if isinstance(effect.law, InRecording) else ""
+    law = effect.law
+    group = law.group.label if law.group else ""
     own = {
         item.name.partition(" in ")[0]: item
         for item in calibrated
@@ -167,8 +171,11 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
         if measured
         else "the recording holds no measured pose, of the tool (columns p.x … r.z) or of a marker"
     )
+    if not measured and not any(name.startswith("tau.") for name in unused):
+        why += ", and no effort (columns tau.<joint>)"
     rest = f"; not used were {', '.join(unused)}" if unused else ""
-    return unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
+    found = unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
+    return found if measured else replace(found, advice=_NOTHING_MEASURED)
 
 
 def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:
@@ -278,11 +285,9 @@ def told_alone(finding: Finding, robot: Robot) -> Finding:
 
 
 def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot: Robot) -> str:
-    """Return what an effect says of itself; of one value for each joint those are left out that may be nothing."""
-    if effect.place.aspect == EACH_JOINT:
-        sure = {name: item.value if item.interval[0] > 0 else 0.0 for name, item in parameters.items()}
-        effect = replace(effect, values=sure) if any(sure.values()) else effect
-    return effect.statement(robot.mechanism)
+    """Return what an effect says of itself."""
+    intervals = {name: item.interval for name, item in parameters.items()}
+    return effect.law.told(effect.place, effect.values, intervals, robot.mechanism)
 
 
 def _beside_others(term: Term, fit: Fit, index: int) -> bool:

@@ -13,9 +13,8 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from ...dynamics import InMotion, Motion, motion_of
+from ...dynamics import InMotion, Motion, could_be_gravity, motion_of
 from ...errors import InputError, PrupPinError
-from ...laws.efforts.mounting import Mounting
 from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
 from ...spatial import Array
@@ -317,19 +316,18 @@ class _Search:
 
     def _hung(self, recording: Recording) -> float:
         """Return what is left where gravity may pull any way, as strong as it is, which turned columns imitate."""
-        law, table, values = Mounting(), [], []
-        places = law.places(self.mechanism)
-        if not places:
+        if not self.mechanism.gravity.any():
             return np.inf
+        table, values = [], []
         motion, efforts = self.read(recording)
-        pulled = law.efforts_per(places[0], {}, self.at)[self.rows]
+        pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
         for column, name in enumerate(motion.driven):
             size = float(np.linalg.norm(efforts[:, column]))
             if size > 0:
                 table.append(_freed(motion, name, pulled[:, column]) / size)
                 values.append(_freed(motion, name, efforts[:, column] - self.rigid[:, column]) / size)
         more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
-        if not law.plausible(places[0], dict(zip(law.linear, map(float, more), strict=True)), self.mechanism):
+        if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return np.inf
         shares = [float(((value - own @ more) ** 2).sum()) for own, value in zip(table, values, strict=True)]
         return float(np.sqrt(np.mean(shares)))

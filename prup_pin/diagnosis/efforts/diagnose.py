@@ -9,10 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from ...dynamics import InMotion, motion_of
+from ...dynamics import InMotion
 from ...errors import InputError
-from ...laws.efforts.free_curve import FreeCurve
-from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -25,7 +23,7 @@ from ..criteria import (
     EFFORT_MATERIAL,
     EFFORT_SURE,
 )
-from .band import coherent_band
+from .band import band_of, in_motion
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
@@ -59,11 +57,10 @@ def diagnose_efforts(
     Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
     """
     tell("the motion", 0.02)
-    seen = _in_motion(robot.mechanism, recording)
-    band, below = (None, None) if seen.motion.standing else coherent_band(seen)
+    band, below = band_of(robot.mechanism, recording)
 
     def efforts_without(stretches: Sequence[Stretch]) -> Efforts:
-        at = _in_motion(robot.mechanism, recording, stretches, band)
+        at = in_motion(robot.mechanism, recording, band, [stretch.rows for stretch in stretches])
         return _efforts(recording, at if held is None else _holding(at, held), below)
 
     whole = efforts_without(())
@@ -103,7 +100,7 @@ def _outcome(
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
     doubts, efforts, given, chosen = searched_by(gains, (0.1, 0.7))
-    if gains is not None and any(term.law.physics == "effort_gain" for term in chosen.terms):
+    if gains is not None and any(term.law.of_gain for term in chosen.terms):
         # laws that take gains back: one gain and a delay look a little like many gains
         with suppress(InputError):
             plain = searched_by(None, (0.7, 0.75))
@@ -149,19 +146,6 @@ def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple
 
 def _between(tell: Callable[[float], None], first: float, last: float, share: float) -> None:
     tell(first + (last - first) * share)
-
-
-def _in_motion(
-    mechanism: Mechanism,
-    recording: Recording,
-    without: Sequence[Stretch] = (),
-    band: Mapping[str, float] | None = None,
-) -> InMotion:
-    """Return the robot in a recorded motion, without stretches of it."""
-    motion = motion_of(recording, mechanism, without=[stretch.rows for stretch in without], band=band)
-    if not motion.driven:
-        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
-    return InMotion.of(mechanism, motion)
 
 
 def _holding(at: InMotion, held: Mapping[str, Array]) -> InMotion:
@@ -212,16 +196,14 @@ def _with_curves(
         here = _cost(given, chosen)
         shape = here - _cost(given, chosen.with_term(curve))
         for term in chosen.terms:
-            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or curve.is_of_time:
+            if term.law.is_curve or term.place.name != curve.place.name or curve.is_of_time:
                 continue  # what changes with time is still what it is
             own = _cost(given, chosen.without(term)) - here
             if term.law.by_shape or shape > EFFORT_IMITATED * own:
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in chosen.terms if term.place.name != curve.place.name] + imitating
-        chosen = pruned(
-            given, chosen.with_term(curve), [term for term in doubtful if not isinstance(term.law, FreeCurve)]
-        )
+        chosen = pruned(given, chosen.with_term(curve), [term for term in doubtful if not term.law.is_curve])
     return given, chosen, free, imitating
 
 
