@@ -152,6 +152,16 @@ class _Postures:
         with np.errstate(invalid="ignore"):
             return _Misfit(np.where(counts > 0, squares / counts, np.nan), stays)
 
+    def spread(self, recording: Recording) -> Array:
+        """Return how far the drawn postures are apart: positions [m] and orientations [rad], root mean squares (2,)."""
+        placed = [at[np.isfinite(at[:, 0, 0])] for at in self.places(recording).values()]
+        placed = [at for at in placed if len(at)]
+        if not placed:
+            return np.zeros(2)
+        ways = [np.sqrt(((at[:, :3, 3] - at[:, :3, 3].mean(axis=0)) ** 2).sum(axis=1).mean()) for at in placed]
+        turns = [turn_between(_nearest(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed]
+        return np.array([max(ways), max(np.sqrt((turn**2).sum(axis=1).mean()) for turn in turns)])
+
     def better(self, first: _Misfit, other: _Misfit) -> bool:
         """Return whether one of both leaves a third and the other no more than before."""
         before, after = (np.maximum(item.sizes, self.floor) for item in (first, other))
@@ -274,6 +284,9 @@ def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> 
     start = near if by else far
     apart = np.maximum(start.sizes, postures.floor) / np.maximum(misfit.sizes, postures.floor)
     column = int(np.argmax(apart))
+    # what a unit makes small enough is near everything
+    if not misfit.sizes[column] < CONVENTION_LEAVES * postures.spread(read)[column]:
+        return None
     half = np.arange(len(written)) % 2 == 0
     held = [postures.misfit(item, by, half).squares[~half, column] for item in (written, read)]
     sums = [float(np.nansum(item)) for item in held]
