@@ -2,7 +2,7 @@
 
     python scripts/concealed_trials.py [--count 200] [--first-seed 1000] [--workers 2] [--out out/trials] [--docs]
         [--scattered 0] [--robot 3prup --robot six_ups --robot elastic_arm] [--today] [--efforts 0] [--markers 0]
-        [--elastic 0] [--json DIR] [--loop 0]
+        [--elastic 0] [--json DIR] [--loop 0] [--misread 0]
     python scripts/concealed_trials.py --export DIR --scattered 100 [--robot …] [--first-seed 1000]
     python scripts/concealed_trials.py --export DIR --efforts 40 | --markers 40 | --elastic 40
     python scripts/concealed_trials.py --score DIR
@@ -16,8 +16,9 @@ all, of five kinds in turn, that are seen by their efforts (OUT/efforts.jsonl), 
 yield and whose motors vibrate (OUT/elastic.jsonl; `--json`: and a file for each), `--markers` so many arms under their
 own weight that a camera sees (OUT/markers.jsonl). `--loop` draws so many 3-PRUPs without scatter, or with `--robot` so
 many of each of these whose parameters scatter, and carries out the experiment that an ambiguous verdict proposes
-(OUT/loop.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
-docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md and docs/loop_trials.md.
+(OUT/loop.jsonl). `--misread` draws so many logs in all, of six robots in turn, that are written otherwise than they say
+(OUT/misread.jsonl). `--docs` writes the summaries into docs/concealed_trials.md, docs/scattered_trials.md,
+docs/effort_trials.md, docs/elastic_trials.md, docs/marker_trials.md, docs/loop_trials.md and docs/misread_trials.md.
 
 `--export` writes the scattered devices, their sealed answers and a description of the format, for any other tool;
 `--score` reads that tool's answers.
@@ -45,6 +46,7 @@ import _efforts
 import _elastic
 import _loop
 import _markers
+import _misread
 import _motion
 import numpy as np
 from _benchmark import export, read_answers, table
@@ -376,6 +378,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="DIR", help="write each --elastic trial as a file of its own")
     parser.add_argument("--markers", type=int, default=0, help="arms under their own weight, seen by markers")
     parser.add_argument("--loop", type=int, default=0, help="devices whose next experiment is carried out")
+    parser.add_argument("--misread", type=int, default=0, help="logs that are written otherwise than they say")
     parser.add_argument("--today", action="store_true", help="what people do today, beside, on scattered devices")
     parser.add_argument("--first-seed", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
@@ -449,6 +452,15 @@ def main() -> None:
         text = counted(partial(_loop.summary, share=wilson), done, jobs)
         print("\n" + text)
         pages["loop_trials.md"] = _loop.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
+    if options.misread:
+        jobs = _misread.jobs_of(options.misread, first)
+        done = run(jobs, options.out / "misread.jsonl", options.workers, _misread.told)
+        command = (
+            f"python scripts/concealed_trials.py --count 0 --misread {options.misread} --first-seed {first} --docs"
+        )
+        text = counted(partial(_misread.summary, share=wilson), done, jobs)
+        print("\n" + text)
+        pages["misread_trials.md"] = _misread.HEAD.format(command=command) + text
     if options.docs:
         for name, text in pages.items():
             (ROOT / "docs" / name).write_text(text, encoding="utf-8")

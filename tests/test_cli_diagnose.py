@@ -269,16 +269,6 @@ def refused(done, folder, *parts):
     assert not folder.exists(), "it left something behind"
 
 
-def test_positions_in_millimetres(clean_bench, run, tmp_path):
-    def in_mm(columns):
-        return {
-            n: [str(1e3 * float(c)) for c in cells] if n.startswith("p.") else cells for n, cells in columns.items()
-        }
-
-    path = changed(clean_bench, tmp_path, in_mm)
-    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", "mm", "metres")
-
-
 def test_another_robots_actuators(clean_bench, run, tmp_path):
     def renamed(columns):
         return {name.replace("q.leg1_slide", "q.leg9_slide"): cells for name, cells in columns.items()}
@@ -328,17 +318,67 @@ def times(prefix, factor):
 
 
 @pytest.mark.parametrize(
-    ("prefix", "factor", "words"),
+    ("prefix", "factor", "columns", "said"),
     [
-        ("w.f", 1e-3, ("forces", "kN", "expected N")),
-        ("w.m", 1e3, ("moments", "N mm", "expected N m")),
-        ("r.", 180 / np.pi, ("orientations", "degrees")),
-        ("q.", 1e3, ("cannot reach", "[m, rad]", "Millimetres, or degrees?")),
+        ("p.", 1e3, "p", "mm"),
+        ("r.", 180 / np.pi, "r", "deg"),
+        ("q.", 1e3, "q", "mm"),
+        ("w.f", 1e-3, "force", "kN"),
+        ("w.m", 1e3, "moment", "N_mm"),
+        ("w.", -1.0, "wrench", "reaction"),
     ],
 )
-def test_other_units(bench, run, tmp_path, prefix, factor, words):
-    path = changed(bench, tmp_path, times(prefix, factor))
-    refused(run("diagnose", path, "--out", tmp_path / "out"), tmp_path / "out", *words)
+def test_a_log_in_another_convention_is_read_so_and_told_first(
+    clean_bench, run, tmp_path, prefix, factor, columns, said
+):
+    path = changed(clean_bench, tmp_path, times(prefix, factor))
+    done = run("diagnose", path, "--out", tmp_path / "out", "--no-report")
+    assert done.exit_code == 0, done.output
+    document = read_json(tmp_path / "out" / "diagnosis.json")
+    first, *others = document["findings"]
+    assert document["verdict"] == "explained"
+    assert first["physics"] == "log_convention"
+    assert first["conventions"] == {columns: said}
+    assert f"--convention {columns}={said}" in first["statement"]
+    assert {item["physics"] for item in others} <= {"finite_deflection", "self_weight"}
+    # the model reads the next log so, and predicts it as it is written
+    model = tmp_path / "out" / "corrected_model.json"
+    assert read_json(model)["conventions"] == {columns: said}
+    done = run("predict", model, path, "--out", tmp_path / "predicted.csv")
+    assert done.exit_code == 0, done.output
+    (head, rows), (predicted, told) = table(path), table(tmp_path / "predicted.csv")
+    for name in ("p.x", "p.z", "r.x"):
+        measured, wanted = (
+            np.array([float(row[names.index(name)]) for row in cells])
+            for names, cells in ((head, rows), (predicted, told))
+        )
+        np.testing.assert_allclose(measured, wanted, atol=1e-3 * np.ptp(measured))
+
+
+def test_a_convention_that_is_typed_is_told_no_more(clean_bench, run, tmp_path):
+    path = changed(clean_bench, tmp_path, times("w.", -1.0))
+    out = tmp_path / "out"
+    done = run("diagnose", path, "--out", out, "--no-report", "--convention", "wrench=reaction")
+    assert done.exit_code == 0, done.output
+    assert read_json(out / "diagnosis.json")["verdict"] == "nothing_missing"
+    assert read_json(out / "corrected_model.json")["conventions"] == {"wrench": "reaction"}
+    refused(
+        run("diagnose", path, "--out", tmp_path / "no", "--convention", "wrench=reacton"),
+        tmp_path / "no",
+        "--convention wrench=reacton",
+        "Did you mean 'reaction'",
+    )
+
+
+def test_check_tells_how_a_log_is_written(clean_bench, run, tmp_path):
+    path = changed(clean_bench, tmp_path, times("w.", -1.0))
+    done = run("check", path)
+    assert done.exit_code == 0, done.output
+    text = " ".join(done.stdout.split())
+    assert "Written otherwise than it says" in text
+    assert "--convention wrench=reaction" in text
+    assert text.index("Written otherwise") < text.index("What these data could not show")
+    assert "Written otherwise" not in run("check", clean_bench.path).stdout
 
 
 @pytest.mark.parametrize("column", ["q.leg2_slide", "w.fx"])

@@ -11,6 +11,7 @@ from ..views.text import terminal
 from . import progress
 from .files import check_folder, list_written
 from .options import (
+    ConventionOption,
     Reading,
     RecordingFiles,
     RobotOption,
@@ -27,6 +28,7 @@ def calibrate(
     out: Annotated[Path, typer.Option("--out", metavar="MODEL.json", help="Where to write the calibrated model.")],
     robot: RobotOption = None,
     tolerances: TolerancesOption = None,
+    convention: ConventionOption = None,
     set_parameters: SetParameters = None,
     *,
     reading: Reading,
@@ -38,7 +40,7 @@ def calibrate(
     from ..views.text.calibration_text import print_calibration
 
     check_folder(out, "--out", whole=True)
-    read, name = recorded(recordings, tolerances, robot)
+    read, name = recorded(recordings, tolerances, robot, convention)
     loaded, understood = reading.changed(name, set_parameters)
     adapted = as_recorded(loaded, read)
     with progress.stages() as tell:
@@ -47,6 +49,8 @@ def calibrate(
     effects = lasting(found.effects, loaded.mechanism)
     notes = f"calibrated on {', '.join(path.name for path in recordings)}"
     understood = adapted.read(understood)
-    write_model(CorrectedModel(name, effects, understood.variant, notes, understood), out)
+    write_model(
+        CorrectedModel(name, effects, understood.variant, notes, understood, conventions=found.conventions), out
+    )
     print_calibration(terminal.console(), loaded, read, found)
     list_written([out])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +13,7 @@ from ..recordings import read_recording
 from ..views.text import terminal
 from ..views.text.check_text import print_check
 from . import progress
-from .options import Reading, RobotOption, robot_of_all
+from .options import ConventionOption, Reading, RobotOption, robot_of_all, with_conventions
 from .question import limits_as_notes
 
 __all__ = ["check"]
@@ -24,6 +24,7 @@ def check(
         str, typer.Argument(metavar="FILE", help="A robot file, a name of `prup-pin robots`, or a recording (.csv).")
     ],
     robot: RobotOption = None,
+    convention: ConventionOption = None,
     *,
     reading: Reading,
 ) -> None:
@@ -31,12 +32,14 @@ def check(
 
     Ends with exit code 2 where a robot's loops do not close at home.
     """
-    _CHECKED.get(Path(file).suffix.lower(), _robot)(file, reading, robot)
+    _CHECKED.get(Path(file).suffix.lower(), _robot)(file, reading, robot, convention)
 
 
-def _robot(file: str, reading: Reading, robot: str | None) -> None:
+def _robot(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
     if robot is not None:
         raise InputError("--robot names the robot of a recording; expected a recording (.csv) before it")
+    if conventions:
+        raise InputError("--convention says how a recording is written; expected a recording (.csv) before it")
     with limits_as_notes([]):
         loaded = reading.load(file)
         print_check(terminal.console(), loaded)
@@ -48,11 +51,11 @@ def _robot(file: str, reading: Reading, robot: str | None) -> None:
             raise typer.Exit(2) from None
 
 
-def _recording(file: str, reading: Reading, robot: str | None) -> None:
+def _recording(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
     from ..diagnosis.before import prospects
     from ..views.text.prospects_text import print_prospects
 
-    recording = read_recording(Path(file))
+    recording = with_conventions(read_recording(Path(file)), conventions)
     loaded = reading.load(robot or robot_of_all([recording]))
     with progress.stages() as tell:
         tell("what the recording could show", 0.1)
@@ -60,12 +63,12 @@ def _recording(file: str, reading: Reading, robot: str | None) -> None:
     print_prospects(terminal.console(), loaded, recording, found)
 
 
-def _no_robot(file: str, reading: Reading, robot: str | None) -> None:
+def _no_robot(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
     raise InputError(f"'{file}' is no robot file; expected a URDF or MJCF file, or a name of `prup-pin robots`")
 
 
 #: What is checked how, by the ending of its name; all else is a robot.
-_CHECKED: dict[str, Callable[[str, Reading, str | None], None]] = {
+_CHECKED: dict[str, Callable[[str, Reading, str | None, Sequence[str] | None], None]] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".xlsx", ".xls", ".ods"), _recording),
     ".json": _no_robot,
 }

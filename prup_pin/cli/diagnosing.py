@@ -11,6 +11,7 @@ from ..views.text import terminal
 from . import progress
 from .files import list_written
 from .options import (
+    ConventionOption,
     Reading,
     RecordingFiles,
     RobotOption,
@@ -27,6 +28,7 @@ def diagnose(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
     robot: RobotOption = None,
     tolerances: TolerancesOption = None,
+    convention: ConventionOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     set_parameters: SetParameters = None,
     *,
@@ -39,7 +41,7 @@ def diagnose(
 
     check_before(out, recordings)
     missing = missing_for_report() if report else ""
-    read, name = recorded(recordings, tolerances, robot)
+    read, name = recorded(recordings, tolerances, robot, convention)
     loaded, understood = reading.changed(name, set_parameters)
     with progress.stages() as tell:
         found = diagnosed(loaded, read, tell=tell)

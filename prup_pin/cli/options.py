@@ -14,7 +14,16 @@ import typer
 
 from .. import loading
 from ..errors import InputError, UnknownNameError, nearest_names
-from ..recordings import ARM, TYPICAL, Recording, Tolerances, read_recording, read_tolerances
+from ..recordings import (
+    ARM,
+    TYPICAL,
+    Recording,
+    Tolerances,
+    convention_of,
+    joints_of,
+    read_recording,
+    read_tolerances,
+)
 from ..robot import Robot
 from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
@@ -22,6 +31,7 @@ from ..views.text.quantities import UNITS, parse_assignments, parse_quantity
 
 __all__ = [
     "AsJson",
+    "ConventionOption",
     "Frame",
     "Open",
     "PredictionFile",
@@ -42,6 +52,7 @@ __all__ = [
     "robot_of_all",
     "taken_apart",
     "tolerances_named",
+    "with_conventions",
 ]
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
@@ -74,6 +85,14 @@ TolerancesOption = Annotated[
         "--tolerances",
         metavar="typical|arm|none|FILE.json",
         help="What is a little off, instead of what the recording declares; docs/tolerances.md.",
+    ),
+]
+ConventionOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--convention",
+        metavar="COLUMNS=WORD",
+        help="How the log is written (wrench=reaction), not as it declares; docs/recording_file.md. Repeatable.",
     ),
 ]
 SetParameters = Annotated[
@@ -194,10 +213,28 @@ def robot_of_all(recordings: Sequence[Recording]) -> str:
     return robot_beside(named.robot, Path(named.path))
 
 
-def recorded(paths: Sequence[Path], tolerances: str | None, robot: str | None) -> tuple[list[Recording], str]:
+def recorded(
+    paths: Sequence[Path], tolerances: str | None, robot: str | None, conventions: Sequence[str] | None = None
+) -> tuple[list[Recording], str]:
     """Return recordings of one device within the tolerances that were typed, and the robot typed or named by them."""
-    read = [_with_tolerances(read_recording(path), tolerances) for path in paths]
+    read = [_with_tolerances(with_conventions(read_recording(path), conventions), tolerances) for path in paths]
     return read, robot or robot_of_all(read)
+
+
+def with_conventions(recording: Recording, typed: Sequence[str] | None) -> Recording:
+    """Return the recording written as was typed, COLUMNS=WORD each; without any as it is."""
+    if not typed:
+        return recording
+    found = []
+    for text in typed:
+        columns, equals, said = text.partition("=")
+        if not equals:
+            raise InputError(f"--convention {text}: expected COLUMNS=WORD, for example wrench=reaction")
+        try:
+            found.append(convention_of(columns.strip(), said.strip(), joints_of(recording)))
+        except InputError as error:
+            raise InputError(f"--convention {text}: {error}") from None
+    return replace(recording, conventions=tuple(found))
 
 
 def tolerances_named(name: str) -> Tolerances:

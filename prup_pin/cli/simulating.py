@@ -13,15 +13,16 @@ import typer
 from .. import simulation
 from ..errors import InputError, PrupPinError, SimulationStoppedError
 from ..laws import Effect
-from ..recordings import Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
+from ..recordings import Convention, Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
 from ..robot import Robot
-from ..simulation import Prediction, as_recorded, read_model
+from ..simulation import Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
 from ..views.text.effect_options import parse_effect
 from ..views.text.simulation_text import print_simulation
 from . import progress
 from .files import check_csv, list_written
 from .options import (
+    ConventionOption,
     PredictionFile,
     Reading,
     RecordingFile,
@@ -30,6 +31,7 @@ from .options import (
     Stop,
     Workers,
     robot_beside,
+    with_conventions,
 )
 
 __all__ = ["predict", "simulate"]
@@ -58,6 +60,7 @@ def simulate(
         list[str] | None,
         typer.Option(metavar="FRAME", help="Also where this frame is, and how it is turned. Repeatable."),
     ] = None,
+    convention: ConventionOption = None,
     workers: Workers = 1,
     stop: Stop = False,
     set_parameters: SetParameters = None,
@@ -70,7 +73,7 @@ def simulate(
     check_csv(out, recording, "recording")
     source = plan if recording is None else recording
     assert source is not None
-    read = read_recording(recording) if recording is not None else None
+    read = with_conventions(read_recording(recording), convention) if recording is not None else None
     programme = read_plan(source) if read is None else None
     corrected = read_model(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
@@ -110,14 +113,18 @@ def predict(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="A corrected model: robot and effects.")],
     recording: RecordingFile,
     out: PredictionFile,
+    convention: ConventionOption = None,
     workers: Workers = 1,
     stop: Stop = False,
 ) -> None:
     """What a corrected model says that a recording should have measured."""
     check_csv(out, recording, "recording")
     corrected = read_model(model)
-    read = read_recording(recording)
+    read = with_conventions(read_recording(recording), convention)
     notes = []
+    if corrected.conventions and not read.conventions:
+        read = replace(read, conventions=corrected.conventions)
+        notes.append(f"It is read as the model's logs are written: {', '.join(map(str, corrected.conventions))}.")
     loaded = as_recorded(corrected.load(), read).robot
     if read.robot is not None and Path(read.robot).name not in (Path(corrected.robot).name, loaded.name):
         notes.append(f"The recording is of '{read.robot}', the model of '{corrected.robot}'.")
@@ -143,15 +150,18 @@ def _predict(
     markers: Sequence[str] = (),
     band: Mapping[str, float] | None = None,
 ) -> None:
-    """Write what the robot would have measured, and print how it compares."""
+    """Write what the robot would have measured, as the log is written, and print how it compares."""
+    logged = recording
+    (recording,) = in_format(robot, logged)
     try:
         prediction = _simulated(robot, recording, effects, workers, stop, markers, band)
     except SimulationStoppedError as error:
         if len(error.prediction):
-            _write_prediction(out, recording.select(slice(0, error.row)), error.prediction)
+            done = slice(0, error.row)
+            _write_prediction(out, recording.select(done), error.prediction, robot, logged.conventions)
             raise PrupPinError(f"{error}\n  {error.row} rows before it are in {out}") from error
         raise
-    _write_prediction(out, recording, prediction)
+    _write_prediction(out, recording, prediction, robot, logged.conventions)
     print_simulation(terminal.console(), robot, effects, recording, prediction, notes)
     list_written((out,))
 
@@ -176,7 +186,11 @@ def _simulated(
     return prediction
 
 
-def _write_prediction(out: Path, recording: Recording, prediction: Prediction) -> None:
+def _write_prediction(
+    out: Path, recording: Recording, prediction: Prediction, robot: Robot, conventions: Sequence[Convention]
+) -> None:
+    if conventions:
+        prediction = prediction.as_logged(recording, robot, conventions)
     run = None if recording.run_names == ("",) else [recording.run_names[code] for code in recording.run.tolist()]
     write_prediction(
         out,

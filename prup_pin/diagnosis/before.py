@@ -12,6 +12,7 @@ from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
 from .asked import asked
+from .conventions import logs_read
 from .detectable import not_detectable
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
@@ -44,18 +45,24 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Prospects:
-    """What a recording could show. `joints` of a motion; `alike`: laws that it cannot tell apart; sentences."""
+    """What a recording could show. `joints` of a motion; `alike`: laws that it cannot tell apart; sentences.
+
+    `conventions`: sentences on how the log seems to be written, where that is not as it says.
+    """
 
     joints: tuple[Excitation, ...]
     not_detectable: tuple[Detectable, ...]
     alike: tuple[tuple[str, str], ...]
     unused_columns: tuple[str, ...]
     remarks: tuple[str, ...]
+    conventions: tuple[str, ...] = ()
 
 
 def prospects(robot: Robot, recording: Recording) -> Prospects:
     """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
     with threadpool_limits(1, user_api="blas"):
+        logs = logs_read(robot, recording)
+        (recording,) = logs.recordings
         adapted = as_recorded(robot, recording)
         robot = adapted.robot
         unused, told = unused_columns(recording, robot.mechanism)
@@ -78,7 +85,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
         remarks += told
-    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)))
+    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.told)
 
 
 def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, ...], list[tuple[str, str]], list[str]]:

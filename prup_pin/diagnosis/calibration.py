@@ -11,10 +11,11 @@ from threadpoolctl import threadpool_limits
 from ..channels import Noise
 from ..errors import InputError
 from ..laws import Effect
-from ..recordings import Recording
+from ..recordings import Convention, Recording
 from ..robot import Robot
 from .asked import asked
 from .calibrate import CalibratedParameter, calibrated_parameters
+from .conventions import logs_read
 from .criteria import clean_bound
 from .limits import limits_heard
 from .whiteness import compared
@@ -28,6 +29,7 @@ class Calibration:
 
     nominal, calibrated: residual of the drawing, and within its tolerances, in multiples of the noise. `effects` are
     the calibrated values, and weight where it acts; `parameters` the best known first; `twins` are told only together.
+    `conventions`: how all recordings are written, as declared or found; () where they differ.
     """
 
     noise: Noise
@@ -38,6 +40,7 @@ class Calibration:
     effects: tuple[Effect, ...]
     samples: int
     remarks: tuple[str, ...]
+    conventions: tuple[Convention, ...] = ()
 
     @property
     def is_explained(self) -> bool:
@@ -62,7 +65,10 @@ def calibrated(
     Raises InputError where nothing has a tolerance or nothing can be compared, and as `diagnose` does.
     """
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
-        given = asked(robot, recording, tell)
+        declared = [recording] if isinstance(recording, Recording) else list(recording)
+        logs = logs_read(robot, declared)
+        every = {(*item.conventions, *own) for item, own in zip(declared, logs.conventions, strict=True)}
+        given = asked(robot, logs.recordings, tell)
         if not len(given.toleranced):
             raise InputError(
                 "nothing may be off: neither the recording nor the robot file declares a tolerance. Declare some "
@@ -83,5 +89,6 @@ def calibrated(
             twins=problem.tolerances.start.twins,
             effects=(*problem.tolerances.at(first.x), *given.placed.every),
             samples=len(first.samples),
-            remarks=tuple(dict.fromkeys((*given.remarks, *beyond))),
+            conventions=every.pop() if len(every) == 1 else (),
+            remarks=tuple(dict.fromkeys((*logs.told, *given.remarks, *beyond))),
         )

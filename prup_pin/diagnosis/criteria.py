@@ -268,6 +268,24 @@ LEAST_WIDER: Final = 0.02
 LEAST_FORCE: Final = 50.0
 LEAST_MOMENT: Final = 10.0
 
+# -- is the log written as it says? ------------------------------------------------------------------------------------
+
+#: Share of what a log leaves as it is written, that it may leave as read otherwise for that to be told: RMS of poses,
+#: squares of loads. Faults of any size change single parts, and rarely bring a drastic change so near to the drawing.
+CONVENTION_LEAVES: Final = 1 / 3
+#: Readings that leave no more than so many times what the best one does are as good.
+CONVENTION_AS_GOOD: Final = 1.5
+#: Below this share of the robot's reach, and this angle, poses are the drawn ones as far as a convention can tell.
+CONVENTION_FINE: Final = 3e-4
+#: A sensor's frame up to this angle [rad], and this share of the reach, is nearly the base's.
+CONVENTION_NEAR: Final = 0.05
+#: Loads are asked where the drawing, each module as soft as suits, leaves more of what they move than this share.
+CONVENTION_SHOWN: Final = 0.03
+#: Standard deviation of how much softer a module is than drawn, while conventions compete.
+CONVENTION_SOFTER: Final = 0.5
+#: ... and so many times at most: a unit is not everything made softer.
+CONVENTION_SOFTEST: Final = 3.0
+
 # -- does the recording belong to the robot? ---------------------------------------------------------------------------
 
 #: Positions farther apart than this share of the robot's reach are neither deflections nor errors of a calibration.
@@ -285,19 +303,10 @@ FEWEST_REGISTERED: Final = 6
 REGISTERED: Final = 0.5
 #: Orientations farther apart than this are no deflections either [rad].
 TURNED: Final = 0.2
-#: How far a ratio of loads may be from a power of ten to be one of units, and one of positions, which vary less.
-NEAR: Final = 1.4
-NEAR_POSITION: Final = 1.25
 #: Noise that every bench is better than [m, rad]: weights of positions against rotations.
 COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
-#: Loads are judged where they move the tool by this many times that, explain so much of it, and are not its least part.
-LOADS_SHOW: Final = 10.0
-LOADS_EXPLAIN: Final = 0.7
-LOADS_MATTER: Final = 0.05
 #: Cosine below which measured gravity is the opposite of the robot file's.
 UPSIDE_DOWN: Final = -0.9
-#: A joint that stands farther than this [m, rad], where the robot cannot go, was recorded in mm or degrees.
-ANOTHER_UNIT: Final = 20.0
 #: A load below this is none [N].
 NO_FORCE: Final = 1e-6
 
@@ -430,11 +439,13 @@ ANYHOW = 0.5
 #: Share of the efforts beyond which columns may be meant otherwise: one of seven joints whose sign is turned round
 #: leaves more. What another reading must leave of that, and of all; and samples below which nothing is said.
 EFFORT_STRANGE, EFFORT_MEANT, EFFORT_FEWEST = 0.35, 0.5, 50
+#: ... or a third of what is left, where that makes some sense of the efforts.
+EFFORT_SENSE: Final = 0.75
 #: What each column that is read otherwise must leave of what was left before: one of several that are wrong saves less.
 EFFORT_STEP = 0.85
 #: Efforts follow those of the rigid robot where their shapes are so much alike. They are suspected to be in another
 #: unit where they are so many times larger or smaller at most joints and right at none, for masses may be off as well.
-EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 0.8, 1.4, 1.15
+EFFORT_FOLLOWS, EFFORT_APART, EFFORT_RIGHT = 0.8, 1.4, 1.12
 #: Drives report in units of their own where free gains save this share of the held-out squares, and at least two of
 #: them are so many times beside the others; one alone is a law of its joint. With them the joints, sharing one robot,
 #: may leave so many times what each leaves with masses of its own: more is no matter of units.
@@ -444,6 +455,9 @@ EFFORT_GAINS_SAVE, EFFORT_GAINS_APART, EFFORT_GAINS_LEAVE = 0.2, 1.1, 2.0
 EFFORT_GAINS, EFFORT_MASSES = 1.0, 0.3
 #: Efforts at rest of which so little is left without the robot's weight, as a share of what is left with it, are tared.
 EFFORT_TARED = 0.25
+#: Efforts of all drives that are so many times the rigid robot's, or fewer, are in another unit: masses are known to
+#: tens of per cent. They are in one unit where this share of the drives is no farther than that from the usual one.
+EFFORT_UNIT, EFFORT_UNIT_SHARE, EFFORT_OF_A_UNIT = 1.6, 0.6, 1.2
 #: Multiples of a joint's limits beyond which its position is not the joint's.
 FAR_BEYOND: Final = 3.0
 

@@ -18,6 +18,7 @@ from ..simulation import as_recorded
 from .asked import Asked, Tell, asked
 from .by_recording import by_recording
 from .compete import needed, select
+from .conventions import logs_read
 from .criteria import (
     FEWEST_FOR_FOLDS,
     SEGMENTS,
@@ -57,39 +58,44 @@ def _only_forward(tell: Tell) -> Tell:
 def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: Tell = _silent) -> Diagnosis:
     """Return what a recording, or several of one device, say that the simulation of `robot` left out.
 
+    One that is written otherwise than it says (signs, units, orders, frames) is read as it seems to be meant, and that
+    is the first finding.
+
     Each has its own noise, and where it says so its own sensors (`Recording.own_sensors`). `tell(stage, share)` hears
     how far it is. Raises InputError where a recording does not belong to this robot at all (units, frames, another
     machine) or is given twice, UnknownNameError where it lacks the actuators' positions.
     """
     # With several threads the last digits of a product may differ from run to run, and a close race with them.
     with threadpool_limits(1, user_api="blas"), limits_heard() as told:
-        found = _of_channels(robot, recording, _only_forward(tell))
+        tell = _only_forward(tell)
+        tell("how the log is written", 0.0)
+        logs = logs_read(robot, recording)
+        found = logs.told_in(_of_channels(robot, logs.recordings, tell))
     return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
 
 
-def _of_channels(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:
+def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell) -> Diagnosis:
     """Return the diagnosis of what was recorded: poses and markers, efforts, or both."""
-    given = [recording] if isinstance(recording, Recording) else list(recording)
     mechanism = robot.mechanism
     if not given or not has_efforts(given, mechanism):
-        return _diagnosed(robot, recording, tell)
+        return _diagnosed(robot, given, tell)
     poses = has_poses(given, mechanism)
     positions = [name for name in mechanism.actuated if name in given[0].positions]
     if poses and is_standing(given[0], positions):
-        return with_efforts_at_rest(_diagnosed(robot, recording, tell), robot, given)
+        return with_efforts_at_rest(_diagnosed(robot, given, tell), robot, given)
     adapted = as_recorded(robot, given)
     efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell)
     if not poses:
         found = of_efforts(efforts, given, mechanism)
         return replace(found, remarks=(*adapted.remarks, *found.remarks))
-    return joined(_diagnosed(robot, recording, tell), efforts)
+    return joined(_diagnosed(robot, given, tell), efforts)
 
 
-def _diagnosed(robot: Robot, recording: Recording | Sequence[Recording], tell: Tell) -> Diagnosis:
-    given = asked(robot, recording, tell)
+def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Diagnosis:
+    given = asked(robot, recordings, tell)
     found = _searched(given, tell)
     if given.spread is not None and given.spread.repeated(given.inputs.blocks):
-        whole = asked(robot, recording, tell, with_outliers=True)
+        whole = asked(robot, recordings, tell, with_outliers=True)
         again = _searched(whole, tell)
         if is_clean(again.problem, again.selection.last):  # what explains them says that they are none
             given, found = whole, again

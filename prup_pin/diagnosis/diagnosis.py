@@ -12,6 +12,7 @@ from ..channels import Columns, Noise
 from ..errors import imported
 from ..laws import LAWS, Effect, Law
 from ..laws.efforts import EFFORT_LAWS
+from ..recordings import Convention
 from ..simulation import Run
 from ..spatial import Array
 from .by_recording import ByRecording
@@ -29,6 +30,7 @@ __all__ = ["Detectable", "Diagnosis", "Finding", "FittedParameter"]
 #: What to do about what is no law.
 _REMEDIES = {
     "finite_deflection": "predict with robot.equilibrium, as the corrected model does, and not with C times the load",
+    "log_convention": "say how the log is written, in the JSON beside it or by --convention, or write it otherwise",
     "unknown": "look at {place} itself, record more there, and trust the corrected model only near what was recorded",
 }
 
@@ -52,6 +54,8 @@ class Finding:
     `heldout_gain`: by which share the held-out squared residual falls as this finding comes to all the others; `effect`
     is None for `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it
     has no place.
+    `recovered` is what the samples ask for, to be drawn. `conventions`: of `log_convention`, how a log is written,
+    and `evidence`: of what the drawing leaves how much as written, and as read.
     `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places without one effect.
     `advice`: what to do about it, where its physics does not say.
     """
@@ -66,6 +70,8 @@ class Finding:
     alternatives: tuple[str, ...] = ()
     curve: LocalCurve | None = field(default=None, repr=False)
     recovered: Recovered | Agreement | None = field(default=None, repr=False)
+    conventions: tuple[Convention, ...] = ()
+    evidence: Mapping[str, str | float] = field(default_factory=dict)
     law: Law | None = field(default=None, repr=False)
     advice: str = ""
 
@@ -124,7 +130,8 @@ class Diagnosis:
     `residual_after` are the measured poses (n, 6) of `samples` less the simulated ones. `unused_columns`: what the
     recording holds and the diagnosis has no use for. Where tolerances were declared, `within` holds the residual of the
     drawing ('nominal') and of the drawing within its tolerances ('calibrated'), and `calibration` what was learned of
-    each parameter, the best known first. `recordings`: what each recording has part in it, and which samples are whose.
+    each parameter, the best known first. `conventions`: of each recording, how it is written where it says otherwise,
+    and was read so; () where all are as they say. `recordings`: what each has part in it, and which samples are whose.
     """
 
     verdict: str
@@ -147,6 +154,7 @@ class Diagnosis:
     recordings: tuple[ByRecording, ...] = ()
     residuals: Residuals | None = None  # in multiples of the noise; None where nothing was compared
     final: Run | None = None
+    conventions: tuple[tuple[Convention, ...], ...] = ()
     efforts: EffortDiagnosis | None = None  # of drives in motion, where there were any
 
     @property

@@ -14,15 +14,8 @@ from ..recordings.columns import AXES, MARKER_GROUPS
 from ..spatial import Array, turn_between
 from .criteria import (
     ALLOWED_TOLERANCES,
-    ANOTHER_UNIT,
-    COARSE,
     FAR,
     LEAST_REACH,
-    LOADS_EXPLAIN,
-    LOADS_MATTER,
-    LOADS_SHOW,
-    NEAR,
-    NEAR_POSITION,
     NO_FORCE,
     TURNED,
     UPSIDE_DOWN,
@@ -143,19 +136,13 @@ def check_belongs(
     if not linear.samples[here].any():
         lost = next(((rows[row], text) for row, text in sorted(linear.geometry.reasons.items()) if here[row]), None)
         why = "" if lost is None else f": row {lost[0] + 2}: {lost[1]}"
-        largest = float(np.nanmax(np.abs(inputs.actuators[here]), initial=0.0))
-        much = f": {number(largest, 3)} m or rad is much. Millimetres, or degrees?" if largest > ANOTHER_UNIT else ""
         raise InputError(
             "the robot reaches none of the recording's poses, or none of its samples is complete"
-            f"{why}. Check --robot, the q columns' names and units [m, rad]{much}"
+            f"{why}. Check --robot, the q columns' names and units [m, rad]; no other way to write them would do"
         )
     for measured in stack.channels:
         if isinstance(measured, PoseChannel):
             _check_channel(measured, linear, here, allowed)
-    mainly = next((channel for channel in stack.poses if channel.exists[here].any()), stack.mainly)
-    placed = here & linear.samples & mainly.exists[:, :3].all(axis=1)
-    if placed.any():
-        _check_loads(mainly, linear, inputs, placed)
 
 
 def _check_channel(measured: PoseChannel, linear: Linear, here: np.ndarray, allowed: tuple[float, float]) -> None:
@@ -178,8 +165,8 @@ def _check_rotations(measured: Array, rigid: Array, of: str, column: str) -> Non
         raise InputError(
             f"measured and simulated orientations{of} are {number(apart, 3)} rad apart: expected r{column}.x "
             f"r{column}.y "
-            f"r{column}.z as a rotation vector in rad, in the base frame of the robot file. Are they degrees, is it "
-            "another robot, or are the actuators' columns in another order?"
+            f"r{column}.z as a rotation vector in rad, in the base frame of the robot file, and no other way to write "
+            "them would do: is it another robot?"
         )
 
 
@@ -192,60 +179,9 @@ def _check_positions(
     near = allowed[0] + allowed[1] * reach
     if distance < near or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < near:
         return
-    ratio = float(np.median(np.linalg.norm(measured, axis=1))) / max(size, 1e-12)
-    for factor, unit in ((1e3, "mm"), (1e-3, "km"), (1e6, "um")):
-        if 1 / NEAR_POSITION < ratio / factor < NEAR_POSITION:
-            raise InputError(
-                f"measured positions{of} are about {number(factor)} times those of the simulation "
-                f"({number(ratio * size, 4)} against {number(size, 4)} m): they seem to be in {unit}; expected metres"
-            )
     raise InputError(
         f"measured and simulated positions{of} are {number(distance, 3)} m apart (typical distance "
         f"{number(size, 3)} m): this is "
         f"another robot, another frame, or other units. Expected p{column}.x p{column}.y p{column}.z in metres in the "
         "base frame of the robot file"
     )
-
-
-def _check_loads(measured: PoseChannel, linear: Linear, inputs: Inputs, good: np.ndarray) -> None:
-    """Raise InputError where forces or moments move the tool by about 10^3 or 10^6 times too much, or too little."""
-    asked = measured.less(*linear.rigid(measured.frame))
-    good = good & np.isfinite(asked).all(axis=1)
-    compliance = linear.compliance(measured.frame)[good]
-    moved = compliance[:, :, :3] @ inputs.wrench[good, :3, None]
-    turned = compliance[:, :, 3:] @ inputs.wrench[good, 3:, None]
-    values = np.concatenate((asked[good, :, None], moved, turned), axis=2) / np.array(COARSE)[:, None]
-    values *= measured.exists[good][..., None]
-    blocks = np.unique(inputs.blocks[good], return_inverse=True)[1].ravel()
-    counts = np.bincount(blocks)
-    for row in range(6):
-        for column in range(3):  # only what changes while the actuators stand still is due to the load
-            mean = np.bincount(blocks, values[:, row, column]) / counts
-            values[:, row, column] -= mean[blocks]
-    target, columns = values[..., 0].ravel(), values[..., 1:].reshape(-1, 2)
-    sizes = np.linalg.norm(columns, axis=0)
-    if not (sizes > 0).all() or np.linalg.norm(target) < LOADS_SHOW * np.sqrt(len(target)):
-        return
-    shares, *_ = np.linalg.lstsq(columns / sizes, target, rcond=1e-8)
-    explained = 1 - float(((target - columns / sizes @ shares) ** 2).sum() / (target**2).sum())
-    if explained < LOADS_EXPLAIN:
-        return
-    told = []
-    for name, unit, small, big, share, size in (
-        ("forces w.fx w.fy w.fz", "N", "mN", "kN", *_pair(shares, sizes, 0)),
-        ("moments w.mx w.my w.mz", "N m", "N mm", "kN m", *_pair(shares, sizes, 1)),
-    ):
-        if share < LOADS_MATTER * float(np.linalg.norm(target)):
-            continue  # too weak a part to be judged
-        for factor, seems in ((1e3, big), (1e-3, small)):
-            if 1 / NEAR < share / size / factor < NEAR:
-                told.append(
-                    f"the {name} move the tool {number(share / size, 3)} times as far as in the simulation: "
-                    f"they seem to be in {seems}; expected {unit}"
-                )
-    if told:
-        raise InputError("; ".join(told))
-
-
-def _pair(shares: Array, sizes: Array, index: int) -> tuple[float, float]:
-    return float(shares[index]), float(sizes[index])

@@ -1,5 +1,6 @@
 """Recordings of bench tests: the table in memory, its files, and the plan of a test."""
 
+from .conventions import GROUPS, WORDS, Convention, Drawn, convention_of, joints_of, read_as, written_as
 from .plan import (
     ActuatorPose,
     LoadProgramme,
@@ -21,10 +22,14 @@ from .writer import write_prediction, write_recording
 
 __all__ = [
     "ARM",
+    "GROUPS",
     "KINDS_OF_TOLERANCE",
     "SENSORS",
     "TYPICAL",
+    "WORDS",
     "ActuatorPose",
+    "Convention",
+    "Drawn",
     "Group",
     "KeyProblem",
     "KindOfTolerance",
@@ -40,6 +45,9 @@ __all__ = [
     "Tolerances",
     "ToolPath",
     "add_noise",
+    "convention_of",
+    "joints_of",
+    "read_as",
     "read_path",
     "read_plan",
     "read_recording",
@@ -49,4 +57,5 @@ __all__ = [
     "write_plan",
     "write_prediction",
     "write_recording",
+    "written_as",
 ]

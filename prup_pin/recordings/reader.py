@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Problem, nearest_names
+from ..errors import InputError, Problem, nearest_names
 from ..parameters import meant_otherwise
 from ..spatial import WRENCH_NAMES, Array
 from .columns import (
@@ -35,6 +35,7 @@ from .columns import (
     unit_of,
     without_unit,
 )
+from .conventions import Convention, convention_of
 from .problems import (
     MAX_NAMES,
     KeyProblem,
@@ -53,7 +54,7 @@ from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 from .tool_path import ToolPath
 
 #: Keys of the JSON beside the table.
-KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "notes")
+KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "conventions", "notes")
 _TOLERANCES = {kind.name: kind for kind in KINDS_OF_TOLERANCE}
 #: Rows that the careful reader holds as text at a time.
 _CHUNK = 20_000
@@ -121,6 +122,7 @@ class _Beside:
     noise: Noise = field(default_factory=Noise)
     tolerances: Tolerances = field(default_factory=Tolerances)
     own_sensors: tuple[str, ...] = ()
+    conventions: tuple[Convention, ...] = ()
     robot: str | None = None
     notes: str = ""
     remarks: list[str] = field(default_factory=list)
@@ -181,7 +183,7 @@ def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
         parts.append(part.kept(thinning))
         if problems.many:
             break
-    beside = _beside(path, problems)
+    beside = _beside(path, problems, header)
     problems.raise_all()
     table = _Table.together(parts, tuple(labels) if labels else ("",))
     wanted = {name: table.numbers.pop(name) for name in form.coordinates if name in table.numbers}
@@ -636,14 +638,15 @@ def _check_path(table: _Table, header: Sequence[str], form: _Form, problems: Pro
         problems.cells(name, "another unit", [(line, message) for line, message in far if message])
 
 
-def _beside(path: Path, problems: Problems) -> _Beside:
-    """Return what the JSON file beside the table says, with remarks."""
+def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Beside:
+    """Return what the JSON file beside a table with these columns says, with remarks."""
     beside = path.with_suffix(".json")
     if not beside.exists():
         return _Beside(remarks=[f"There is no {beside.name} beside the table: the noise is not declared."])
     remarks = []
     tolerances = Tolerances()
     own: tuple[str, ...] = ()
+    conventions: tuple[Convention, ...] = ()
     values = read_json_object(beside, "a JSON object", problems)
     noise = {}
     for key, value in values.items():
@@ -655,6 +658,8 @@ def _beside(path: Path, problems: Problems) -> _Beside:
             tolerances = tolerances_value(value, problems, beside.name, f"{key}.")
         elif key == "own_sensors":
             own = _own_sensors(value, problems, beside.name)
+        elif key == "conventions":
+            conventions = conventions_value(value, _joints(header), problems, beside.name) if header else ()
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes"):
@@ -670,6 +675,7 @@ def _beside(path: Path, problems: Problems) -> _Beside:
         Noise(**noise),
         tolerances,
         own,
+        conventions,
         robot if isinstance(robot, str) else None,
         notes if isinstance(notes, str) else "",
         remarks,
@@ -691,6 +697,41 @@ def _own_sensors(value: object, problems: Problems, file: str) -> tuple[str, ...
             message = f"is {json_kind(name)}. {nearest_names(shown(name), list(SENSORS))}"
             problems.add(KeyProblem(message, None, file, key=f"own_sensors[{place}]"))
     return tuple(name for name in SENSORS if name in value)
+
+
+def _joints(header: Sequence[str]) -> dict[str, list[str]]:
+    """Return the joints that have a column q, and those that have a column tau."""
+    return {
+        group: [name.partition(".")[2] for name in header if name.startswith(f"{group}.")] for group in ("q", "tau")
+    }
+
+
+def conventions_value(
+    values: object, joints: Mapping[str, Sequence[str]], problems: Problems, file: str
+) -> tuple[Convention, ...]:
+    """Return the conventions of a JSON object; joints: by q and tau, those with such a column.
+
+    What is wrong is added, and a wrong one left out.
+    """
+    if values is None:
+        return ()
+    if not isinstance(values, dict):
+        message = f'is {json_kind(values)}; expected an object such as {{"wrench": "reaction", "q": ["deg"]}}'
+        problems.add(KeyProblem(message, None, file, key="conventions"))
+        return ()
+    found = []
+    for columns, given in values.items():
+        for said in given if isinstance(given, list) else [given]:
+            place = f"conventions.{shown(columns)}"
+            if not isinstance(said, str):
+                message = f'is {json_kind(said)}; expected a text such as "reaction", or a list of such texts'
+                problems.add(KeyProblem(message, None, file, key=place))
+                continue
+            try:
+                found.append(convention_of(columns, said, joints))
+            except InputError as error:
+                problems.add(KeyProblem(str(error), None, file, key=place))
+    return tuple(found)
 
 
 def noise_value(key: str, value: object, problems: Problems, file: str, at: str = "") -> float | None:
@@ -784,6 +825,7 @@ def _recording(
         noise=beside.noise,
         tolerances=beside.tolerances,
         own_sensors=beside.own_sensors,
+        conventions=beside.conventions,
         robot=beside.robot,
         notes=beside.notes,
         path=str(path),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,9 @@ from ..numbers import number
 from ..spatial import WRENCH_NAMES, Array
 from .columns import COARSEST_NOISE, FINEST_NOISE, LARGEST_GRAVITY, MARKER_GROUPS, largest
 from .tolerances import SENSORS, Tolerances
+
+if TYPE_CHECKING:
+    from .conventions import Convention
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
 STANDSTILL = 1e-5
@@ -60,6 +63,8 @@ class Recording:
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
     noise, tolerances, own_sensors, robot, notes: what the JSON file beside the table says; own_sensors are those of
     `tolerances.SENSORS` that this recording does not share with others of the same device.
+    conventions: how the table was written where it differs from this, one read after the other; `in_format` of the
+    simulation reads a recording so.
     path: the file that was read, or ''. ignored: its columns that the format does not know.
     remarks: sentences for a person, on what is absent or was ignored.
     """
@@ -82,6 +87,7 @@ class Recording:
     noise: Noise = field(default_factory=Noise)
     tolerances: Tolerances = field(default_factory=Tolerances)
     own_sensors: tuple[str, ...] = ()
+    conventions: tuple[Convention, ...] = ()
     robot: str | None = None
     notes: str = ""
     path: str = ""

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..spatial import WRENCH_NAMES, Array
 from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, NOISE_KEYS
+from .conventions import as_json
 from .recording import Recording
 
 __all__ = [
@@ -76,6 +77,8 @@ def write_recording(recording: Recording, path: str | Path, status: Sequence[str
         beside["tolerances"] = {name: float(value) for name, value in recording.tolerances.declared.items()}
     if recording.own_sensors:
         beside["own_sensors"] = list(recording.own_sensors)
+    if recording.conventions:
+        beside["conventions"] = as_json(recording.conventions)
     if recording.notes:
         beside["notes"] = recording.notes
     write_whole({path: _lines(columns), path.with_suffix(".json"): json_lines(beside)})

@@ -1,6 +1,6 @@
 """A robot under the inputs of a recording, with any laws switched on."""
 
-from .as_recorded import AsRecorded, as_recorded
+from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
 from .model_file import CorrectedModel, effect_named, read_model, write_model
 from .prediction import Agreement, Prediction, compare, inputs_of, simulate
 from .simulator import Memory, Run, Simulator
@@ -15,7 +15,9 @@ __all__ = [
     "Simulator",
     "as_recorded",
     "compare",
+    "drawn_for",
     "effect_named",
+    "in_format",
     "inputs_of",
     "read_model",
     "simulate",

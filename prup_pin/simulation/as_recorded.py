@@ -9,17 +9,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import InputError
+from ..laws import Inputs
 from ..loading import Reading
 from ..mechanism import Joint, Mechanism
 from ..numbers import number
-from ..recordings import Recording
+from ..recordings import Drawn, Recording, read_as
 from ..robot import Robot
+from ..spatial import Array, rotation_exp, turn_between
+from .simulator import Simulator
 
-__all__ = ["AsRecorded", "as_recorded"]
+__all__ = ["AsRecorded", "as_recorded", "drawn_for", "in_format"]
 
 #: Joints that a sentence lists by name.
 _MOST_LISTED = 8
 
+#: Farther than this from the drawing [m, rad] nothing is deflected.
+_DEFLECTED = 0.05
 #: How alike (difflib) a column's name and a joint's are, and their words one by one, where one is the other misspelt.
 #: It is more than a name needs to be suggested: joints of another device share words such as "joint" with the robot's.
 _MISSPELT = 0.85
@@ -30,7 +35,8 @@ _MISSPELT_WORD = 0.75
 class AsRecorded:
     """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it.
 
-    recordings: those that were given, with positions of joints that follow others (<mimic>) by these.
+    recordings: those that were given, read as their conventions say, with positions of joints that follow others
+    (<mimic>) by these.
     """
 
     robot: Robot
@@ -53,7 +59,7 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
 
     Raises InputError for a column whose joint is misspelt: it would be left out, and its joint held instead.
     """
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    given = in_format(robot, recordings)
     for recording in given:
         _check_spelling(recording, robot.mechanism)
     given = [_followed(recording, robot.mechanism) for recording in given]
@@ -69,6 +75,61 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
     held = _held(robot.mechanism, given, frames)
     remarks += _told(robot.mechanism, held)
     return AsRecorded(robot.with_held_joints(held), tuple(given), tool, held, tuple(remarks))
+
+
+def in_format(robot: Robot, recordings: Recording | Sequence[Recording]) -> list[Recording]:
+    """Return recordings in the format's own conventions, read as the conventions say that they declare.
+
+    Raises InputError where one needs what the robot or the recording lacks.
+    """
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    return [
+        replace(read_as(item, item.conventions, drawn_for(robot)), conventions=()) if item.conventions else item
+        for item in given
+    ]
+
+
+def drawn_for(robot: Robot) -> Drawn:
+    """Return what the robot knows of its logs: joints that slide, and where its tool is drawn; NaN where nowhere.
+
+    Where the log tells how the tool moves beside that, as under load, it is moved so.
+    """
+
+    def tool(recording: Recording) -> Array:
+        adapted = as_recorded(robot, replace(recording, conventions=()))
+        actuators = adapted.recordings[0].actuator_positions(adapted.robot.mechanism.actuated)
+        nothing = np.zeros((len(recording), 6))
+        inputs = Inputs(recording.time, actuators, nothing, np.arange(len(recording)))
+        geometry = Simulator(adapted.robot, inputs).geometry({})
+        out = np.full((len(recording), 4, 4), np.nan)
+        if geometry.poses:
+            each = np.array([pose.base_from_tool for pose in geometry.poses])
+            out[geometry.reachable] = each[geometry.rows[geometry.reachable]]
+        return _deflected(out, recording)
+
+    slides = frozenset(joint.name for joint in robot.mechanism.joints if joint.slides)
+    return Drawn(slides, None if robot.mechanism.tool is None else tool)
+
+
+def _deflected(drawn: Array, recording: Recording) -> Array:
+    """Return placements (N, 4, 4) moved as a log's poses are beside them, but for what they all have in common."""
+    out = drawn.copy()
+    if recording.position is not None:
+        out[:, :3, 3] += _beside(recording.position - drawn[:, :3, 3])
+    if recording.rotation is not None:
+        turned = turn_between(drawn[:, :3, :3], rotation_exp(recording.rotation))
+        out[:, :3, :3] = rotation_exp(_beside(turned)) @ drawn[:, :3, :3]
+    return out
+
+
+def _beside(apart: Array) -> Array:
+    """Return differences (N, 3) [m, rad] less their middle; zero where they are no deflections, or unknown."""
+    known = np.isfinite(apart).all(axis=1)
+    if not known.any():
+        return np.zeros_like(apart)
+    apart = apart - np.median(apart[known], axis=0)
+    known &= np.linalg.norm(np.nan_to_num(apart), axis=1) < _DEFLECTED
+    return np.where(known[:, None], apart, 0.0)
 
 
 def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:

@@ -21,8 +21,9 @@ from ..loading import Reading
 from ..mechanism import Mechanism
 from ..recordings import Noise
 from ..recordings.columns import NOISE_KEYS
+from ..recordings.conventions import Convention, as_json
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
-from ..recordings.reader import noise_value
+from ..recordings.reader import conventions_value, noise_value
 from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 
@@ -45,7 +46,19 @@ _KNOWN: tuple[Law, ...] = (*EVERY_LAW, *CURVES)
 
 FORMAT = "prup_pin corrected model"
 VERSION = 1
-_KEYS = ("format", "version", "robot", "variant", "reading", "finite_deflection", "effects", "noise", "band", "notes")
+_KEYS = (
+    "format",
+    "version",
+    "robot",
+    "variant",
+    "reading",
+    "finite_deflection",
+    "effects",
+    "noise",
+    "band",
+    "conventions",
+    "notes",
+)
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
 _EFFECT_KEYS = ("physics", "location", "aspect", "parameters")
 
@@ -57,6 +70,7 @@ class CorrectedModel:
     reading: how its file is read beyond what it says, but for the variant.
     noise: that of the sensors with which they were found, as far as it is known. band: by driven joint, the frequency
     [Hz] up to which its motion is the rigid robot's; beyond it lie the encoder's noise and motors that vibrate.
+    conventions: how logs of this device are written, which declare none themselves.
     """
 
     robot: str
@@ -66,6 +80,7 @@ class CorrectedModel:
     reading: Reading = field(default_factory=Reading)
     noise: Noise = field(default_factory=Noise)
     band: Mapping[str, float] = field(default_factory=dict)
+    conventions: tuple[Convention, ...] = ()
 
     def load(self) -> Robot:
         """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
@@ -167,6 +182,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
         value["noise"] = {key: size for key, size in known.items() if size}
     if model.band:
         value["band"] = {name: {"value": float(cutoff), "unit": "Hz"} for name, cutoff in model.band.items()}
+    if model.conventions:
+        value["conventions"] = as_json(model.conventions)
     if model.notes:
         value["notes"] = model.notes
     return value
@@ -266,7 +283,10 @@ class _Reader:
                 if effect is not None:
                     effects.append(effect)
         noise, band = self.noise(values.get("noise")), self.band(values.get("band"), mechanism)
-        return CorrectedModel(name, tuple(effects), variant, notes, reading, noise, band)
+        joints = {} if mechanism is None else {"q": [j.name for j in mechanism.joints], "tau": list(mechanism.actuated)}
+        written = values.get("conventions") if joints else None
+        conventions = conventions_value(written, joints, self.problems, self.path.name)
+        return CorrectedModel(name, tuple(effects), variant, notes, reading, noise, band, conventions)
 
     def band(self, value: object, mechanism: Mechanism | None) -> dict[str, float]:
         """Return up to which frequency [Hz] each joint's motion is the rigid robot's."""

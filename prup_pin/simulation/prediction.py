@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from ..errors import InputError, SimulationStoppedError, UnknownNameError
 from ..laws import Effect, Inputs, Setup
 from ..mechanism import Mechanism
-from ..recordings import Recording
+from ..recordings import Convention, Recording, written_as
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, turn_between
-from .as_recorded import as_recorded
+from .as_recorded import as_recorded, drawn_for
 from .moving_efforts import efforts_at_rest, efforts_in_motion, is_of_efforts
 from .parts import NOT_COMPUTED, OK, STATUSES, Wanted, plan_parts, solve_all, take_inputs
 
@@ -55,6 +55,21 @@ class Prediction:
         """The rows, counted from 0, of each status but 'ok'."""
         words = np.array(self.status, dtype=str)
         return {word: np.flatnonzero(words == word) for word in STATUSES[1:] if (words == word).any()}
+
+    def as_logged(self, recording: Recording, robot: Robot, conventions: Sequence[Convention]) -> Prediction:
+        """Return it as a log in these conventions writes it; recording: what was predicted, in the format's own."""
+        there = {"position": self.position, "rotation": self.rotation}
+        predicted = recording.with_measurements(
+            **{name: values for name, values in there.items() if values.shape[1]},
+            efforts=self.efforts, markers=self.markers, marker_rotations=self.marker_rotations,
+        )  # fmt: skip
+        written = written_as(predicted, conventions, drawn_for(robot))
+        return replace(
+            self,
+            time=written.time,
+            **{name: getattr(written, name) for name, values in there.items() if values.shape[1]},
+            efforts=written.efforts, markers=written.markers, marker_rotations=written.marker_rotations,
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         failed = ", ".join(f"{len(rows)} {word}" for word, rows in self.failures.items())
@@ -124,6 +139,9 @@ def simulate(
     workers: processes to compute in; the numbers do not depend on it. A script that uses several needs
     `if __name__ == "__main__":`. stop: raise at the first row without an answer. progress: called with the rows done
     and all rows.
+
+    What is predicted is in the format's own conventions, whatever the recording declares; `Prediction.as_logged` writes
+    it as the log is.
 
     Rows are solved in parts of bounded size, so that memory does not grow with the recording; what friction and creep
     remember is handed on from part to part. Efforts are predicted for joints with a column tau, markers also for

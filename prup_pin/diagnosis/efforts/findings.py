@@ -9,6 +9,7 @@ import numpy as np
 from ...dynamics import INERTIAL
 from ...laws.efforts import Body
 from ...numbers import number
+from ...recordings import Convention
 from ...spatial import Array
 from ..chances import student_isf, student_ppf
 from ..criteria import (
@@ -21,6 +22,7 @@ from ..diagnosis import Finding, FittedParameter
 from .beside import Beside
 from .chosen import fit
 from .columns import EffortCandidate
+from .conventions import gains_apart
 from .gains import law_of_gains
 from .likelier import is_body
 from .outcome import Outcome
@@ -118,8 +120,13 @@ def gains_found(outcome: Outcome) -> Iterator[Finding]:
     told = ", ".join(
         f"{name} {number(float(g), 3)} per {unit[name]}" for name, g in zip(outcome.at.driven, gains, strict=True)
     )
+    # where no drive is in N m, that is how the log is written, and no fault of any of them
+    by_drive = dict(zip(outcome.at.driven, map(float, gains), strict=True))
+    conventions = tuple(
+        Convention(f"tau.{name}", "gain", (float(f"{g:.3g}"),)) for name, g in by_drive.items() if gains_apart(by_drive)
+    )
     yield Finding(
-        physics=law_of_gains().physics,
+        physics="log_convention" if conventions else law_of_gains().physics,
         location="robot",
         candidates=("robot", *outcome.at.driven),
         parameters=parameters,
@@ -127,7 +134,12 @@ def gains_found(outcome: Outcome) -> Iterator[Finding]:
         statement=(
             f"the drives report in units of their own: {told}; all gains together and all masses together are one "
             "unknown, which the robot file's masses decide"
+            + (
+                f". Where that is right, declare it: {' '.join(f'--convention {c}' for c in conventions)}"
+                * bool(conventions)
+            )
         ),
+        conventions=conventions,
     )
 
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from ... import __version__
 from ...diagnosis import Diagnosis
+from ...diagnosis.conventions import as_diagnosed
 from ...errors import InputError, MissingExtraError
 from ...laws import Effect
 from ...laws.in_recording import lasting
 from ...loading import Reading
 from ...mechanism import Mechanism
-from ...recordings import Noise, Recording
+from ...recordings import Convention, Noise, Recording
 from ...recordings.columns import NOISE_KEYS
 from ...recordings.writer import check_replaceable, json_lines, text_of, write_folder
 from ...robot import Robot
@@ -86,6 +87,7 @@ def write_diagnosis(
     plan of an earlier one does not stay. Raises InputError where the folder cannot be written, MissingExtraError where
     what makes the report is not installed.
     """
+    recording = as_diagnosed(diagnosis, robot, declared := _listed(recording))
     adapted = as_recorded(robot, recording)
     robot, understood = adapted.robot, adapted.read(reading or Reading())
     text = None
@@ -94,13 +96,14 @@ def write_diagnosis(
 
         text = diagnosis_html(diagnosis, robot, recording)
     model = folder / MODEL
-    recordings = [recording] if isinstance(recording, Recording) else list(recording)
+    recordings = recording
     names = ", ".join(Path(item.path).name for item in recordings)
     notes = text_of(f"diagnosis of {names}: {verdict_text(diagnosis)}")
     effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
     efforts = diagnosis.efforts
     band = {} if efforts is None or efforts.standing else efforts.band
-    made = CorrectedModel(robot_name, effects, understood.variant, notes, understood, _noise(diagnosis), band)
+    made = CorrectedModel(robot_name, effects, understood.variant, notes, understood, _noise(diagnosis), band,
+                          _conventions(diagnosis, declared))  # fmt: skip
     corrected = model_document(made, model)
     plan = _plan(diagnosis, recordings[0], corrected["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)
@@ -115,6 +118,17 @@ def write_diagnosis(
     except InputError as error:
         raise InputError(f"--out: {error}") from error
     return [folder / name for name in files]
+
+
+def _listed(recording: Recording | Sequence[Recording]) -> list[Recording]:
+    return [recording] if isinstance(recording, Recording) else list(recording)
+
+
+def _conventions(diagnosis: Diagnosis, declared: Sequence[Recording]) -> tuple[Convention, ...]:
+    """Return how all logs of the device were written, as declared and as found; nothing where they differ."""
+    found = diagnosis.conventions or ((),) * len(declared)
+    every = {(*item.conventions, *own) for item, own in zip(declared, found, strict=True)}
+    return every.pop() if len(every) == 1 else ()
 
 
 def _inside(effect: Effect, mechanism: Mechanism) -> Effect:

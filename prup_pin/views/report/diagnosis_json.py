@@ -10,6 +10,7 @@ from ...diagnosis.calibrate import CalibratedParameter
 from ...diagnosis.efforts import EffortCurve, EffortDiagnosis, effort_curve_of
 from ...diagnosis.local_curve import LocalCurve
 from ...laws.drawn import load_units
+from ...recordings.conventions import as_json
 from ...robot import Robot
 from .as_json import plain
 
@@ -129,6 +130,8 @@ def _finding(finding: Finding, robot: Robot | None, efforts: EffortDiagnosis | N
         "statement": finding.statement,
         "remedy": finding.remedy,
         "alternatives": list(finding.alternatives),
+        **({"conventions": as_json(finding.conventions)} if finding.conventions else {}),
+        **({"evidence": dict(finding.evidence)} if finding.evidence else {}),
     }
     if finding.curve is not None and robot is not None:
         value["curve"] = _curve(finding.curve, robot)

@@ -18,6 +18,10 @@ def print_prospects(out: Console, robot: Robot, recording: Recording, found: Pro
     """Print how the joints move, what could not be told apart or seen, and remarks."""
     listed(out, "robot", [robot.name])
     listed(out, "recording", [f"{len(recording)} samples"])
+    if found.conventions:
+        heading(out, "Written otherwise than it says")
+        for text in found.conventions:
+            paragraph(out, text, "- ")
     if found.joints:
         heading(out, "Motion")
         names = (

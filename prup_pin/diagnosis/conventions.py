@@ -1,0 +1,211 @@
+"""Logs that are written otherwise than they say: read as they seem to be meant, before any physics is looked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..dynamics import is_standing
+from ..errors import InputError, PrupPinError
+from ..mechanism import Mechanism
+from ..numbers import number
+from ..recordings import Convention, Recording, joints_of, read_as
+from ..recordings.conventions import as_json
+from ..robot import Robot
+from ..simulation import as_recorded, drawn_for, in_format
+from .criteria import LEVER, OPEN_FRAME
+from .diagnosis import Diagnosis, Finding
+from .efforts.conventions import conventions_of_efforts
+from .efforts.merged import has_efforts, has_poses
+from .evidence import Evidence, merged
+from .pose_conventions import conventions_of_loads, conventions_of_poses
+
+__all__ = ["Logs", "as_diagnosed", "logs_read"]
+
+#: Readings that are as good, of which a sentence tells so many.
+_SHOWN = 3
+
+
+@dataclass(frozen=True)
+class Logs:
+    """Recordings in the format's own conventions, and for each of them how it is written, with what speaks for that."""
+
+    recordings: tuple[Recording, ...]
+    evidence: tuple[tuple[Evidence, ...], ...]
+    mechanism: Mechanism
+
+    @property
+    def conventions(self) -> tuple[tuple[Convention, ...], ...]:
+        """How each recording is written, as far as that was found and not declared."""
+        return tuple(tuple(convention for item in found for convention in item.conventions) for found in self.evidence)
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return a finding for all that is written otherwise; one for recordings that are written alike."""
+        out: dict[tuple[Convention, ...], Finding] = {}
+        for recording, found in zip(self.recordings, self.evidence, strict=True):
+            for item in found:
+                name = Path(recording.path).name or "the log"
+                out.setdefault(item.conventions, _finding(item, name, self.mechanism))
+        return tuple(out.values())
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Sentences on all that is written otherwise."""
+        return tuple(finding.statement for finding in self.findings())
+
+    def told_in(self, diagnosis: Diagnosis) -> Diagnosis:
+        """Return a diagnosis of what was read that begins with how that was written."""
+        first = self.findings()
+        if not first:
+            return diagnosis
+        verdict = "explained" if diagnosis.verdict == "nothing_missing" else diagnosis.verdict
+        return replace(diagnosis, verdict=verdict, findings=(*first, *diagnosis.findings), conventions=self.conventions)
+
+
+def logs_read(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs:
+    """Return recordings read as they declare, and then as they seem to be written.
+
+    Raises InputError where two ways to read one are as good and are not the same, or a declared one does not fit.
+    """
+    given = in_format(robot, recordings)
+    read, evidence = [], []
+    for recording in given:
+        found: list[Evidence] = []
+        for look in (_of_poses, _of_loads, _of_efforts):
+            item = None
+            with suppress(PrupPinError):  # what cannot be compared at all is told where it is diagnosed
+                item = look(robot, recording)
+            if item is not None:
+                _check_only(item, recording, robot)
+                found.append(item)
+                recording = read_as(recording, item.conventions, drawn_for(robot))
+        read.append(recording)
+        evidence.append(tuple(found))
+    return Logs(tuple(read), tuple(evidence), robot.mechanism)
+
+
+def as_diagnosed(diagnosis: Diagnosis, robot: Robot, recordings: Recording | Sequence[Recording]) -> list[Recording]:
+    """Return recordings as a diagnosis of them has read them."""
+    given = in_format(robot, recordings)
+    if not diagnosis.conventions:
+        return given
+    return [
+        read_as(item, conventions, drawn_for(robot))
+        for item, conventions in zip(given, diagnosis.conventions, strict=True)
+    ]
+
+
+def _of_poses(robot: Robot, recording: Recording) -> Evidence | None:
+    if not has_poses([recording], robot.mechanism):
+        return None
+    adapted = as_recorded(robot, recording)
+    kinds = recording.tolerances.declared
+    anywhere = max(kinds.get("frame_position", 0.0), LEVER * kinds.get("frame_rotation", 0.0)) > OPEN_FRAME
+    found = conventions_of_poses(adapted.robot, adapted.recordings[0], anywhere)
+    if found is None:
+        return None
+    table = joints_of(recording)
+    return replace(found, conventions=merged(found.conventions, table["q"], table["tau"]))
+
+
+def _of_loads(robot: Robot, recording: Recording) -> Evidence | None:
+    if not has_poses([recording], robot.mechanism) or not recording.has_wrench:
+        return None
+    adapted = as_recorded(robot, recording)
+    return conventions_of_loads(adapted.robot, adapted.recordings[0])
+
+
+def _of_efforts(robot: Robot, recording: Recording) -> Evidence | None:
+    mechanism = robot.mechanism
+    if not has_efforts([recording], mechanism):
+        return None
+    positions = [name for name in mechanism.actuated if name in recording.positions]
+    if has_poses([recording], mechanism) and is_standing(recording, positions):
+        return None
+    adapted = as_recorded(robot, recording)
+    return conventions_of_efforts(adapted.robot.mechanism, adapted.recordings[0])
+
+
+def _check_only(found: Evidence, recording: Recording, robot: Robot) -> None:
+    """Raise where another reading of joints is as good, and makes other positions or efforts of the log."""
+    drawn = drawn_for(robot)
+    first = read_as(recording, found.conventions, drawn)
+    for other in found.others:
+        if not any(item.group in ("q", "tau") for item in other):
+            continue
+        table = joints_of(recording)
+        second = read_as(recording, merged(other, table["q"], table["tau"]), drawn)
+        for field in ("positions", "efforts"):
+            one, two = getattr(first, field), getattr(second, field)
+            if any(not np.allclose(one[name], two[name], rtol=1e-3, atol=1e-6, equal_nan=True) for name in one):
+                ways = " or ".join(_declared(item) for item in (found.conventions, other))
+                raise InputError(
+                    f"{recording.path or 'the log'} is not written as it says: {_how_far(found)}. Two readings are as "
+                    f"good: {ways}. Declare the right one, as --convention or in the JSON beside it"
+                )
+
+
+def _declared(conventions: Sequence[Convention]) -> str:
+    return " ".join(f"--convention {item}" for item in conventions)
+
+
+def _how_far(found: Evidence) -> str:
+    sizes = [_size(value, found.unit) for value in (found.written, found.read)]
+    what = {"positions": "measured and drawn positions are", "orientations": "measured and drawn orientations are"}
+    if found.what in what:
+        return f"{what[found.what]} {sizes[0]} apart as it is written, and {sizes[1]} as it is read so"
+    return f"the drawing leaves {sizes[0]} of {found.what} as it is written, and {sizes[1]} as it is read so"
+
+
+def _size(value: float, unit: str) -> str:
+    if not np.isfinite(value):
+        return "all"
+    if not unit:
+        return f"{number(100 * value, 3)} %" if value < 10 else "more than 1000 %"
+    if unit == "m" and value < 1:
+        return f"{number(1e3 * value, 3)} mm"
+    return f"{number(value, 3)} {unit}"
+
+
+def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
+    words = "; ".join(f"{item.columns} {_meaning(item)}" for item in found.conventions)
+    beside = ", ".join(f'"{key}": {_quoted(value)}' for key, value in as_json(found.conventions).items())
+    others = [", ".join(map(str, other)) for other in found.others[:_SHOWN]]
+    equal = f". As good on this log: {' or '.join(others)}" if others else ""
+    places = tuple(dict.fromkeys(_place(item, mechanism) for item in found.conventions))
+    return Finding(
+        physics="log_convention",
+        location=places[0] if len(places) == 1 else "robot",
+        candidates=places if len(places) == 1 else ("robot", *(place for place in places if place != "robot")),
+        parameters={},
+        heldout_gain=float(np.clip(found.held, 0.0, 1.0)),
+        statement=(
+            f"{name} seems to be written otherwise than it says, and is read so: {words}. "
+            f"{_how_far(found).capitalize()}"
+            f'{equal}. Where that is right, declare it: "conventions": {{{beside}}} in the JSON beside it, or '
+            f"{_declared(found.conventions)}"
+        ),
+        alternatives=tuple(others),
+        conventions=found.conventions,
+        evidence={"of": found.what, "unit": found.unit or "1", "as_written": found.written, "as_read": found.read},
+    )
+
+
+def _quoted(value: str | list[str]) -> str:
+    return f'"{value}"' if isinstance(value, str) else "[" + ", ".join(f'"{item}"' for item in value) + "]"
+
+
+def _meaning(convention: Convention) -> str:
+    told = convention.said.partition(":")[2]
+    return f"{convention.meaning.summary}{f' ({told})' if told else ''}"
+
+
+def _place(convention: Convention, mechanism: Mechanism) -> str:
+    if convention.joint:
+        return convention.joint
+    return {"p": "pose_sensor", "r": "pose_sensor", "wrench": "wrench_sensor", "force": "wrench_sensor",
+            "moment": "wrench_sensor"}.get(convention.group, "robot")  # fmt: skip

@@ -1,0 +1,407 @@
+"""Is a log of efforts written as it says? Signs, units, orders of columns and coupled axes compete before any law does.
+
+What a rigid robot with some friction leaves of the efforts is compared with what it would leave if columns were written
+otherwise: turned round, in degrees, another joint's, counted together with a neighbour. Where that leaves far less, the
+log is not what it says, and no law is to be made of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from ...dynamics import InMotion, Motion, could_be_gravity, motion_of
+from ...errors import InputError, PrupPinError
+from ...mechanism import Mechanism
+from ...recordings import WORDS, Convention, Drawn, Recording, read_as
+from ...spatial import Array
+from ..criteria import (
+    CONVENTION_LEAVES,
+    EFFORT_APART,
+    EFFORT_FEWEST,
+    EFFORT_FOLLOWS,
+    EFFORT_MEANT,
+    EFFORT_OF_A_UNIT,
+    EFFORT_RIGHT,
+    EFFORT_SENSE,
+    EFFORT_STEP,
+    EFFORT_STRANGE,
+    EFFORT_UNIT,
+    EFFORT_UNIT_SHARE,
+)
+from ..evidence import Evidence, merged
+
+__all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of_efforts", "sampled"]
+
+#: Samples that are looked at, and of a scan of many ratios.
+_SAMPLES, _SCANNED = 600, 80
+#: Conventions one after the other, and joints of which some would show what one thing does to all.
+_MOST, _FEWEST = 6, 3
+#: Ratios of gears that are tried [turns of the motor for one of the joint].
+_GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
+#: Ratios that come nearest, which are looked at more closely.
+_RATIOS = 12
+#: Units of a clock by its median step: s below the first, then ms, us, ns.
+_CLOCKS = ((0.3, 300.0, "ms"), (300.0, 3e5, "us"), (3e5, 3e8, "ns"))
+#: Of its travel, what a joint that moves may go from row to row of a clock in seconds.
+_SHORT_WAY = 0.02
+
+
+def conventions_of_efforts(mechanism: Mechanism, recording: Recording) -> Evidence | None:
+    """Return other ways in which a log of efforts seems to be written; None where none does far better.
+
+    Raises InputError where the motion cannot be told at all.
+    """
+    clock = _clock(mechanism, recording)
+    read = recording if clock is None else read_as(recording, clock.conventions, Drawn())
+    at = InMotion.of(mechanism, motion_of(read, mechanism))
+    if not at.driven or (any(name not in at.motion.names for name in at.driven) and not mechanism.loops):
+        return clock
+    found = _Search(at, read).found()
+    if clock is None or found is None:
+        return clock or found
+    return replace(found, conventions=(*clock.conventions, *found.conventions))
+
+
+def _clock(mechanism: Mechanism, recording: Recording) -> Evidence | None:
+    """Return that the clock counts in another unit: joints would hardly move from one row to the next."""
+    steps = np.diff(recording.time)[np.diff(recording.run) == 0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    unit = next((word for low, high, word in _CLOCKS if low < step <= high), None)
+    known = [q[np.isfinite(q)] for name, q in recording.positions.items() if name in mechanism.actuated]
+    moving = [q for q in known if len(q) > EFFORT_FEWEST and np.ptp(q) > 0]
+    if unit is None or not moving:
+        return None
+    ways = [float(np.median(np.abs(np.diff(q)))) / float(np.ptp(q)) for q in moving]
+    if not (0 < max(ways) < _SHORT_WAY):
+        return None
+    convention = Convention("time", unit)
+    shares = []
+    for read in (recording, read_as(recording, [convention], Drawn())):
+        try:
+            at = InMotion.of(mechanism, motion_of(read, mechanism))
+        except PrupPinError:
+            return None
+        rows, motion, efforts = sampled(at)
+        shares.append(left_of_efforts(motion, efforts, at.rigid[rows]))
+    rate = _rate(recording)
+    if rate is not None:
+        if abs(np.log(rate * convention.meaning.factor)) > np.log(2):  # type: ignore[operator]
+            return None
+    elif not shares[1] < shares[0]:
+        return None
+    return Evidence((convention,), "efforts", "", shares[0], shares[1], 1 - min(1.0, (shares[1] / shares[0]) ** 2))
+
+
+def _rate(recording: Recording) -> float | None:
+    """Return by how much logged speeds are larger than the positions' change in the log's own time; None: none."""
+    ratios = []
+    for name, speed in recording.velocities.items():
+        if name in recording.positions:
+            change = np.gradient(recording.positions[name], recording.time)
+            if np.nansum(change**2) > 0:
+                ratios.append(abs(float(np.nansum(speed * change) / np.nansum(change**2))))
+    return float(np.median(ratios)) if ratios and np.median(ratios) > 0 else None
+
+
+def _rows(count: int, most: int = _SAMPLES) -> np.ndarray:
+    return np.unique(np.linspace(0, count - 1, most).astype(int))
+
+
+def sampled(at: InMotion) -> tuple[np.ndarray, Motion, Array]:
+    """Return the places (n,) of some samples of a motion, the motion there, and its efforts (n, k) in their band."""
+    rows = _rows(len(at))
+    return rows, at.motion.select(rows), at.motion.band(at.motion.efforts, at.motion.piece)[rows]
+
+
+class _Search:
+    """Samples of a motion, written as a recording, so that conventions read them like any other."""
+
+    def __init__(self, at: InMotion, recording: Recording):
+        self.at, self.mechanism, self.recording = at, at.mechanism, recording
+        self.rows, self.motion, self.efforts = sampled(at)
+        self.rigid = at.rigid[self.rows]
+        self.drawn = Drawn(frozenset(name for name in at.motion.names if self.mechanism.joint(name).slides))
+        table = [name for name in recording.positions if name in at.motion.names]
+        self.whole = len(table) == len(recording.positions)
+        columns = {name: at.motion.names.index(name) for name in table}
+        driven = {name: at.driven.index(name) for name in recording.efforts if name in at.driven}
+        self.all_driven = len(driven) == len(recording.efforts)
+        motion = self.motion
+        self.written = Recording(
+            time=np.arange(len(motion), dtype=float),
+            positions={name: motion.position[:, k] for name, k in columns.items()},
+            velocities={name: motion.speed[:, k] for name, k in columns.items()},
+            accelerations={name: motion.acceleration[:, k] for name, k in columns.items()},
+            efforts={name: self.efforts[:, k] for name, k in driven.items()},
+        )
+
+    def found(self) -> Evidence | None:
+        """Return what would be read otherwise, and how much less that leaves."""
+        if len(self.rows) < EFFORT_FEWEST or not np.isfinite(self.efforts).all() or not self.efforts.any():
+            return None
+        first = self.left(self.written)
+        signed = gains_of_efforts(self.motion, self.efforts, self.rigid)
+        unit = self._unit(signed)
+        tried = [self._found((), self.written)]
+        if unit is not None:
+            tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
+        elif gains_apart({name: gain for name, gain in signed.items() if gain > 0}):
+            # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
+            usual = float(np.median(np.abs(list(signed.values()))))
+            own = {name: tau / abs(signed.get(name, usual)) for name, tau in self.written.efforts.items()}
+            tried.append(self._found((), replace(self.written, efforts=own)))
+        found = [item for item in tried if item.conventions]
+        if not found:
+            return self._geared(first)
+        return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
+
+    def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
+        """Return what is read otherwise beside a unit; begin: as that is read."""
+        now = self.left(begin)
+        taken: tuple[Convention, ...] = ()
+        others: tuple[tuple[Convention, ...], ...] = ()
+        least = now
+        if now > EFFORT_STRANGE:
+            taken, least, others = self._forward(begin, now)
+            if taken and not least < min(_limit(now), self._hung(begin)):
+                taken, least, others = (), now, ()
+        written = self.left(self.written) if start else now
+        conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
+        held = 1 - min(1.0, (least / written) ** 2) if written > 0 else 0.0
+        equal = tuple((*start, *other) for other in others)
+        return Evidence(conventions, "efforts", "", written, least, held, equal)
+
+    def left(self, recording: Recording) -> float:
+        """Return what rigid efforts and friction leave of the efforts: a share, RMS of the joints."""
+        motion, efforts = self.read(recording)
+        try:
+            return left_of_efforts(motion, efforts, self.at.rigid_of(motion))
+        except InputError:  # loops that do not close
+            return np.inf
+
+    def read(self, recording: Recording) -> tuple[Motion, Array]:
+        """Return motion and efforts (n, k) of samples that are written as a recording."""
+        names = self.motion.names
+        moved = [
+            np.column_stack([columns[name] for name in names])
+            for columns in (recording.positions, recording.velocities, recording.accelerations)
+        ]
+        efforts = np.column_stack([recording.efforts[name] for name in self.motion.driven])
+        return self.motion.with_motion(*moved), efforts
+
+    def _forward(
+        self, begin: Recording, first: float
+    ) -> tuple[tuple[Convention, ...], float, tuple[tuple[Convention, ...], ...]]:
+        taken: tuple[Convention, ...] = ()
+        others: tuple[tuple[Convention, ...], ...] = ()
+        now, least = begin, first
+        while len(taken) < _MOST:
+            tried = []
+            for step in self._readings(now):
+                read = read_as(now, step, self.drawn)
+                tried.append((self.left(read), step, read))
+            tried = [item for item in tried if item[0] < np.inf]
+            if not tried:
+                break
+            left, step, read = min(tried, key=lambda item: item[0] * (1 + 0.02 * len(item[1])))
+            if left > EFFORT_STEP * least:
+                break
+            others = tuple((*taken, *item[1]) for item in tried
+                           if item[0] < 1.01 * left and item[1] is not step)  # fmt: skip
+            taken, now, least = (*taken, *step), read, left
+        return taken, least, others
+
+    def _readings(self, recording: Recording) -> Iterator[tuple[Convention, ...]]:
+        """Yield what columns may be instead, the commonest first."""
+        motion, efforts = self.read(recording)
+        rigid = self.at.rigid_of(motion)
+        driven, names = list(recording.efforts), list(recording.positions)
+        turned = _shares(motion, -efforts, rigid) < EFFORT_MEANT * _shares(motion, efforts, rigid)
+        which = [name for name, other in zip(motion.driven, turned, strict=True) if other]
+        if len(driven) > 1:
+            yield (Convention("tau", "reversed"),)
+        if which and len(which) < len(driven):
+            # each joint's for itself: signs of efforts say nothing of one another
+            yield tuple(Convention(f"tau.{name}", "reversed") for name in which)
+        if len(driven) == 1:
+            yield (Convention(f"tau.{driven[0]}", "reversed"),)
+        if len(driven) > 1 and self.all_driven:
+            yield from ((Convention("tau", "order", order),) for order in _orders(driven))
+        if self.mechanism.loops:
+            return  # whose positions would not close
+        slides = {name: self.mechanism.joint(name).slides for name in names}
+        units = [word for word in WORDS if "q" in word.groups and word.factor is not None and word.name != "reversed"]
+        if len(names) > 1:
+            yield (Convention("q", "reversed"),)
+            yield (Convention("q", "reversed"), Convention("tau", "reversed"))
+        for word in units:
+            if any(slides[name] == word.slide for name in names):
+                yield (Convention("q", word.name),)
+        for name in names:
+            yield (Convention(f"q.{name}", "reversed"),)
+            if name in driven:
+                yield Convention(f"q.{name}", "reversed"), Convention(f"tau.{name}", "reversed")
+            yield from ((Convention(f"q.{name}", word.name),) for word in units if word.slide == slides[name])
+        if len(names) > 1 and self.whole:
+            yield from ((Convention("q", "order", order),) for order in _orders(names))
+            if names == driven:
+                yield from ((Convention("q", "order", order), Convention("tau", "order", order))
+                            for order in _orders(names))  # fmt: skip
+        for before, after in pairwise(names):
+            for own, other in ((after, before), (before, after)):
+                for way, dual in (("plus", "minus"), ("minus", "plus")):
+                    with_other = Convention(f"q.{own}", way, (other,))
+                    yield (with_other,)
+                    if own in driven and other in driven:
+                        yield with_other, Convention(f"tau.{other}", dual, (own,))
+
+    def _unit(self, signed: dict[str, float]) -> Convention | None:
+        """Return the unit of all efforts where they are nearly as many times the rigid robot's at every joint."""
+        sizes = np.abs(list(signed.values()))
+        if (self.recording.tolerances.effort_gain or 0.0) > EFFORT_UNIT - 1:
+            return None  # which is declared to be anything
+        if len(sizes) < min(2, len(self.motion.driven)) or 2 * len(sizes) < len(self.motion.driven):
+            return None
+        usual = float(np.median(sizes))
+        # a load may make some of them larger besides
+        apart, alike = np.log(sizes / usual), np.log(EFFORT_OF_A_UNIT)
+        most = float(np.mean(np.abs(apart) < alike)) > EFFORT_UNIT_SHARE and apart.min() > -alike
+        if abs(np.log(usual)) < np.log(EFFORT_UNIT) or not most:
+            return None
+        slides = {self.mechanism.joint(name).slides for name in self.motion.driven}
+        for word in WORDS:
+            known = "tau" in word.groups and word.factor is not None and slides == {word.slide}
+            if known and abs(np.log(usual * word.factor)) < np.log(EFFORT_RIGHT):  # type: ignore[operator]
+                return Convention("tau", word.name)
+        # of two drives a load may be so much larger as well
+        return Convention("tau", "gain", (float(f"{usual:.3g}"),)) if len(sizes) >= _FEWEST else None
+
+    def _geared(self, first: float) -> Evidence | None:
+        """Return that positions are the motors', before gears of one ratio; and efforts too, where these are so."""
+        if self.mechanism.loops or not first > EFFORT_STRANGE or self.at.motion.standing:
+            return None
+        few = _rows(len(self.rows), _SCANNED)
+        part = self.written.select(few)
+        motion, rows = self.motion, self.motion.select(few)
+        tried = []
+        for ratio in _GEARS:
+            read = read_as(part, [Convention("q", "gear", (ratio,))], self.drawn)
+            moved = rows.with_motion(*(
+                np.column_stack([columns[name] for name in motion.names])
+                for columns in (read.positions, read.velocities, read.accelerations)
+            ))  # fmt: skip
+            efforts = np.column_stack([read.efforts[name] for name in motion.driven])
+            tried.append((_unlike(moved, efforts, self.at.rigid_of(moved)), ratio))
+        found = []
+        for _, ratio in sorted(tried)[:_RATIOS]:
+            steps = [Convention("q", "gear", (ratio,))]
+            read = read_as(self.written, steps, self.drawn)
+            moved, efforts = self.read(read)
+            gains = list(gains_of_efforts(moved, efforts, self.at.rigid_of(moved)).values())
+            if gains and abs(np.log(np.median(np.abs(gains)) * ratio)) < np.log(EFFORT_UNIT) / 2:
+                steps.append(Convention("tau", "gear", (ratio,)))
+                read = read_as(read, steps[1:], self.drawn)
+            found.append((self.left(read), ratio, tuple(steps)))
+        # of ratios that do as well the roundest is the usual one
+        best = min(item[0] for item in found)
+        near = [item for item in found if item[0] < 1.03 * best]
+        least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
+        if not least < _limit(first):
+            return None
+        return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
+
+    def _hung(self, recording: Recording) -> float:
+        """Return what is left where gravity may pull any way, as strong as it is, which turned columns imitate."""
+        if not self.mechanism.gravity.any():
+            return np.inf
+        table, values = [], []
+        motion, efforts = self.read(recording)
+        pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
+        for column, name in enumerate(motion.driven):
+            size = float(np.linalg.norm(efforts[:, column]))
+            if size > 0:
+                table.append(_freed(motion, name, pulled[:, column]) / size)
+                values.append(_freed(motion, name, efforts[:, column] - self.rigid[:, column]) / size)
+        more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
+        if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
+            return np.inf
+        shares = [float(((value - own @ more) ** 2).sum()) for own, value in zip(table, values, strict=True)]
+        return float(np.sqrt(np.mean(shares)))
+
+
+def _limit(written: float) -> float:
+    """Return the share that a reading must come below where a log leaves so much as it is written.
+
+    What is worse than no effort at all is turned round somewhere, whatever else is off.
+    """
+    return max(EFFORT_MEANT * min(written, 1.0), min(CONVENTION_LEAVES * written, EFFORT_SENSE))
+
+
+def gains_apart(gains: dict[str, float]) -> bool:
+    """Return whether no joint's effort is in the unit of the rigid robot's; gains: of each, above 0."""
+    apart = np.abs(np.log(list(gains.values())))
+    return not (len(gains) < _FEWEST or np.median(apart) < np.log(EFFORT_APART) or apart.min() < np.log(EFFORT_RIGHT))
+
+
+def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Yield orders of columns: the opposite one, and any two exchanged."""
+    if len(names) > 2:
+        yield tuple(reversed(names))
+    for a, b in combinations(range(len(names)), 2):
+        other = list(names)
+        other[a], other[b] = other[b], other[a]
+        yield tuple(other)
+
+
+def left_of_efforts(motion: Motion, efforts: Array, rigid: Array) -> float:
+    """Return what rigid efforts and friction leave of efforts (n, k): a share, RMS of the joints."""
+    shares = _shares(motion, efforts, rigid)
+    return float(np.sqrt(np.nanmean(shares))) if np.isfinite(shares).any() else 0.0
+
+
+def _shares(motion: Motion, efforts: Array, rigid: Array) -> Array:
+    """Return the same of the squares of each joint (k,); NaN of one without efforts."""
+    shares = np.full(len(motion.driven), np.nan)
+    for column, name in enumerate(motion.driven):
+        size = float(efforts[:, column] @ efforts[:, column])
+        if size > 0:
+            rest = _freed(motion, name, efforts[:, column] - rigid[:, column])
+            shares[column] = min(float(rest @ rest) / size, 100.0)
+    return shares
+
+
+def _unlike(motion: Motion, efforts: Array, rigid: Array) -> float:
+    """Return what is left where each joint's effort may be any multiple above 0 of the rigid robot's: a share."""
+    shares = []
+    for column, name in enumerate(motion.driven):
+        own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
+        sizes = (own**2).sum(axis=0)
+        if sizes[0] > 0:
+            product = max(float(own[:, 0] @ own[:, 1]), 0.0)
+            shares.append(1 - product**2 / max(float(sizes[0] * sizes[1]), np.finfo(float).tiny))
+    return float(np.mean(shares)) if shares else 1.0
+
+
+def _freed(motion: Motion, joint: str, values: Array) -> Array:
+    """Return values (n, ...) freed of friction at a joint."""
+    if joint not in motion.names:
+        return values
+    column = motion.names.index(joint)
+    speed = motion.speed[:, column]
+    table = np.column_stack((speed / np.hypot(speed, motion.slow[column]), speed))
+    return values - table @ np.linalg.lstsq(table, values, rcond=1e-10)[0]
+
+
+def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array) -> dict[str, float]:
+    """Return by how much efforts are larger than the rigid robot's, of joints where they follow them or minus them."""
+    gains: dict[str, float] = {}
+    for column, name in enumerate(motion.driven):
+        own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
+        product, sizes = float(own[:, 0] @ own[:, 1]), np.linalg.norm(own, axis=0)
+        if sizes.all() and abs(product) > EFFORT_FOLLOWS * float(sizes[0] * sizes[1]):
+            gains[name] = product / float(sizes[1] ** 2)
+    return gains

@@ -1,0 +1,42 @@
+"""What speaks for a log being written otherwise than it says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ..recordings import Convention
+
+__all__ = ["Evidence", "merged"]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Conventions, and what speaks for them: what the drawing leaves of `what` [unit] as written, and as read.
+
+    unit '' is a share. held: the share of the squares, of what was held out where that can be, that reading so takes
+    away. others: conventions that would do as well.
+    """
+
+    conventions: tuple[Convention, ...]
+    what: str
+    unit: str
+    written: float
+    read: float
+    held: float
+    others: tuple[tuple[Convention, ...], ...] = ()
+
+
+def merged(conventions: Sequence[Convention], q: Sequence[str], tau: Sequence[str]) -> tuple[Convention, ...]:
+    """Return the same conventions, with several orders of the same columns made one; the joints with columns q, tau."""
+    tables = {"q": q, "tau": tau}
+    out: list[Convention] = []
+    for convention in conventions:
+        first = next((item for item in out if item.word == "order" and item.columns == convention.columns), None)
+        if convention.word != "order" or first is None:
+            out.append(convention)
+            continue
+        # the columns are read by the first, then by this one
+        step = dict(zip(tables[convention.columns], map(str, convention.argument), strict=True))
+        out[out.index(first)] = replace(first, argument=tuple(step[str(name)] for name in first.argument))
+    return tuple(item for item in out if item.word != "order" or item.argument != tuple(tables[item.columns]))

@@ -1,0 +1,593 @@
+"""Is a log of poses written as it says? Other ways to write it compete, before any physics does.
+
+Two questions, each with what every bench leaves open freed. Where the tool is: measured poses of few postures against
+the drawn rigid ones, with the tracker's and the target's frames. How loads move it: what changes while the actuators
+stand still, against the drawn compliance with each module as soft as suits best. A convention is told where it leaves
+a third of what the log leaves as it is written, on postures that were held out too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise, permutations, product
+
+import numpy as np
+
+from ..errors import PrupPinError
+from ..kinematics import ClosedPose
+from ..laws import Inputs
+from ..mechanism import Mechanism
+from ..recordings import WORDS, Convention, Drawn, Recording, read_as
+from ..robot import Robot
+from ..simulation import Simulator, drawn_for
+from ..spatial import Array, cross, rotation_exp, turn_between
+from .criteria import (
+    COARSE,
+    CONVENTION_AS_GOOD,
+    CONVENTION_FINE,
+    CONVENTION_LEAVES,
+    CONVENTION_NEAR,
+    CONVENTION_SHOWN,
+    CONVENTION_SOFTER,
+    CONVENTION_SOFTEST,
+    LEAST_REACH,
+)
+from .evidence import Evidence
+
+__all__ = ["conventions_of_loads", "conventions_of_poses"]
+
+#: Postures that are looked at, of robots with loops, which take longer to close, and of others; conventions at most.
+_POSTURES, _OF_TREES, _MOST = 12, 40, 6
+#: Rounds in which frames that depend on one another are fitted in turn.
+_ROUNDS = 8
+#: Samples by which loads are judged, and the fewest that tell anything.
+_SAMPLES, _FEWEST = 400, 12
+#: Ratios of gears that are tried [turns of the motor for one of the joint].
+_GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
+
+
+# -- where the tool is ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Misfit:
+    """Root mean squares of positions [m] and orientations [rad] against the drawing, by posture (n,); NaN: unmeasured.
+
+    near: sensor and target stand nearly as drawn. squares (n, 2).
+    """
+
+    squares: Array
+    near: bool
+
+    @property
+    def sizes(self) -> Array:
+        """Both together, (2,); 0 of what was not measured."""
+        known = np.isfinite(self.squares)
+        sums = np.where(known, self.squares, 0.0).sum(axis=0)
+        return np.sqrt(sums / np.maximum(known.sum(axis=0), 1))
+
+
+class _Postures:
+    """A few postures of a recording and the drawn robot in them, with one question: how far apart are they?"""
+
+    def __init__(self, robot: Robot, recording: Recording):
+        self.robot, self.mechanism = robot, robot.mechanism
+        self.drawn = drawn_for(robot)
+        few = _POSTURES if self.mechanism.loops else _OF_TREES
+        self.recording = recording.select(_quietest(recording, self.mechanism, few))
+        frames = [name for name in recording.marker_names if name in self.mechanism.frame_names]
+        self.frames = list(dict.fromkeys(frames))
+        self._places: dict[bytes, dict[str, Array]] = {}
+        self.turning = np.array([self.mechanism.joint(name).turns for name in self.mechanism.actuated], bool)
+        home = robot.home.base_from_tool if self.mechanism.tool is not None else np.eye(4)
+        sizes = [float(np.linalg.norm(home[:3, 3]))]
+        sizes += [
+            float(np.nanmedian(np.linalg.norm(at[:, :3, 3], axis=1))) if np.isfinite(at).any() else 0.0
+            for at in self.places(self.recording).values()
+        ]
+        self.reach = max(*sizes, LEAST_REACH)
+        self.floor = np.array([CONVENTION_FINE * self.reach, CONVENTION_FINE])
+
+    def places(self, recording: Recording) -> dict[str, Array]:
+        """Return placements (n, 4, 4) of the tool ('') and the markers as drawn; NaN where the robot cannot be."""
+        actuators = recording.actuator_positions(self.mechanism.actuated)
+        key = actuators.tobytes()
+        if key not in self._places:
+            frames = {name: self.mechanism.frame(name) for name in self.frames}
+            if self.mechanism.tool is not None:
+                frames[""] = self.mechanism.tool
+            found = {name: np.full((len(recording), 4, 4), np.nan) for name in frames}
+            for row, pose in self._poses(actuators):
+                for name, frame in frames.items():
+                    found[name][row] = pose.placements[frame.joint] @ frame.placement
+            self._places[key] = found
+        return self._places[key]
+
+    def _poses(self, actuators: Array) -> Iterator[tuple[int, ClosedPose]]:
+        """Yield the postures that the robot can be in, by their places, until it cannot be in most of them."""
+        lost = reached = 0
+        for row, values in enumerate(actuators):
+            if self.mechanism.loops and np.abs(values[self.turning]).max(initial=0.0) > 2 * np.pi:
+                continue  # chains that close do not turn round and round
+            try:
+                pose = self.robot.pose_from_actuators(values)
+            except PrupPinError:
+                lost += 1
+                if lost > reached + 1:
+                    return
+                continue
+            reached += 1
+            yield row, pose
+
+    def misfit(self, recording: Recording, near: bool, fitted: np.ndarray | None = None) -> _Misfit:
+        """Return how far measured poses are from the drawn ones.
+
+        near: only a small frame of the sensor is taken away, else any; fitted (n,): postures by which it is fitted.
+        """
+        places = self.places(recording)
+        n = len(recording)
+        fitted = np.ones(n, bool) if fitted is None else fitted
+        squares, counts, stays = np.zeros((n, 2)), np.zeros((n, 2), int), True
+        turn = np.eye(3)
+        groups = [("", recording.position, recording.rotation)]
+        groups += [(k, recording.markers.get(k), recording.marker_rotations.get(k)) for k in self.frames]
+        points = [(places[k], p) for k, p, _ in groups if k in places and p is not None]
+        if points:
+            left, turn, stays = _positions(points, near, fitted, self.reach)
+            for own, (_, seen) in zip(left, points, strict=True):
+                known = np.isfinite(seen).all(axis=1)
+                size = np.minimum(np.nan_to_num(own, nan=np.inf), 1e3 * self.reach) ** 2
+                squares[known, 0] += size[known]
+                counts[known, 0] += 1
+        for name, _, vector in groups:
+            if vector is None or name not in places:
+                continue
+            known = np.isfinite(vector).all(axis=1)
+            own = _orientations(
+                places[name][:, :3, :3], rotation_exp(np.nan_to_num(vector)), known & fitted, near, turn
+            )
+            squares[known, 1] += np.nan_to_num(own[known], nan=1.0) ** 2
+            counts[known, 1] += 1
+        with np.errstate(invalid="ignore"):
+            return _Misfit(np.where(counts > 0, squares / counts, np.nan), stays)
+
+    def spread(self, recording: Recording) -> Array:
+        """Return how far the drawn postures are apart: positions [m] and orientations [rad], root mean squares (2,)."""
+        placed = [at[np.isfinite(at[:, 0, 0])] for at in self.places(recording).values()]
+        placed = [at for at in placed if len(at)]
+        if not placed:
+            return np.zeros(2)
+        ways = [np.sqrt(((at[:, :3, 3] - at[:, :3, 3].mean(axis=0)) ** 2).sum(axis=1).mean()) for at in placed]
+        turns = [turn_between(_nearest(at[:, :3, :3].sum(axis=0)), at[:, :3, :3]) for at in placed]
+        return np.array([max(ways), max(np.sqrt((turn**2).sum(axis=1).mean()) for turn in turns)])
+
+    def better(self, first: _Misfit, other: _Misfit) -> bool:
+        """Return whether one of both leaves a third and the other no more than before."""
+        before, after = (np.maximum(item.sizes, self.floor) for item in (first, other))
+        ratio = after / before
+        return bool((ratio < CONVENTION_LEAVES).any() and (ratio < 1.3).all())
+
+    def cost(self, misfit: _Misfit) -> float:
+        return float(np.log(np.maximum(misfit.sizes, self.floor)).sum())
+
+
+def _quietest(recording: Recording, mechanism: Mechanism, few: int) -> np.ndarray:
+    """Return rows of different postures with a measured pose, each as little loaded as it was there; in order."""
+    measured = np.zeros(len(recording), bool)
+    for values in (recording.position, recording.rotation, *recording.markers.values(),
+                   *recording.marker_rotations.values()):  # fmt: skip
+        if values is not None:
+            measured |= np.isfinite(values).all(axis=1)
+    known = [recording.positions[name] for name in mechanism.actuated if name in recording.positions]
+    measured &= np.isfinite(np.column_stack(known)).all(axis=1) if known else False
+    rows = np.flatnonzero(measured)
+    load = np.nan_to_num(np.abs(recording.wrench[rows] @ np.diag([1, 1, 1, 5, 5, 5])).sum(axis=1), nan=np.inf)
+    blocks = recording.blocks()[rows]
+    order = np.lexsort((load, blocks))
+    first = rows[order[np.r_[True, np.diff(blocks[order]) != 0]]] if len(rows) else rows
+    return np.sort(first[np.unique(np.linspace(0, len(first) - 1, few).astype(int))]) if len(first) else first
+
+
+def _positions(
+    points: Sequence[tuple[Array, Array]], near: bool, fitted: np.ndarray, reach: float
+) -> tuple[list[Array], Array, bool]:
+    """Return distances (n,) of each frame's measured and drawn positions, the sensor's turn, and whether it is small.
+
+    Targets may sit beside their frames, on their bodies, where the sensor may stand anywhere.
+    """
+    shifts = [np.zeros(3) for _ in points]
+    turn, shift = np.eye(3), np.zeros(3)
+    good = [fitted & np.isfinite(at[:, 0, 3]) & np.isfinite(seen).all(axis=1) for at, seen in points]
+    stays = sum(int(rows.sum()) for rows in good) < 4
+    if not stays:
+        for _ in range(_ROUNDS):
+            own = [at[:, :3, 3] + at[:, :3, :3] @ aside for (at, _), aside in zip(points, shifts, strict=True)]
+            drawn = np.concatenate([a[rows] for a, rows in zip(own, good, strict=True)])
+            aim = np.concatenate([seen[rows] for (_, seen), rows in zip(points, good, strict=True)])
+            middle, centre = drawn.mean(axis=0), aim.mean(axis=0)
+            left, _, right = np.linalg.svd((aim - centre).T @ (drawn - middle))
+            turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+            shift = centre - turn @ middle
+            for index, ((at, seen), rows) in enumerate(zip(points, good, strict=True)):
+                if rows.any():
+                    rest = (seen[rows] - shift) @ turn - at[rows, :3, 3]
+                    shifts[index] = (at[rows, :3, :3].mT @ rest[..., None])[..., 0].mean(axis=0)
+        if near:
+            angle = np.linalg.norm(turn_between(np.eye(3), turn))
+            beside = max(float(np.linalg.norm(each)) for each in (shift, *shifts))
+            stays = not (angle < CONVENTION_NEAR and beside < CONVENTION_NEAR * reach)
+    if near and stays:
+        turn, shift, shifts = np.eye(3), np.zeros(3), [np.zeros(3) for _ in points]
+    out = []
+    for (at, seen), aside in zip(points, shifts, strict=True):
+        own = (at[:, :3, 3] + at[:, :3, :3] @ aside) @ turn.T + shift
+        out.append(np.linalg.norm(seen - own, axis=1))
+    return out, turn, not stays
+
+
+def _orientations(drawn: Array, seen: Array, fitted: np.ndarray, near: bool, turn: Array) -> Array:
+    """Return angles (n,) between measured and drawn orientations; NaN where the robot cannot be."""
+    good = fitted & np.isfinite(drawn[:, 0, 0])
+    best = None
+    for start in (np.eye(3), turn):
+        left, right = start, np.eye(3)
+        for _ in range(1 if not good.any() else _ROUNDS):
+            right = _nearest((drawn[good].mT @ left.T @ seen[good]).sum(axis=0))
+            left = _nearest((seen[good] @ (drawn[good] @ right).mT).sum(axis=0))
+        if near and max(np.linalg.norm(turn_between(np.eye(3), each)) for each in (left, right)) > CONVENTION_NEAR:
+            left, right = np.eye(3), np.eye(3)
+        angles = np.full(len(drawn), np.nan)
+        there = np.isfinite(drawn[:, 0, 0])
+        angles[there] = np.linalg.norm(turn_between(left @ drawn[there] @ right, seen[there]), axis=1)
+        size = float(np.nanmean(angles[good] ** 2)) if good.any() else np.inf
+        if best is None or size < best[0]:
+            best = size, angles
+    assert best is not None
+    return best[1]
+
+
+def _nearest(matrix: Array) -> Array:
+    """Return the rotation nearest to a matrix (3, 3)."""
+    left, _, right = np.linalg.svd(matrix)
+    return left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+
+
+def conventions_of_poses(robot: Robot, recording: Recording, anywhere: bool) -> Evidence | None:
+    """Return other ways in which positions, orientations and joints seem to be written; None where none does better.
+
+    anywhere: the tolerances say that the sensor stands wherever it does.
+    """
+    postures = _Postures(robot, recording)
+    written = postures.recording
+    if not len(written):
+        return None
+    near, far = (postures.misfit(written, item) for item in (True, False))
+    if (near.sizes <= 10 * postures.floor).all():
+        return None
+    best: tuple[list[Convention], Recording, _Misfit, list[tuple[Convention, ...]]] | None = None
+    for by in (False,) if anywhere else (True, False):
+        start = near if by else far
+        found = _forward(postures, written, start, by)
+        if not found[0]:
+            continue
+        # a tracker that stands elsewhere is as good a reason, unless what is read so stands nearly as drawn
+        reached = np.maximum(found[2].sizes, postures.floor)
+        elsewhere = np.maximum(far.sizes, postures.floor)
+        if by and (reached > 1.5 * elsewhere).any():
+            continue
+        best = found
+        break
+    if best is None:
+        return None
+    conventions, read, misfit, others = best
+    start = near if by else far
+    apart = np.maximum(start.sizes, postures.floor) / np.maximum(misfit.sizes, postures.floor)
+    column = int(np.argmax(apart))
+    # what a unit makes small enough is near everything
+    if not misfit.sizes[column] < CONVENTION_LEAVES * postures.spread(read)[column]:
+        return None
+    half = np.arange(len(written)) % 2 == 0
+    held = [postures.misfit(item, by, half).squares[~half, column] for item in (written, read)]
+    sums = [float(np.nansum(item)) for item in held]
+    if not sums[1] < CONVENTION_LEAVES * sums[0]:
+        return None
+    return Evidence(
+        tuple(conventions),
+        ("positions", "orientations")[column],
+        ("m", "rad")[column],
+        float(start.sizes[column]),
+        float(misfit.sizes[column]),
+        1 - sums[1] / sums[0],
+        tuple(others),
+    )
+
+
+def _forward(
+    postures: _Postures, written: Recording, start: _Misfit, near: bool
+) -> tuple[list[Convention], Recording, _Misfit, list[tuple[Convention, ...]]]:
+    """Return conventions that each leave far less than before, the recording read so, its misfit, and equals."""
+    taken: list[Convention] = []
+    read, now = written, start
+    others: list[tuple[Convention, ...]] = []
+    while len(taken) < _MOST:
+        tried: list[tuple[float, int, Convention, Recording, _Misfit]] = []
+        # what was measured is cheap to read otherwise, and joints are where that does not do
+        for readings in (_of_measured(read), _of_joints(postures.mechanism, read)):
+            for convention in readings:
+                try:
+                    other = read_as(read, [convention], postures.drawn)
+                    misfit = postures.misfit(other, near)
+                except PrupPinError:
+                    continue
+                if postures.better(now, misfit):
+                    tried.append((postures.cost(misfit), len(tried), convention, other, misfit))
+            if any((item[4].sizes <= 10 * postures.floor).all() for item in tried):
+                break
+        if not tried:
+            break
+        cost, _, convention, read, now = min(tried, key=lambda item: (round(item[0], 2), item[1]))
+        margin = np.log(CONVENTION_AS_GOOD)
+        others = [(*taken, item[2]) for item in tried if item[0] < cost + margin and item[2] is not convention]
+        taken.append(convention)
+        if (now.sizes <= 10 * postures.floor).all():
+            break
+    return taken, read, now, others
+
+
+def _of_measured(recording: Recording) -> Iterator[Convention]:
+    """Yield how positions and orientations may be written, the commonest first."""
+    axes = [
+        tuple(f"{'-' if sign < 0 else ''}{axis}" for axis, sign in zip(order, signs, strict=True))
+        for order in permutations("xyz")
+        for signs in product((1, -1), repeat=3)
+    ][1:]
+    if recording.position is not None or recording.markers:
+        for word in WORDS:
+            if "p" in word.groups and not word.takes and word.name != "reversed":
+                yield Convention("p", word.name)
+        yield from (Convention("p", "axes", item) for item in axes)
+    if recording.rotation is not None or recording.marker_rotations:
+        for word in WORDS:
+            if "r" in word.groups and not word.takes:
+                yield Convention("r", word.name)
+        for item in axes:
+            yield Convention("r", "axes", item)
+            if np.prod([-1 if text[0] == "-" else 1 for text in item]) * _parity(item) > 0:
+                yield Convention("r", "base_axes", item)
+                yield Convention("r", "tool_axes", item)
+
+
+def _parity(axes: Sequence[str]) -> int:
+    return 1 if "".join(text[-1] for text in axes) in ("xyz", "yzx", "zxy") else -1
+
+
+def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Convention]:
+    """Yield how positions of joints may be written, the commonest first."""
+    names = [name for name in recording.positions if name in mechanism.actuated]
+    slides = {name: mechanism.joint(name).slides for name in names}
+    units = [word for word in WORDS if "q" in word.groups and word.factor is not None and word.name != "reversed"]
+    yield Convention("q", "reversed")
+    for word in units:
+        if any(slides[name] == word.slide for name in names):
+            yield Convention("q", word.name)
+    for name in names if len(names) > 1 else ():
+        yield Convention(f"q.{name}", "reversed")
+        yield from (Convention(f"q.{name}", word.name) for word in units if word.slide == slides[name])
+    if list(recording.positions) == names and len(names) > 1:
+        yield from (Convention("q", "order", order) for order in _orders(names))
+    if mechanism.loops:
+        return
+    for before, after in pairwise(names):
+        if slides[before] == slides[after]:
+            for own, other in ((after, before), (before, after)):
+                yield Convention(f"q.{own}", "plus", (other,))
+                yield Convention(f"q.{own}", "minus", (other,))
+    if max(float(np.nanmax(np.abs(recording.positions[name]))) for name in names) > 2 * np.pi:
+        yield from (Convention("q", "gear", (ratio,)) for ratio in _GEARS)
+
+
+def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Yield orders of columns: the opposite one, others round, any two exchanged; of few columns every one."""
+    if len(names) < 4:
+        yield from list(permutations(names))[1:]
+        return
+    yield tuple(reversed(names))
+    for places in range(1, len(names)):
+        yield (*names[places:], *names[:places])
+    for a, b in combinations(range(len(names)), 2):
+        other = list(names)
+        other[a], other[b] = other[b], other[a]
+        yield tuple(other)
+
+
+# -- how loads move it ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Loaded:
+    """Samples (n) of a loaded tool: what moves it, by module, and how it moved (n, 6) while the actuators stood still.
+
+    parts (m, n, 6, 6): compliance of each module; free: takes away what stands still, or what frames could do.
+    """
+
+    parts: Array
+    moved: Array
+    wrench: Array
+    tool: Array
+    blocks: np.ndarray
+    free: Callable[[Array], Array]
+
+    def select(self, rows: np.ndarray) -> _Loaded:
+        return replace(
+            self, parts=self.parts[:, rows], moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
+            blocks=self.blocks[rows], free=_freed(self.blocks[rows]),
+        )  # fmt: skip
+
+    def by_module(self, wrench: Array) -> Array:
+        """Return how far each module moves the tool (6 n, m) under wrenches (n, 6)."""
+        moved = self.free((self.parts @ wrench[None, :, :, None])[..., 0].transpose(1, 2, 0))
+        return moved.reshape(-1, len(self.parts))
+
+
+def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
+    """Return other ways in which the wrench seems to be written; None where none does far better.
+
+    recording: whose other columns are in the format's own conventions.
+    """
+    loaded = _loaded(robot, recording)
+    if loaded is None:
+        return None
+    target = loaded.free(loaded.moved).ravel()
+    if not target.any():
+        return None
+    drawn = Drawn(tool=lambda _: loaded.tool)
+    now = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
+    size = float(target @ target)
+    first = least = _softened(loaded, loaded.wrench)
+    if first < CONVENTION_SHOWN**2 * size:
+        return None
+    taken: list[Convention] = []
+    others: list[tuple[Convention, ...]] = []
+    while len(taken) < 4:
+        tried = []
+        for readings in (_of_wrench(), _of_wrench_axes(), _of_wrench_point(loaded, now.wrench)):
+            for convention in readings:
+                other = read_as(now, [convention], drawn)
+                tried.append((_softened(loaded, other.wrench), convention, other))
+            if min(item[0] for item in tried) < CONVENTION_SHOWN**2 * size:
+                break
+        # what is nearly as good is told by the commoner word
+        least_of_all = min(item[0] for item in tried)
+        left, convention, other = next(item for item in tried if item[0] < 1.2 * least_of_all)
+        if not left < CONVENTION_LEAVES * least:
+            break
+        others = [
+            (*taken, item[1])
+            for item in tried
+            if item[0] < CONVENTION_AS_GOOD**2 * left and item[1] is not convention and not item[1].argument
+        ]
+        taken, now, least = [*taken, convention], other, left
+    if not taken:
+        return None
+    half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
+    if half.all() or (~half).sum() < _FEWEST or half.sum() < _FEWEST:
+        half = np.arange(len(half)) % 2 == 0
+    held = [_softened(loaded, item, half) for item in (loaded.wrench, now.wrench)]
+    if not held[1] < CONVENTION_LEAVES * held[0]:
+        return None
+    return Evidence(
+        tuple(taken), "what loads move", "", float(np.sqrt(first / size)), float(np.sqrt(least / size)),
+        1 - held[1] / held[0], tuple(others),
+    )  # fmt: skip
+
+
+def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
+    mechanism = robot.mechanism
+    if mechanism.tool is None or not mechanism.modules or not recording.has_wrench:
+        return None
+    actuators = recording.actuator_positions(mechanism.actuated)
+    good = np.isfinite(actuators).all(axis=1) & np.isfinite(recording.wrench).all(axis=1)
+    position = np.full((len(recording), 3), np.nan) if recording.position is None else recording.position
+    vector = np.full((len(recording), 3), np.nan) if recording.rotation is None else recording.rotation
+    seen = [np.isfinite(each).sum(axis=1) == 3 for each in (position, vector)]
+    good &= seen[0] | seen[1]
+    blocks = recording.blocks()
+    sizes = np.bincount(blocks)
+    good &= sizes[blocks] > 2  # what stands still is told from what loads move
+    if good.sum() < _FEWEST:
+        return None
+    several = np.unique(blocks[good])
+    chosen = several[np.unique(np.linspace(0, len(several) - 1, 2 * _POSTURES).astype(int))]
+    rows = np.flatnonzero(good & np.isin(blocks, chosen))
+    rows = rows[:: max(1, len(rows) // _SAMPLES)]
+    inputs = Inputs(recording.time[rows], actuators[rows], recording.wrench[rows], blocks[rows])
+    geometry = Simulator(robot, inputs).geometry({})
+    there = np.flatnonzero(geometry.reachable)
+    if len(there) < _FEWEST:
+        return None
+    rows, at = rows[there], geometry.rows[there]
+    used, which = np.unique(at, return_inverse=True)
+    each = [robot.compliance(geometry.poses[pose]) for pose in used]
+    names = [name for name in each[0].parts if any(np.abs(item.parts[name]).max() > 0 for item in each)]
+    if not names:
+        return None
+    parts = np.array([[item.parts[name] for item in each] for name in names])[:, which]
+    tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
+    turned = turn_between(tool[:, :3, :3], rotation_exp(np.nan_to_num(vector[rows])))
+    moved = np.concatenate((position[rows] - tool[:, :3, 3], turned), axis=1)
+    exists = np.repeat(np.column_stack([item[rows] for item in seen]), 3, axis=1)
+    weight = np.where(exists, 1 / np.array(COARSE), 0.0)
+    moved = np.where(exists, moved, 0.0) * weight
+    return _Loaded(
+        parts * weight[None, :, :, None], moved, recording.wrench[rows], tool, blocks[rows], _freed(blocks[rows])
+    )
+
+
+def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
+    """Return what takes away the mean of each block of values (n, ...)."""
+    labels = np.unique(blocks, return_inverse=True)[1].ravel()
+    mean = (labels == np.arange(labels.max(initial=0) + 1)[:, None]).astype(float)
+    mean /= mean.sum(axis=1, keepdims=True)
+
+    def free(values: Array) -> Array:
+        return values - (mean @ values.reshape(len(values), -1))[labels].reshape(values.shape)
+
+    return free
+
+
+def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> float:
+    """Return the squares that the drawn modules leave, each as much softer or stiffer as suits, within reason.
+
+    fitted (n,): samples by which that is found; the squares are then those of the others.
+    """
+    if fitted is None:
+        fit, judged = loaded, loaded
+        load, other = wrench, wrench
+    else:
+        fit, judged = loaded.select(fitted), loaded.select(~fitted)
+        load, other = wrench[fitted], wrench[~fitted]
+    columns, target = fit.by_module(load), fit.free(fit.moved).ravel()
+    size = len(columns[0])
+    scale = np.ones(size)
+    for _ in range(3):
+        rest = target - columns @ scale
+        noise2 = max(float(rest @ rest) / len(target), 1e-6)
+        matrix = columns.T @ columns / noise2 + np.eye(size) / CONVENTION_SOFTER**2
+        scale = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
+        scale = np.clip(scale, 1 / CONVENTION_SOFTEST, CONVENTION_SOFTEST)
+    rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
+    return float(rest @ rest)
+
+
+def _of_wrench() -> Iterator[Convention]:
+    yield Convention("wrench", "reaction")
+    yield Convention("wrench", "tool_frame")
+    yield Convention("wrench", "about_base")
+    for group in ("force", "moment"):
+        for word in WORDS:
+            if group in word.groups:
+                yield Convention(group, word.name)
+
+
+def _of_wrench_axes() -> Iterator[Convention]:
+    for order in permutations("xyz"):
+        for signs in product((1, -1), repeat=3):
+            item = tuple(f"{'-' if sign < 0 else ''}{axis}" for axis, sign in zip(order, signs, strict=True))
+            if item not in (("x", "y", "z"), ("-x", "-y", "-z")):
+                yield Convention("wrench", "axes", item)
+
+
+def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[Convention]:
+    """Yield that moments are about the point that fits best, in the tool's axes from the tool point [m]."""
+    whole = loaded.parts.sum(axis=0)
+    target = loaded.free(loaded.moved - (whole @ wrench[..., None])[..., 0]).ravel()
+    columns = []
+    for axis in np.eye(3):
+        moment = np.zeros_like(wrench)
+        moment[:, 3:] = cross(loaded.tool[:, :3, :3] @ axis, wrench[:, :3])
+        columns.append(loaded.free((whole @ moment[..., None])[..., 0]).ravel())
+    table = np.column_stack(columns)
+    if np.linalg.norm(table) > 0:
+        point = np.linalg.lstsq(table, target, rcond=1e-6)[0]
+        yield Convention("wrench", "about", tuple(float(round(value, 5)) for value in point))

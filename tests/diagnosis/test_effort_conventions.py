@@ -1,0 +1,155 @@
+"""Efforts and positions that are written otherwise than they say are told with the numbers that gave them away."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from prup_pin import load
+from prup_pin.diagnosis.conventions import logs_read
+from prup_pin.diagnosis.efforts.conventions import conventions_of_efforts
+from prup_pin.diagnosis.efforts.plausible import check_efforts
+from prup_pin.dynamics import InMotion, motion_of
+from prup_pin.errors import InputError
+from prup_pin.recordings import Recording, convention_of, joints_of, written_as
+from prup_pin.simulation import drawn_for
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return load("ur5").mechanism
+
+
+@pytest.fixture(scope="module")
+def recording(ur5):
+    """A motion whose efforts are the rigid robot's with a little friction and noise."""
+    rng, time = np.random.default_rng(3), np.arange(2000) * 0.004
+    home = np.array([0.0, -1.1, 1.0, -0.3, 0.5, 0.0])
+    q = home + sum(
+        rng.uniform(0.2, 0.6, 6) * np.sin(rate * time[:, None] + rng.uniform(0, 6, 6)) for rate in (1.3, 2.9)
+    )
+    silent = Recording(time=time, positions=dict(zip(ur5.actuated, q.T, strict=True)))
+    motion = motion_of(silent, ur5, ur5.actuated)
+    known = InMotion.of(ur5, motion)
+    tau = known.rigid + 0.8 * np.sign(motion.speed) + 0.1 * rng.normal(size=known.rigid.shape)
+    return replace(silent.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
+
+
+def checked(ur5, recording):
+    return check_efforts(InMotion.of(ur5, motion_of(recording, ur5)))
+
+
+def told(ur5, recording):
+    """What is told of a log, as it is declared."""
+    found = conventions_of_efforts(ur5, recording)
+    return [] if found is None else [str(item) for item in found.conventions]
+
+
+def written(recording, *said):
+    """A log as it is written in some conventions."""
+    table = joints_of(recording)
+    conventions = [convention_of(*text.split("=", 1), table) for text in said]
+    return written_as(recording, conventions, drawn_for(load("ur5")))
+
+
+def changed(recording, group, factors):
+    columns = getattr(recording, group)
+    return replace(recording, **{group: {name: values * factors.get(name, 1.0) for name, values in columns.items()}})
+
+
+def test_efforts_of_the_robot_raise_no_doubt(ur5, recording):
+    assert told(ur5, recording) == []
+    assert checked(ur5, recording) == []
+
+
+EXCHANGED = "shoulder_pan_joint,elbow_joint,shoulder_lift_joint,wrist_1_joint,wrist_2_joint,wrist_3_joint"
+OPPOSITE = "wrist_3_joint,wrist_2_joint,wrist_1_joint,elbow_joint,shoulder_lift_joint,shoulder_pan_joint"
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        ("tau.elbow_joint=reversed",),
+        ("q.shoulder_lift_joint=reversed",),
+        ("q.elbow_joint=deg",),
+        ("tau.elbow_joint=reversed", "tau.wrist_1_joint=reversed"),
+        ("tau=reversed",),
+        ("q=reversed", "tau=reversed"),
+        ("q.elbow_joint=reversed", "tau.elbow_joint=reversed"),
+        ("q=deg",),
+        ("q=revolutions",),
+        (f"tau=order:{EXCHANGED}",),
+        (f"q=order:{OPPOSITE}",),
+        ("q.elbow_joint=plus:shoulder_lift_joint",),
+        ("tau=N_mm",),
+        ("tau=kgf_m",),
+        ("q=gear:100", "tau=gear:100"),
+        ("time=ms",),
+    ],
+)
+def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, said):
+    assert told(ur5, written(recording, *said)) == list(said)
+
+
+def test_nearly_equal_gains_of_all_drives_are_a_unit(ur5, recording):
+    (said,) = told(ur5, written(recording, "tau=gain:0.09"))
+    assert float(said.removeprefix("tau=gain:")) == pytest.approx(0.09, rel=0.05)
+
+
+def test_how_far_it_is_off_is_told_with_how_to_declare_it(recording):
+    logs = logs_read(load("ur5"), written(recording, "tau.elbow_joint=reversed"))
+    (finding,) = logs.findings()
+    assert (finding.physics, finding.location) == ("log_convention", "elbow_joint")
+    assert "--convention tau.elbow_joint=reversed" in finding.statement
+    assert '"conventions": {"tau.elbow_joint": "reversed"}' in finding.statement
+    assert "% of efforts as it is written" in finding.statement
+    assert finding.evidence["as_read"] < 0.5 * finding.evidence["as_written"]
+    np.testing.assert_allclose(logs.recordings[0].efforts["elbow_joint"], recording.efforts["elbow_joint"])
+
+
+def test_what_is_declared_is_told_no_more(recording):
+    log = written(recording, "tau=reversed")
+    declared = replace(log, conventions=(convention_of("tau", "reversed", joints_of(log)),))
+    logs = logs_read(load("ur5"), declared)
+    assert logs.findings() == ()
+    np.testing.assert_allclose(logs.recordings[0].efforts["elbow_joint"], recording.efforts["elbow_joint"])
+
+
+def test_a_robot_that_hangs_from_the_ceiling_has_no_sign_turned_round(ur5, recording):
+    """Its weight pulls at the shoulder and the elbow as if both efforts were told the other way round."""
+    known = InMotion.of(ur5, motion_of(recording, ur5))
+    other = dict(zip(known.driven, known.rigid_under(-2 * ur5.gravity).T, strict=True))
+    hung = {name: values + other[name] for name, values in recording.efforts.items()}
+    assert told(ur5, replace(recording, efforts=hung)) == []
+    both = {"shoulder_lift_joint": -1, "wrist_2_joint": -1}
+    assert told(ur5, changed(recording, "efforts", both)) == [
+        "tau.shoulder_lift_joint=reversed",
+        "tau.wrist_2_joint=reversed",
+    ]
+
+
+def test_drives_in_units_of_their_own_are_told_by_their_sizes(ur5, recording):
+    amperes = dict(zip(recording.efforts, (1 / 12, 1 / 12, 1 / 12, 1 / 8, 1 / 8, 1 / 8), strict=True))
+    (doubt,) = checked(ur5, changed(recording, "efforts", amperes))
+    assert "tau.elbow_joint 0.08" in doubt
+    assert "are they in per cent or A?" in doubt
+    turned = changed(recording, "efforts", amperes | {"elbow_joint": -1 / 12})
+    assert "tau.elbow_joint=reversed" in told(ur5, turned)
+
+
+def test_positions_of_motors_are_told_by_the_limits_of_the_joints(ur5, recording):
+    names = list(recording.positions)
+    wrong = changed(recording, "positions", dict(zip(names, (77.0, 141.0, 53.0, 91.0, 33.0, 120.0), strict=True)))
+    wrong = changed(wrong, "efforts", dict.fromkeys(names, 0.01))
+    assert told(ur5, wrong) == []
+    with pytest.raises(InputError, match=r"reaches \d+.*allows -6\.283 to 6\.283 rad.*motor before its gear"):
+        checked(ur5, wrong)
+
+
+def test_a_position_that_never_changes_while_its_speed_does_is_told(ur5, recording):
+    positions = dict(recording.positions)
+    speed = np.gradient(positions["elbow_joint"], recording.time)
+    positions["elbow_joint"] = np.full(len(recording), 1.0)
+    wrong = replace(recording, positions=positions, velocities={"elbow_joint": speed})
+    with pytest.raises(InputError, match=r"q\.elbow_joint never changes, but qd\.elbow_joint"):
+        checked(ur5, wrong)

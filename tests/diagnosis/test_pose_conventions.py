@@ -1,0 +1,105 @@
+"""Logs of poses that are written otherwise than they say are told so, before any physics, and others are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from prup_pin import load
+from prup_pin.diagnosis import conventions
+from prup_pin.diagnosis.conventions import logs_read
+from prup_pin.diagnosis.evidence import Evidence
+from prup_pin.errors import InputError
+from prup_pin.recordings import Convention, read_recording
+from tests.reference.concealed import draw, misread
+
+SLIDES = draw.SLIDES
+WAYS = {way.name: way for way in misread.of_poses(SLIDES, slide=True, tree=False)}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load("3prup")
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A faultless 3-PRUP's log, by a simulator that shares no code with the package."""
+    folder = tmp_path_factory.mktemp("bench")
+    draw.write(draw.draw(5, [], level=60.0, poses=(8, 1)), folder, folder / "sealed", "bench")
+    return folder / "bench.csv"
+
+
+def rewritten(bench, folder, *names):
+    table = misread.read(bench)
+    for name in names:
+        table = WAYS[name].change(table)
+    path = folder / "log.csv"
+    misread.write(path, table)
+    path.with_suffix(".json").write_text(bench.with_suffix(".json").read_text())
+    return read_recording(path)
+
+
+def test_a_log_that_is_written_as_it_says_is_left_alone(robot, bench):
+    logs = logs_read(robot, read_recording(bench))
+    assert logs.findings() == ()
+    assert logs.conventions == ((),)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "positions in mm",
+        "base mirrored",
+        "inverse rotation",
+        "angles about turned X Y Z",
+        "yaw, pitch, roll in deg",
+        "vector part of a quaternion",
+        "all joints in mm",
+        "two joints exchanged",
+        "reaction",
+        "wrench in the tool's axes",
+        "moments about the base's origin",
+        "moments in N mm",
+        "reaction in the tool's axes",
+        "mm, and inverse rotation",
+    ],
+)
+def test_what_is_written_otherwise_is_told_and_read_so(robot, bench, tmp_path, name):
+    true, log = read_recording(bench), rewritten(bench, tmp_path, name)
+    logs = logs_read(robot, log)
+    assert " + ".join(map(str, logs.conventions[0])) == WAYS[name].said
+    (read,) = logs.recordings
+    np.testing.assert_allclose(read.position, true.position, atol=1e-9)
+    np.testing.assert_allclose(read.rotation, true.rotation, atol=1e-8)
+    np.testing.assert_allclose(read.wrench, true.wrench, atol=1e-3 * np.abs(true.wrench).max())
+    np.testing.assert_allclose(read.positions[SLIDES[0]], true.positions[SLIDES[0]], atol=1e-9)
+    for finding in logs.findings():
+        assert finding.physics == "log_convention"
+        assert finding.evidence["as_read"] < 0.6 * finding.evidence["as_written"]
+
+
+def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
+    logs = logs_read(robot, rewritten(bench, tmp_path, "moments about a sensor's point"))
+    ((convention,),) = logs.conventions
+    assert (convention.columns, convention.word) == ("wrench", "about")
+    np.testing.assert_allclose(convention.argument, [0.03, -0.01, 0.11], atol=5e-3)
+
+
+def test_two_readings_that_are_as_good_are_refused_with_both(robot, bench, monkeypatch):
+    first, second = (Convention(f"q.{name}", "reversed") for name in SLIDES[:2])
+    found = Evidence((first,), "positions", "m", 0.2, 1e-3, 0.9, ((second,),))
+    monkeypatch.setattr(conventions, "_of_poses", lambda *_: found)
+    with pytest.raises(InputError) as caught:
+        logs_read(robot, read_recording(bench))
+    told = str(caught.value)
+    assert "--convention q.leg1_slide=reversed or --convention q.leg2_slide=reversed" in told
+    assert "200 mm apart as it is written, and 1 mm as it is read so" in told
+
+
+def test_recordings_that_are_written_alike_are_told_once(robot, bench, tmp_path):
+    log = rewritten(bench, tmp_path, "reaction")
+    half = len(log) // 2
+    logs = logs_read(robot, [log.select(slice(0, half)), replace(log.select(slice(half, None)), path="b.csv")])
+    assert len(logs.findings()) == 1
+    assert [str(item) for own in logs.conventions for item in own] == ["wrench=reaction", "wrench=reaction"]
