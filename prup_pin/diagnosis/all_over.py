@@ -23,6 +23,8 @@ _TOLD = {
     ("position", "direction"): "joints sit and point beside the robot file: {sizes}{sure}",
     ("target_position", "target_rotation"): "markers sit beside their frames: {sizes}{sure}",
     ("frame_position", "frame_rotation"): "the pose sensor stands elsewhere: {sizes}{sure}",
+    ("bending",): "beams bend more or less than the robot file has them: {sizes}{sure}",
+    ("wrench_gain", "wrench_rotation"): "the wrench sensor tells another load than acts: {sizes}{sure}",
     ("stiffness",): "springs are softer or stiffer than the robot file has them: {sizes}{sure}",
 }
 #: Places that a statement lists.

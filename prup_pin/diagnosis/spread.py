@@ -66,6 +66,8 @@ _NONE = 1e-6
 #: Part of its own, of a number in a fit, below which all that it says is what the fit makes of it.
 _LEAST_PART = 1e-6
 _ITERATIONS, _AGREED = 60, 1e-2
+#: Logarithm of the factor by which kinds scatter about what is usual.
+_FACTOR = float(np.log(2.0))
 
 
 @dataclass(frozen=True)
@@ -288,15 +290,24 @@ class _Yielding(NamedTuple):
 _PARTS = ((1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 
 
+#: What a robot is usually off by, its sensors too where nobody has calibrated them: one standard deviation a kind.
+USUAL: Mapping[str, float] = {
+    **{kind: size for kind, size in ARM.declared.items() if kind != "mass"},
+    "bending": 0.05,
+    "wrench_gain": 0.02,
+    "wrench_rotation": 0.01,
+}
+
+
 def _parameters(
     recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool
 ) -> _Parameters:
-    """Return all that may be off on an arm or torso, in units of what is usual there."""
+    """Return all that may be off on a robot, in units of what is usual there."""
     tool = mechanism.need_tool().name
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
     deviations = deviations_of(mechanism, markers, kinds)
-    usual = {kind: size for kind, size in ARM.declared.items() if kind != "mass"}
+    usual = {kind: size for kind, size in USUAL.items() if recording.has_wrench or not kind.startswith("wrench")}
     loose = [replace(item, group=None) for item in deviations]
     toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, usual))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
@@ -340,7 +351,8 @@ class _Fit:
 def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floors: Array, least: float) -> _Fit:
     """Return the largest likelihood over one variance for each label, at least the floors, and the noise's.
 
-    What is labelled '' stays at its floor; least: of the noise's variance.
+    What is labelled '' stays at its floor; least: of the noise's variance. A kind that is off by more than is usual
+    is less likely to begin with (`_unusual`).
     """
     variances, noise = np.maximum(start, floors), max(noise, least)
     names = [name for name in np.unique(labels) if name]
@@ -350,7 +362,8 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
         new = floors.copy()
         for name in names:
             here = labels == name
-            size = float((found.mean[here] ** 2).sum()) / max(float(told[here].sum()), 1e-9)
+            held = float(told[here].sum()) + _per_unusual(variances[here][0])
+            size = float((found.mean[here] ** 2).sum()) / max(held, 1e-9)
             new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
         quiet = max(data.left(found.mean) / max(data.count - float(told.sum()), 1.0), least, 1e-300)
         moved = max(np.abs(np.log(new / variances)).max(initial=0.0), abs(np.log(quiet / noise)))
@@ -358,7 +371,18 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
         found = _posterior(data, variances, noise)
         if moved < _AGREED:
             break
-    return found
+    unusual = sum(_unusual(variances[labels == name][0]) for name in names)
+    return replace(found, cost=found.cost + unusual)
+
+
+def _unusual(variance: float) -> float:
+    """Return -2 log of how likely it is that a kind is off by so much, beside what is usual: half a normal number."""
+    return float((max(np.log(variance), 0.0) / (2 * _FACTOR)) ** 2)
+
+
+def _per_unusual(variance: float) -> float:
+    """Return by how much that grows with the logarithm of the variance."""
+    return float(max(np.log(variance), 0.0) / (2 * _FACTOR**2))
 
 
 def _left(data: _Linear, fit: _Fit) -> float:
@@ -413,17 +437,30 @@ def _without_kinds(
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 
-def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) -> Spread | None:
-    """Return what is off by how much on a tree that is seen by a pose sensor; None where too little was measured.
+def spread_of(problem: Problem, together: Together, weights: Sequence[Sequence[Effect]]) -> Spread | None:
+    """Return what is off by how much on a robot that is seen by a pose sensor; None where too little was measured.
 
-    problem: at the robot file; weight: that acts.
+    None too of a robot on which loads act, where one look from the robot file does not show that it is off all over.
+    problem: at the robot file; weights: the ways in which weight may act, of which the likeliest at that look does.
     """
     simulator = problem.simulator
-    parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
-    asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
-    seen = asked.told_by(problem.stack.exists)
-    if seen is None:
-        return None
+    least = 0.0 if problem.noise.source == "assumed" else 1.0
+    looks = []
+    for weight in weights:
+        parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
+        seen = _Seen(problem, parameters, tuple(weight), least).told_by(problem.stack.exists)
+        if seen is None:
+            return None
+        looks.append(seen)
+    seen = looks[0]
+    if not simulator.inputs.weight_alone:
+        first = [(each, each.settled(np.zeros(len(each.floors)), problem.stack.exists, True, 1)) for each in looks]
+        known = [(each, look[1], look[2]) for each, look in first if look is not None]
+        if not known:
+            return None
+        seen, fit, data = min(known, key=lambda item: item[1].cost)
+        if not _is_all_over(data, fit, seen):
+            return None
     labels = seen.parameters.kinds
     x = np.zeros(len(labels))
     exists = problem.stack.exists
@@ -440,12 +477,10 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
-    drawn = _fitted(data, seen.floors, fit.noise, np.full(len(labels), "", object), seen.floors, seen.least)
-    explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
-    if explains and not _are_few(data, fit, seen):
+    if _is_all_over(data, fit, seen):
         for name in names:
-            if name in ARM.declared:
-                kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * ARM.declared[name]
+            if name in USUAL:
+                kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * USUAL[name]
         # further off than a drawing can be: it is something else, for the laws to name
         if any(kinds.get(kind.name, 0.0) > kind.largest for kind in KINDS_OF_TOLERANCE):
             kinds = {}
@@ -453,6 +488,12 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     own = seen.parameters.toleranced.law.deviations
     silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}
     return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists)
+
+
+def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
+    """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not."""
+    drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
+    return _left(data, fit) < EXPLAINED * _left(data, drawn) and not _are_few(data, fit, seen)
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -484,7 +525,9 @@ class _Seen:
                 return replace(self, parameters=parameters)
         return None
 
-    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
+    def settled(
+        self, x: Array, exists: np.ndarray, robust: bool, rounds: int = SPREAD_ROUNDS
+    ) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
         """Return x (p,), the fit about it, its data, distances (N, channels) of what was measured, what is left (N, K).
 
         None where it leads to parameters of which no sample can be simulated.
@@ -493,7 +536,7 @@ class _Seen:
         noise, variances = 1e6, np.ones(len(x))
         known: Array | None = None
         run: Run | None = None
-        for _ in range(SPREAD_ROUNDS):
+        for _ in range(rounds):
             acting = [*parameters.effects(x), *self.weight]
             run = problem.simulator.run(acting, run)
             influence = Influence(problem.simulator, run, problem.stack)
