@@ -150,7 +150,7 @@ def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) 
     weights = [] if heavy is None else [[heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
     if not problem.simulator.inputs.weight_alone:
         weights.append([])  # a robot may have been weighed out before it was loaded
-    return spread_of(problem, together, weights or [[]])
+    return spread_of(problem, together, weights or [[]], library)
 
 
 def _inputs(robot: Robot, together: Together) -> Inputs:

@@ -16,8 +16,9 @@ left out.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -244,8 +245,9 @@ class _Parameters:
         )
 
     def clipped(self, x: Array) -> Array:
-        """Return x (p,) without compliances below zero."""
+        """Return x (p,) without compliances below zero, and without parts that fail."""
         out, count = x.copy(), len(self.toleranced)
+        out[:count] = np.clip(out[:count], -self.toleranced.reach, self.toleranced.reach)
         together = self._together(self.units * x[count:])
         out[count:] = [together[place][part] for place, part in self.joints]
         out[count:] /= self.units
@@ -348,11 +350,33 @@ class _Fit:
     cost: float
 
 
-def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floors: Array, least: float) -> _Fit:
+def _no_matter(variance: float) -> tuple[float, float]:
+    """Return nothing: any variance is as likely as another."""
+    return 0.0, 0.0
+
+
+def _unusual(variance: float) -> tuple[float, float]:
+    """Return -2 log of how likely it is that a kind is off by so much more than is usual, and its slope.
+
+    By the logarithm of the variance: the factor is log-normal, and what is less than usual costs nothing.
+    """
+    beyond = max(float(np.log(variance)), 0.0)
+    return (beyond / (2 * _FACTOR)) ** 2, beyond / (2 * _FACTOR**2)
+
+
+def _fitted(
+    data: _Linear,
+    start: Array,
+    noise: float,
+    labels: np.ndarray,
+    floors: Array,
+    least: float,
+    unusual: Callable[[float], tuple[float, float]] = _no_matter,
+) -> _Fit:
     """Return the largest likelihood over one variance for each label, at least the floors, and the noise's.
 
-    What is labelled '' stays at its floor; least: of the noise's variance. A kind that is off by more than is usual
-    is less likely to begin with (`_unusual`).
+    What is labelled '' stays at its floor; least: of the noise's variance; `unusual(variance)`: what one costs
+    beside the likelihood, and that by the logarithm.
     """
     variances, noise = np.maximum(start, floors), max(noise, least)
     names = [name for name in np.unique(labels) if name]
@@ -362,7 +386,7 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
         new = floors.copy()
         for name in names:
             here = labels == name
-            held = float(told[here].sum()) + _per_unusual(variances[here][0])
+            held = float(told[here].sum()) + unusual(variances[here][0])[1]
             size = float((found.mean[here] ** 2).sum()) / max(held, 1e-9)
             new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
         quiet = max(data.left(found.mean) / max(data.count - float(told.sum()), 1.0), least, 1e-300)
@@ -371,18 +395,8 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
         found = _posterior(data, variances, noise)
         if moved < _AGREED:
             break
-    unusual = sum(_unusual(variances[labels == name][0]) for name in names)
-    return replace(found, cost=found.cost + unusual)
-
-
-def _unusual(variance: float) -> float:
-    """Return -2 log of how likely it is that a kind is off by so much, beside what is usual: half a normal number."""
-    return float((max(np.log(variance), 0.0) / (2 * _FACTOR)) ** 2)
-
-
-def _per_unusual(variance: float) -> float:
-    """Return by how much that grows with the logarithm of the variance."""
-    return float(max(np.log(variance), 0.0) / (2 * _FACTOR**2))
+    beside = sum(unusual(variances[labels == name][0])[0] for name in names)
+    return replace(found, cost=found.cost + beside)
 
 
 def _left(data: _Linear, fit: _Fit) -> float:
@@ -425,41 +439,40 @@ def _without_kinds(
             if any(name == f"{_YIELDS}{one}" and f"{_YIELDS}{other}" in names for one, other in _BEFORE):
                 continue
             fewer = np.where(labels == name, "", labels)
-            trials.append((_fitted(data, fit.variances, fit.noise, fewer, floors, least), fewer))
+            trials.append((_fitted(data, fit.variances, fit.noise, fewer, floors, least, _unusual), fewer))
         trials = [each for each in trials if each[0].cost - fit.cost < most]
         if not trials:
             return fit, labels
         fit, labels = min(trials, key=lambda each: each[0].cost)
-        again = _fitted(data, np.ones(len(labels)), fit.noise, labels, floors, least)
+        again = _fitted(data, np.ones(len(labels)), fit.noise, labels, floors, least, _unusual)
         fit = min(fit, again, key=lambda each: each.cost)
 
 
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 
-def spread_of(problem: Problem, together: Together, weights: Sequence[Sequence[Effect]]) -> Spread | None:
+def spread_of(
+    problem: Problem, together: Together, weights: Sequence[Sequence[Effect]], library: Sequence[Candidate]
+) -> Spread | None:
     """Return what is off by how much on a robot that is seen by a pose sensor; None where too little was measured.
 
     None too of a robot on which loads act, where one look from the robot file does not show that it is off all over.
-    problem: at the robot file; weights: the ways in which weight may act, of which the likeliest at that look does.
+    problem: at the robot file; weights: the ways in which weight may act, of which the likeliest at that look does;
+    library: laws, of which a few might explain as much.
     """
     simulator = problem.simulator
     least = 0.0 if problem.noise.source == "assumed" else 1.0
-    looks = []
+    ways = []
     for weight in weights:
         parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
         seen = _Seen(problem, parameters, tuple(weight), least).told_by(problem.stack.exists)
         if seen is None:
             return None
-        looks.append(seen)
-    seen = looks[0]
+        ways.append(seen)
+    seen = ways[0]
     if not simulator.inputs.weight_alone:
-        first = [(each, each.settled(np.zeros(len(each.floors)), problem.stack.exists, True, 1)) for each in looks]
-        known = [(each, look[1], look[2]) for each, look in first if look is not None]
-        if not known:
-            return None
-        seen, fit, data = min(known, key=lambda item: item[1].cost)
-        if not _is_all_over(data, fit, seen):
+        seen, looked = min(((each, each.look()) for each in ways), key=lambda item: item[1].fit.cost)
+        if not (_is_all_over(looked.data, looked.fit, seen) and not looked.by_few(library)):
             return None
     labels = seen.parameters.kinds
     x = np.zeros(len(labels))
@@ -493,7 +506,8 @@ def spread_of(problem: Problem, together: Together, weights: Sequence[Sequence[E
 def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not."""
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
-    return _left(data, fit) < EXPLAINED * _left(data, drawn) and not _are_few(data, fit, seen)
+    explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
+    return explains and not _are_few(data, fit, seen.parameters.places, seen.stands, seen.floors, seen.least)
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -515,6 +529,23 @@ class _Seen:
     @property
     def floors(self) -> Array:
         return np.maximum(self.parameters.floors, _NONE) ** 2
+
+    @property
+    def stands(self) -> np.ndarray:
+        """Which parameters say where the pose sensor stands, (p,)."""
+        return np.isin(self.parameters.kinds, SENSORS["pose_sensor"])
+
+    def look(self) -> _Look:
+        """Return what the robot file's own first order says."""
+        problem, parameters = self.problem, self.parameters
+        run = problem.simulator.run(self.weight, problem.nominal.run)
+        influence = Influence(problem.simulator, run, problem.stack)
+        white = np.where(problem.stack.exists[run.samples], 1.0, 0.0) / problem.stack.deviation(problem.noise)
+        residual = problem.stack.residual(run)[run.samples] * white
+        columns = parameters.columns(problem.simulator, influence, np.zeros(len(self.floors)), self.weight)
+        good = np.isfinite(residual).all(axis=1) & np.isfinite(columns).all(axis=(1, 2))
+        white[~good] = 0.0
+        return _Look(self, influence, np.where(good[:, None], residual, 0.0), white, columns)
 
     def told_by(self, exists: np.ndarray) -> _Seen | None:
         """Return the question with as many kinds as what was measured can tell, the finest left out first; or None."""
@@ -577,7 +608,7 @@ class _Seen:
         """
         begins = ((variances, noise), (np.ones(len(variances)), data.square / max(data.count, 1)))
         kinds = self.parameters.kinds
-        fits = [_fitted(data, *begin, kinds, self.floors, self.least) for begin in begins]
+        fits = [_fitted(data, *begin, kinds, self.floors, self.least, _unusual) for begin in begins]
         return min(fits, key=lambda fit: fit.cost)
 
     def outliers(self, distances: Array, rest: Array, fit: _Fit) -> list[Outlier]:
@@ -598,6 +629,62 @@ class _Seen:
                 by = float(np.sqrt(here[sample]))
                 found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
         return _exchanged(found, rest / np.sqrt(fit.noise), stack)
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What is left (n, K) at the robot file, in multiples of the noise, and what parameters change (n, K, p).
+
+    white (n, K): one over the noise, zero where nothing was measured or simulated.
+    """
+
+    seen: _Seen
+    influence: Influence
+    residual: Array
+    white: Array
+    columns: Array
+
+    @cached_property
+    def data(self) -> _Linear:
+        return self._data(self.columns)
+
+    @cached_property
+    def fit(self) -> _Fit:
+        seen = self.seen
+        return seen.fitted(self.data, np.ones(len(seen.floors)), 1e6)
+
+    def _data(self, columns: Array) -> _Linear:
+        seen = np.where(self.white[..., None] > 0, columns, 0.0) * self.white[..., None]
+        return _linear(self.residual, seen, self.white, None, self.seen.problem.stack)
+
+    def by_few(self, library: Sequence[Candidate]) -> bool:
+        """Return True where a few laws explain as much as kinds do, those too that are of no kind."""
+        seen, own = self.seen, self.seen.parameters.toleranced.law.deviations
+        others = [item for item in library if item.law.physics not in {each.physics for each in own}]
+        columns, places = [self.columns], [seen.parameters.places]
+        for item in others:
+            change = self._of_law(item)
+            size = np.sqrt(np.mean((change[self.white > 0] * self.white[self.white > 0][:, None]) ** 2, axis=0))
+            if np.isfinite(size).all():
+                columns.append(change / np.maximum(size, 1e-300))
+                places.append(np.full(change.shape[2], f"{item.law.physics} {item.place}"))
+        every = np.concatenate(places)
+        more = len(every) - len(seen.floors)
+        stands = np.append(seen.stands, np.zeros(more, bool))
+        floors = np.append(seen.floors, np.full(more, _NONE**2))
+        return _are_few(self._data(np.concatenate(columns, axis=2)), self.fit, every, stands, floors, seen.least)
+
+    def _of_law(self, item: Candidate) -> Array:
+        """Return what a law changes (n, K, ...) where fits of it start, and per coordinate about the first start."""
+        simulator, weight = self.seen.problem.simulator, self.seen.weight
+
+        def change(coordinates: Array) -> Array:
+            return self.influence.change(simulator.setup([*weight, item.effect(coordinates)]))
+
+        starts, steps = item.starts(), _STEP * item.scales()
+        begin = change(starts[0])
+        slopes = [(change(starts[0] + step * unit) - begin) / step for step, unit in zip(steps, np.eye(item.size), strict=True)]
+        return np.stack([begin, *map(change, starts[1:]), *slopes[: item.size if item.size > 1 else 0]], axis=-1)
 
 
 def _stand_apart(squares: Array, far: np.ndarray) -> bool:
@@ -662,14 +749,16 @@ def _less(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.n
     return out
 
 
-def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
-    """Return True where a few laws at single places explain as much as whole kinds do: then these are named."""
-    parameters = seen.parameters
-    floors = seen.floors
-    stands = np.isin(parameters.kinds, SENSORS["pose_sensor"])  # which is told apart, wherever it stands
-    labels = np.where(stands, parameters.kinds, "").astype(object)
+def _are_few(
+    data: _Linear, fit: _Fit, places: np.ndarray, stands: np.ndarray, floors: Array, least: float
+) -> bool:
+    """Return True where a few laws at single places explain as much as whole kinds do: then these are named.
+
+    places (q,): what one law would move; stands (q,): where the pose sensor does, which is told apart anywhere.
+    """
+    labels = np.where(stands, "stands", "").astype(object)
     chosen: list[str] = []
-    now = _fitted(data, np.where(stands, 1.0, floors), fit.noise, labels, floors, seen.least)
+    now = _fitted(data, np.where(stands, 1.0, floors), fit.noise, labels, floors, least)
     most = chi2_isf(FALSE_ALARM, 1)
     while now.cost - fit.cost > most:
         if len(chosen) == MOST_TERMS:
@@ -678,14 +767,14 @@ def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
         inside = data.normal / now.noise
         spread = inside - inside @ now.covariance @ inside
         gains = {}
-        for name in np.unique(parameters.places):
-            here = parameters.places == name
+        for name in np.unique(places):
+            here = places == name
             if name not in chosen and not stands[here].any():
                 part = left[here] / now.noise
                 gains[name] = float(part @ np.linalg.lstsq(spread[np.ix_(here, here)], part, rcond=1e-9)[0])
         best = max(gains, key=lambda name: gains[name])
         chosen.append(best)
-        labels[parameters.places == best] = best
+        labels[places == best] = best
         start = np.where(labels == "", floors, np.maximum(now.variances, 1.0))
-        now = _fitted(data, start, now.noise, labels, floors, seen.least)
+        now = _fitted(data, start, now.noise, labels, floors, least)
     return True

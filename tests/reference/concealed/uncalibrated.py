@@ -53,6 +53,8 @@ ANY_LOAD = ("lead_error", "encoder_offset", "geometric_offset", "payload")
 UNDER_LOAD = ("stiffness_changed", "backlash", "hertzian_contact", *ANY_LOAD)
 #: A step of the oracle's differences, in standard deviations, but of a turn no more than so much [rad].
 _STEP, _TURN = 0.05, 1e-5
+#: Its steps, all with the derivatives of the truth.
+_CHORDS = 5
 
 
 def _delta_candidate(rng, physics: str) -> Candidate:
@@ -171,18 +173,18 @@ class Oracle:
         turn = np.array([kind.parameters[name] == "frame_rotation" for name in scatter])
         steps = np.where(turn, _TURN, _STEP * self.sd)
         run = replace(drawn["run"], q=drawn["fit"]["q"])
-        columns = []
+        here, columns = self._told(scatter, run), []
         for name, step in zip(scatter, steps, strict=True):
-            ends = [self._told(scatter | {name: scatter[name] + part * step}, run) for part in (1, -1)]
-            columns.append(self._apart(*ends).ravel() / (2 * step))
-        left = self._apart(drawn["fit"], self._told(scatter, run)).ravel()
-        jacobian, amounts = np.stack(columns, -1) * self.sd, np.array(list(scatter.values())) / self.sd
+            moved = self._told(scatter | {name: scatter[name] + step}, run)
+            columns.append(self._apart(moved, here).ravel() / step)
+        jacobian = np.stack(columns, -1) * self.sd
         normal = jacobian.T @ jacobian + np.eye(len(self.sd))
-        step = np.linalg.solve(normal, jacobian.T @ left - amounts)
-        self.scatter = {
-            name: amount + float(size)
-            for (name, amount), size in zip(scatter.items(), step * self.sd, strict=True)
-        }  # fmt: skip
+        self.scatter = dict(scatter)
+        for _ in range(_CHORDS):
+            left = self._apart(drawn["fit"], self._told(self.scatter, run)).ravel()
+            amounts = np.array(list(self.scatter.values())) / self.sd
+            step = np.linalg.solve(normal, jacobian.T @ left - amounts) * self.sd
+            self.scatter = dict(zip(scatter, np.array(list(self.scatter.values())) + step, strict=True))
 
     def left_over(self) -> float:
         """Return what it leaves of the held-out poses, in multiples of the noise."""
