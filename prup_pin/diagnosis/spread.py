@@ -52,6 +52,7 @@ from .criteria import (
     MOST_APART,
     MOST_OUTLIERS,
     MOST_TERMS,
+    NOISE_LIKE,
     OUTLIER,
     SPREAD_ROUNDS,
     SPREAD_SETTLED,
@@ -504,9 +505,15 @@ def spread_of(
 
 
 def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
-    """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not."""
+    """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not.
+
+    On a robot that nothing loads they need not explain most of it where the rest may be noise: it shows its geometry.
+    """
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
     explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
+    told_nothing = bool((seen.floors[~seen.stands] <= _NONE**2).all())
+    if told_nothing and seen.problem.simulator.inputs.weight_alone:
+        explains |= seen.least == 0 or fit.noise < NOISE_LIKE**2
     return explains and not _are_few(data, fit, seen.parameters.places, seen.stands, seen.floors, seen.least)
 
 

@@ -46,15 +46,16 @@ MOVABLE = {"frame_position": 0.05, "frame_rotation": 0.05}
 TRACKERS = {"position": (5e-6, 5e-5), "rotation": (2e-5, 2e-4)}
 FORCE_NOISE = {"force": 0.1, "moment": 0.02}
 LOADED, DECLARED, TURNS_SEEN = 0.5, 0.5, 0.75
-#: Poses of a robot that nothing loads, and of one that is loaded in each pose, with so many loads; and held out.
-POSES, LOADED_POSES, LOADS, HELD_OUT = (60, 111), (25, 46), 4, 20
+#: Poses of a robot that nothing loads, and half as many more where only a point is seen; of one that is loaded, with so
+#: many samples in each; and held out.
+POSES, LOADED_POSES, LOADS, HELD_OUT = (40, 71), (18, 31), 3, 20
 #: Effects beyond the scatter of robots that bear a load, and of all.
 ANY_LOAD = ("lead_error", "encoder_offset", "geometric_offset", "payload")
 UNDER_LOAD = ("stiffness_changed", "backlash", "hertzian_contact", *ANY_LOAD)
 #: A step of the oracle's differences, in standard deviations, but of a turn no more than so much [rad].
 _STEP, _TURN = 0.05, 1e-5
 #: Its steps, all with the derivatives of the truth.
-_CHORDS = 5
+_CHORDS = 4
 
 
 def _delta_candidate(rng, physics: str) -> Candidate:
@@ -222,7 +223,8 @@ def draw_uncalibrated(seed: int, robot: str, effects: Sequence[str] = (), multip
     turn, shift = rng.uniform(0, 3.0) * unit(rng), rng.uniform(0.5, 4.0) * unit(rng)
     frame = dict(zip((f"pose_sensor.{axis}" for axis in ("rx", "ry", "rz", "x", "y", "z")), (*turn, *shift), strict=True))
     always = dict(WEIGHT) | ({"branches": "hub"} if robot == "3prup" else {})
-    run = _programme(kind, rng, int(rng.integers(*(LOADED_POSES if loaded else POSES))), loaded)
+    poses = int(rng.integers(*(LOADED_POSES if loaded else POSES))) * (2 if turns else 3) // 2
+    run = _programme(kind, rng, poses, loaded)
     held_run = _programme(kind, rng, HELD_OUT, loaded)
     chosen, truths = [always], []
     if effects:
