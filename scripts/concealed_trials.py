@@ -451,7 +451,9 @@ def main() -> None:
         command = f"python scripts/concealed_trials.py --count 0 --uncalibrated {len(devices)}"
         text = counted(partial(_uncalibrated.summary, share=wilson), done, jobs)
         print("\n" + text)
-        pages["uncalibrated_trials.md"] = _uncalibrated.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
+        pages["uncalibrated_trials.md"] = (
+            _uncalibrated.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
+        )
     if options.loop:
         loops = [(kind, first + index) for kind in options.robot or [_loop.PLAIN] for index in range(options.loop)]
         jobs = {(kind, seed): (_loop.trial, seed, kind) for kind, seed in loops}

@@ -511,7 +511,7 @@ def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     """
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
     explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
-    told_nothing = bool((seen.floors[~seen.stands] <= _NONE**2).all())
+    told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
     if told_nothing and seen.problem.simulator.inputs.weight_alone:
         explains |= seen.least == 0 or fit.noise < NOISE_LIKE**2
     return explains and not _are_few(data, fit, seen.parameters.places, seen.stands, seen.floors, seen.least)
@@ -539,8 +539,9 @@ class _Seen:
 
     @property
     def stands(self) -> np.ndarray:
-        """Which parameters say where the pose sensor stands, (p,)."""
-        return np.isin(self.parameters.kinds, SENSORS["pose_sensor"])
+        """Kinds of the parameters that say where the pose sensor stands, (p,); '' of all others."""
+        kinds = self.parameters.kinds
+        return np.where(np.isin(kinds, SENSORS["pose_sensor"]), kinds, "").astype(object)
 
     def look(self) -> _Look:
         """Return what the robot file's own first order says."""
@@ -677,7 +678,7 @@ class _Look:
                 places.append(np.full(change.shape[2], f"{item.law.physics} {item.place}"))
         every = np.concatenate(places)
         more = len(every) - len(seen.floors)
-        stands = np.append(seen.stands, np.zeros(more, bool))
+        stands = np.append(seen.stands, np.full(more, "", object))
         floors = np.append(seen.floors, np.full(more, _NONE**2))
         return _are_few(self._data(np.concatenate(columns, axis=2)), self.fit, every, stands, floors, seen.least)
 
@@ -690,7 +691,10 @@ class _Look:
 
         starts, steps = item.starts(), _STEP * item.scales()
         begin = change(starts[0])
-        slopes = [(change(starts[0] + step * unit) - begin) / step for step, unit in zip(steps, np.eye(item.size), strict=True)]
+        slopes = [
+            (change(starts[0] + step * unit) - begin) / step
+            for step, unit in zip(steps, np.eye(item.size), strict=True)
+        ]
         return np.stack([begin, *map(change, starts[1:]), *slopes[: item.size if item.size > 1 else 0]], axis=-1)
 
 
@@ -756,16 +760,15 @@ def _less(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.n
     return out
 
 
-def _are_few(
-    data: _Linear, fit: _Fit, places: np.ndarray, stands: np.ndarray, floors: Array, least: float
-) -> bool:
+def _are_few(data: _Linear, fit: _Fit, places: np.ndarray, stands: np.ndarray, floors: Array, least: float) -> bool:
     """Return True where a few laws at single places explain as much as whole kinds do: then these are named.
 
-    places (q,): what one law would move; stands (q,): where the pose sensor does, which is told apart anywhere.
+    places (q,): what one law would move; stands (q,): kinds of where the pose sensor stands, which is told apart
+    anywhere, else ''.
     """
-    labels = np.where(stands, "stands", "").astype(object)
+    labels = stands.copy()
     chosen: list[str] = []
-    now = _fitted(data, np.where(stands, 1.0, floors), fit.noise, labels, floors, least)
+    now = _fitted(data, np.where(stands != "", 1.0, floors), fit.noise, labels, floors, least)
     most = chi2_isf(FALSE_ALARM, 1)
     while now.cost - fit.cost > most:
         if len(chosen) == MOST_TERMS:
@@ -776,7 +779,7 @@ def _are_few(
         gains = {}
         for name in np.unique(places):
             here = places == name
-            if name not in chosen and not stands[here].any():
+            if name not in chosen and not (stands[here] != "").any():
                 part = left[here] / now.noise
                 gains[name] = float(part @ np.linalg.lstsq(spread[np.ix_(here, here)], part, rcond=1e-9)[0])
         best = max(gains, key=lambda name: gains[name])

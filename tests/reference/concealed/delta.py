@@ -32,7 +32,7 @@ DRAWING: dict[str, float] = {
     "rod_diameter": 0.012,
     "platform_mass": 2.0,
 }
-MODULUS, DENSITY = 210e9, 7850.0  # Pa, kg/m^3
+MODULUS, DENSITY = 206e9, 7850.0  # Pa, kg/m^3
 _AREA = np.pi / 4 * DRAWING["rod_diameter"] ** 2
 ROD_MASS = DENSITY * _AREA * DRAWING["rod"]
 REACH = 0.42  # rad, of the motors to either side of home

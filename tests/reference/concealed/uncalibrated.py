@@ -221,7 +221,9 @@ def draw_uncalibrated(seed: int, robot: str, effects: Sequence[str] = (), multip
     }
     scatter = draw_scatter(rng, kind.parameters, actual)
     turn, shift = rng.uniform(0, 3.0) * unit(rng), rng.uniform(0.5, 4.0) * unit(rng)
-    frame = dict(zip((f"pose_sensor.{axis}" for axis in ("rx", "ry", "rz", "x", "y", "z")), (*turn, *shift), strict=True))
+    frame = dict(
+        zip((f"pose_sensor.{axis}" for axis in ("rx", "ry", "rz", "x", "y", "z")), (*turn, *shift), strict=True)
+    )
     always = dict(WEIGHT) | ({"branches": "hub"} if robot == "3prup" else {})
     poses = int(rng.integers(*(LOADED_POSES if loaded else POSES))) * (2 if turns else 3) // 2
     run = _programme(kind, rng, poses, loaded)
@@ -238,7 +240,11 @@ def draw_uncalibrated(seed: int, robot: str, effects: Sequence[str] = (), multip
         chosen.append(effect)
         truths.append(
             draw._truth(effect, size[:6], 0.0)
-            | {"size": round(float(size.max()), 3), "strained": round(float(size[6]), 3), "places": _places(robot, effect)}
+            | {
+                "size": round(float(size.max()), 3),
+                "strained": round(float(size[6]), 3),
+                "places": _places(robot, effect),
+            }
         )
     machine = kind.machine(chosen, scatter=scatter | frame)
     own = np.random.default_rng([seed, 62])
