@@ -26,6 +26,7 @@ _LADDERS: dict[str, tuple[tuple[str, float], ...]] = {
     "N m": (("MN m", 1e-6), ("kN m", 1e-3), ("N m", 1.0)),
     "Pa": (("GPa", 1e-9), ("MPa", 1e-6), ("Pa", 1.0)),
     "N/m": (("N/µm", 1e-6), ("N/mm", 1e-3), ("N/m", 1.0)),
+    "N/rad": (("N/mrad", 1e-3), ("N/rad", 1.0)),
     "N m/rad": (("N m/mrad", 1e-3), ("N m/rad", 1.0)),
 }
 #: Thousands of newtons are told in kN from here on [kN].

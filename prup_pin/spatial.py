@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, UnknownNameError, shortened
+from .numbers import number
 
 Array = NDArray[np.float64]
 
@@ -150,6 +151,16 @@ def as_wrench(value, name: str = "wrench") -> Array:
         given = f"{WRENCH_NAMES[most]} is {wrench[most]:.3g}"
         raise InputError(f"{name}: {given}; expected at most {MOST_LOAD:g} [{'N' if most < 3 else 'N m'}]")
     return wrench
+
+
+def wrench_text(wrench: Array, digits: int = 4, rounding: float = 0.0) -> str:
+    """Return 'fx 300 N, mz 100 N m' of a wrench (6,); components up to `rounding` are left out."""
+    parts = [
+        f"{name} {number(value, digits)} {'N' if index < 3 else 'N m'}"
+        for index, (name, value) in enumerate(zip(WRENCH_NAMES, wrench, strict=True))
+        if abs(value) > rounding
+    ]
+    return ", ".join(parts) or "no load"
 
 
 def as_wrenches(value, name: str = "wrench") -> Array:

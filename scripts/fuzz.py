@@ -58,6 +58,7 @@ ODD = ("", "0", "-1", "1e-300", "1e300", "-1e308", "1e9", "nan", "inf", "1,5", "
        "-0.0", "<", "null", "true", "[]", "{}", "[1, 2]", '{"a": 1}', "9" * 5000, "\x00", "\udc80", "*a", "&a [*a]",
        "2020-13-45", "!!python/name:os.system", "../../secret", "=1+1", '"')  # fmt: skip
 ROBOTS = (*(ROOT / "examples").glob("*.urdf"), *(ROOT / "tests" / "robots").rglob("*.xml"))
+SIDECARS = tuple((ROOT / "tests" / "robots").rglob("robot.yaml"))
 RECORDING = """time,q.left_motor,q.right_motor,w.fx,w.fy,p.x,p.y,r.z
 0,1.2,1.9,0,0,0.1,0.4,0
 1,1.2,1.9,10,0,0.1,0.4,0
@@ -69,6 +70,16 @@ BESIDE = {
     "tolerances": {"encoder_offset": 1e-4, "mass": 0.1},
     "notes": "x",
 }
+PATH = """time,x,y,w.fx,w.fy
+0,0.0,0.40,0,0
+1,0.01,0.41,30,0
+2,0.02,0.40,0,-20
+"""
+#: Half a second of a motion, with efforts.
+EFFORTS = "time,q.left_motor,q.right_motor,qd.left_motor,tau.left_motor,tau.right_motor\n" + "".join(
+    f"{t:.2f},{np.sin(9 * t) / 5:.6f},{np.cos(7 * t) / 5:.6f},{9 * np.cos(9 * t) / 5:.6f},{t % 0.3:.2f},{t % 0.2:.2f}\n"
+    for t in np.arange(60) / 100
+)
 MODEL = {"format": "prup_pin corrected model", "version": 1, "robot": str(ROOT / "examples" / "five_bar.urdf"),
          "effects": [], "noise": {"position_noise": 2e-6}, "notes": ""}  # fmt: skip
 PLAN = {"robot": "five_bar", "poses": [{"at": {"x": 0.1, "y": 0.4}},
@@ -271,11 +282,12 @@ def invoked(arguments: list[str]) -> None:
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
     assert done.exit_code in (0, 2), f"exit code {done.exit_code}: {arguments}"
-    assert done.exit_code == 0 or done.stderr.strip(), f"an error without a word: {arguments}"
+    told = done.stderr or (done.stdout if arguments[0] == "check" else "")  # its page says that home does not close
+    assert done.exit_code == 0 or told.strip(), f"an error without a word: {arguments}"
     if done.exit_code == 0 and "--json" in arguments and done.stdout.startswith("{"):
         json.loads(done.stdout, parse_constant=lambda word: (_ for _ in ()).throw(AssertionError(f"{word} in JSON")))
     if done.exit_code:
-        raise PrupPinError(done.stderr)
+        raise PrupPinError(told)
 
 
 class Trials:
@@ -345,6 +357,27 @@ class Trials:
         path = self.file("log.map.yaml", guess(log, mechanism).text.encode())
         write_recording(convert(log, read_map(path, log, mechanism), mechanism).recording, path.with_name("out.csv"))
 
+    def sidecars(self, draw: random.Random) -> None:
+        source = draw.choice(SIDECARS)
+        for path in (source, *source.parent.glob("*.urdf")):
+            content = path.read_bytes()
+            self.file(path.name, damaged(draw, content.decode()) if path == source else content)
+        (robot,) = (self.folder / "now").glob("*.urdf")
+        invoked([draw.choice(("check", "info")), str(robot)])
+
+    def paths(self, draw: random.Random) -> None:
+        path = self.file("path.csv", damaged(draw, PATH))
+        robot = str(ROOT / "examples" / "five_bar.urdf")
+        invoked(["compensate", str(path), "--robot", robot, "--out", str(path.with_name("out.csv"))])
+
+    def efforts(self, draw: random.Random) -> None:
+        path = self.file("motion.csv", damaged(draw, EFFORTS))
+        beside = json.dumps({"robot": "five_bar", "effort_noise": 0.1})
+        self.file("motion.json", damaged(draw, beside) if draw.random() < 0.3 else beside.encode())
+        robot = str(ROOT / "examples" / "five_bar.urdf")
+        invoked(draw.choice((["check", str(path), "--robot", robot], ["simulate", str(path), "--robot", robot, "--out",
+                                                                     str(path.with_name("out.csv"))])))  # fmt: skip
+
     def maps(self, draw: random.Random) -> None:
         keys = [*MAP[:4], *(key for key in MAP[4:] if draw.random() < 0.5)]
         text = "".join([BOMB] * (draw.random() < 0.02) + keys)
@@ -378,9 +411,10 @@ class Trials:
         invoked([word for word in words if word != "view"])
 
 
-KINDS = ("robots", "recordings", "logs", "maps", "plans", "models", "tolerances", "command_lines")
+KINDS = ("robots", "recordings", "logs", "maps", "plans", "models", "tolerances", "command_lines", "sidecars", "paths",
+         "efforts")  # fmt: skip
 #: How often each is tried.
-WEIGHTS = (1, 2, 6, 3, 2, 1, 0.5, 1)
+WEIGHTS = (1, 2, 6, 3, 2, 1, 0.5, 1, 0.5, 1, 1)
 
 
 # -- the watch ---------------------------------------------------------------------------------------------------------

@@ -110,6 +110,7 @@ def test_positions_of_actuators_name_places_too(run):
     [
         (["0,0.4,15,0,1"], None, "path.csv:2: column 'theta': 15 rad: is it in degrees? Expected rad, which would be"),
         (["0,0.4,0,0,1", "1,400,0,0,1"], None, "path.csv:3: column 'z': 400 m: is it in mm? Expected m, which would"),
+        (["0,1e300,0,0,1"], None, "path.csv:2: column 'z': 1e+300 is too large; expected at most 1e+09, in m or rad"),
         (["0,0.4,x,0,1"], None, "path.csv:2: column 'theta': 'x' is not a number"),
         (["0,0.4,0,,1"], None, "path.csv:2: column 'phi': is empty; every row of a path needs it"),
         (["0,0.4,0,0,"], None, "path.csv:2: column 'w.fx': is empty; every row of a path needs it; write 0"),
@@ -138,7 +139,7 @@ def test_files_are_refused_before_anything_is_computed(run, model):
     refused(run("compensate", "path.csv", "--model", model, "--out", "path.csv"), "is the path itself")
     Path("file").touch()
     done = run("compensate", "path.csv", "--model", model, "--out", "commands.csv", "--plots", "file")
-    refused(done, "--plots: cannot make the folder 'file'")
+    refused(done, "--plots: 'file' is a file; give a folder")
 
 
 def test_rows_without_a_command_are_listed(run):

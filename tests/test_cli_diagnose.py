@@ -250,7 +250,10 @@ def test_without_any_pose_it_says_so(clean_bench, run, tmp_path):
 
     done = run("diagnose", changed(clean_bench, tmp_path, blind), "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
-    assert "Nothing can be said" in done.stdout
+    first, *rest = done.stdout.split("\n\n")
+    assert first.startswith("Nothing could be compared, so nothing can be ruled out: the recording holds no")
+    assert "and no effort (columns tau.<joint>)" in " ".join(first.split())
+    assert "to do: give the recording poses (columns p.x … r.z) or efforts" in " ".join("".join(rest).split())
     assert read_json(tmp_path / "out" / "diagnosis.json")["residual"]["before"]["fit"] is None
 
 

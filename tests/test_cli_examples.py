@@ -75,3 +75,8 @@ def test_examples_are_copied_into_a_clone(tmp_path):
     clone = Path(__file__).resolve().parents[1]
     there = {path.name for path in clone.iterdir()}
     assert not there & {path.name for path in examples_folder().iterdir() if path.is_file()}
+
+
+def test_what_is_copied_names_nothing_that_only_a_clone_has():
+    for path in examples_folder().iterdir():
+        assert "scripts/" not in path.read_text(encoding="utf-8"), path.name

@@ -1,16 +1,19 @@
 """`prup-pin simulate`, `predict` and `laws`, as a user meets them."""
 
 import json
+import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import prup_pin
 from prup_pin.cli import app
 from prup_pin.laws import LAWS
-from prup_pin.recordings import read_recording, write_plan
+from prup_pin.recordings import Noise, Recording, read_recording, write_plan, write_recording
 from prup_pin.simulation import CorrectedModel, effect_named, parts, write_model
 
 from .simulation.bench import NOISE, plan, three_prup
@@ -78,9 +81,11 @@ def table(path):
 
 
 def in_noise(output):
-    """Return channel -> RMS / noise of the printed table."""
-    lines = [line.split() for line in output.splitlines()]
-    return {words[0]: float(words[-1]) for words in lines if words and words[0] in ("position", "rotation", "effort")}
+    """Return channel -> RMS / noise of the printed table; of efforts by joint, with a share of the effort behind it."""
+    row = r"^  (position|rotation|effort \w+) .* (?:µm|µrad|N|N m) +\S+ +(\S+)( +\S+)? *$"
+    found = re.findall(row, output, re.MULTILINE)
+    assert all(bool(share) == channel.startswith("effort") for channel, _, share in found)
+    return {channel: float(multiple) for channel, multiple, _ in found}
 
 
 def refused(done, *texts):
@@ -96,6 +101,27 @@ def refused(done, *texts):
 # -- the round trip ----------------------------------------------------------------------------------------------------
 
 
+def test_efforts_of_a_motion_are_compared_joint_by_joint(run):
+    """Of two joints the second is three noises off, and only its line says so; each is in its own unit."""
+    robot = prup_pin.load("double_pendulum")
+    time, draw = np.arange(0, 4, 0.004), np.random.default_rng(0)
+    moves = {"joint1": np.sin(2 * time), "joint2": 0.5 * np.sin(3 * time)}
+    nothing = np.zeros(len(time))
+    turns = Recording(time, positions=moves, efforts=dict.fromkeys(moves, nothing), noise=Noise(effort=0.1))
+    efforts = prup_pin.simulate(robot, turns).efforts
+    off = {name: size * draw.standard_normal(len(time)) for name, size in (("joint1", 0.1), ("joint2", 0.3))}
+    measured = {name: np.nan_to_num(values) + off[name] for name, values in efforts.items()}
+    write_recording(replace(turns, efforts=measured, robot="double_pendulum"), "motion.csv")
+    done = run("simulate", "motion.csv", "--out", "p.csv")
+    assert done.exit_code == 0, done.output
+    found = in_noise(done.stdout)
+    assert found == {"effort joint1": pytest.approx(1, abs=0.1), "effort joint2": pytest.approx(3, abs=0.3)}
+    line = next(line.split() for line in done.stdout.splitlines() if line.startswith("  effort joint2"))
+    size = np.sqrt(np.mean(measured["joint2"] ** 2))
+    assert line[3:5] == ["N", "m"]
+    assert float(line[-1]) == pytest.approx(100 * float(line[2]) / size, rel=0.01)
+
+
 def test_plan_to_recording_to_prediction_leaves_the_noise(run, bench):
     read = read_recording(bench)
     assert len(read) == 16
@@ -105,7 +131,7 @@ def test_plan_to_recording_to_prediction_leaves_the_noise(run, bench):
     done = run("predict", model(), bench, "--out", "pred.csv")
     assert done.exit_code == 0, done.output
     multiples = in_noise(done.stdout)
-    assert set(multiples) == {"position", "rotation", "effort"}
+    assert set(multiples) == {"position", "rotation", *(f"effort leg{leg}_slide" for leg in (1, 2, 3))}
     for value in multiples.values():
         assert value == pytest.approx(1, abs=0.35)
     without = in_noise(run("simulate", bench, "--out", "nominal.csv").stdout)

@@ -1,5 +1,6 @@
 """`prup-pin sweep` as a user meets it."""
 
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -125,7 +126,42 @@ def test_maps_are_drawn_beside_the_table(run, tmp_path):
     (tmp_path / "file").touch()
     refused = run("3prup", *GRID, *BOX, "--plots", str(tmp_path / "file"))
     assert refused.exit_code == 2
-    assert "--plots: cannot make the folder" in " ".join(refused.stderr.split())
+    assert refused.stdout == ""
+    assert "is a file; give a folder" in " ".join(refused.stderr.split())
+
+
+def test_where_pictures_cannot_be_written_nothing_is_printed_and_none_is_left(run, tmp_path, monkeypatch):
+    """A disk that fills up at the second picture."""
+    real, opened = Path.open, []
+
+    def full(path, *mode, **how):
+        if path.name.endswith(".part") and len(opened.append(path) or opened) > 1:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(path, *mode, **how)
+
+    monkeypatch.setattr(Path, "open", full)
+    done = run("3prup", *GRID, "--plots", str(tmp_path / "maps"))
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert "--plots: cannot write" in done.stderr
+    assert "No space left on device" in " ".join(done.stderr.split())
+    assert list((tmp_path / "maps").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (["--over", "z=0.3", "--over", "theta=0..0.1", "--over", "phi=0", "--draws", "3"], "scattered poses"),
+        (["--over", "z=0.3", "--over", "theta=0", "--over", "phi=0"], "or one alone, have no map"),
+        ([*GRID, "--quantities", "C,K"], "nothing of C, K can be drawn"),
+    ],
+)
+def test_what_has_no_picture_is_refused_before_anything_is_computed(run, tmp_path, monkeypatch, asked, said):
+    monkeypatch.setattr(prup_pin.Robot, "sweep", None)
+    done = run("3prup", *asked, "--plots", str(tmp_path / "maps"))
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert said in " ".join(done.stderr.split())
 
 
 def test_a_planar_robot_is_swept_by_default_quantities(run):
@@ -135,7 +171,47 @@ def test_a_planar_robot_is_swept_by_default_quantities(run):
     assert done.exit_code == 0, done.output
     assert "6 ok" in done.output
     assert "translational 1" in done.output
-    assert "K_task" in done.output
+    rows = [line.split() for line in done.output.splitlines() if line.strip().startswith("K_task")]
+    found = (
+        prup_pin.load(path, joint_stiffness=2e4)
+        .sweep(x=np.linspace(-0.02, 0.02, 3), y=np.linspace(0.36, 0.38, 2), quantities=["K_task"])["K_task"]
+        .reshape(-1, 2, 2)
+    )
+    assert [row[1:3] for row in rows] == [["x", "x"], ["x", "y"], ["y", "y"]]
+    assert {row[-1] for row in rows} == {"N/mm"}
+    for row, (i, j) in zip(rows, ((0, 0), (0, 1), (1, 1)), strict=True):
+        entry = found[:, i, j] / 1e3
+        want = [entry.min(), entry.mean(), np.percentile(entry, 95), entry.max()]
+        np.testing.assert_allclose([float(word) for word in row[3:7]], want, rtol=1e-3, atol=0.02)
     done = run(path, "--joint-stiffness", "2e4", *over, "--quantities", "homogenised_ksi")
     assert done.exit_code == 0, done.output
     assert "6 no stiffness" in done.output
+    assert "K_yielding, or K_task" in " ".join(done.output.split())
+
+
+def test_an_arm_without_task_coordinates_is_never_told_of_those(run):
+    """K_task is nothing that it has; by default it gets what it has, wherever home stands."""
+    one = ["double_pendulum", "--joint-stiffness", "1e4", "--over", "joint1=0..1:3"]
+    done = run(*one)
+    assert done.exit_code == 0, done.output
+    assert "3 ok" in done.output
+    assert "translational" in done.output
+    assert "K_task" not in done.output
+    done = run(*one, "--quantities", "K")
+    assert "3 no stiffness" in done.output
+    assert "K_yielding" in done.output
+    assert "K_task" not in done.output
+    stretched = ["ur5", "--joint-stiffness", "1e4", "--over", "shoulder_lift_joint=-1", "--over", "elbow_joint=1",
+                 "--over", "wrist_2_joint=1"]  # fmt: skip
+    done = run(*stretched)
+    assert "1 ok" in done.output
+    assert "homogenised_ksi" in done.output
+
+
+def test_a_matrix_too_large_for_lines_is_named_and_rounding_is_zero(run):
+    level = ["--over", "z=0.38..0.4:3", "--over", "theta=0", "--over", "phi=0"]
+    done = run("3prup", *level, "--quantities", "K_task,C")
+    assert done.exit_code == 0, done.output
+    assert "in --out    C: of each pose more than 8 numbers, not listed here" in done.output
+    cross = next(line for line in done.output.splitlines() if line.strip().startswith("K_task z theta"))
+    assert cross.split()[3:] == ["0", "0", "0", "0", "N/rad"]

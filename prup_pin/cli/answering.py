@@ -8,14 +8,13 @@ from typing import Annotated
 import typer
 
 from .. import __version__
-from ..errors import InputError
 from ..robot import Robot
 from ..views.report.as_json import answer_as_json, dump
 from ..views.text import terminal
 from ..views.text.answer import Answer
 from ..views.text.answer_text import print_answer
 from ..views.text.sensitivity_text import print_stiffen_first
-from .files import list_written, write
+from .files import folder_for, list_written, write, write_figures
 from .options import AsJson, Frame
 from .question import Question
 
@@ -33,6 +32,7 @@ def stiffness(
 ) -> None:
     """K, C, deflection and each module's share at one pose."""
     case = question.understood(frame)
+    folder_for(pictures, "--pictures")
     answer = Answer(case.compliance(), case.wrench, frame)
     slopes = case.robot.sensitivity(case.pose, answer.load.wrench) if sensitivity else None
     written = [] if pictures is None else _draw(pictures, case.robot, answer)
@@ -40,12 +40,12 @@ def stiffness(
     if as_json == "-":
         typer.echo(dump(document))
         return
-    print_answer(terminal.console(), case.robot, answer, case.source, case.changes, case.notes)
-    if slopes is not None:
-        print_stiffen_first(terminal.console(), slopes)
     if as_json is not None:
         write(Path(as_json), dump(document) + "\n", "--json")
         written.append(Path(as_json))
+    print_answer(terminal.console(), case.robot, answer, case.source, case.changes, case.notes)
+    if slopes is not None:
+        print_stiffen_first(terminal.console(), slopes)
     if written:
         list_written(written)
 
@@ -58,11 +58,4 @@ def _draw(folder: Path, robot: Robot, answer: Answer) -> list[Path]:
     figures = {"pose": pose_figure(robot, answer.compliance.pose, answer.compliance, wrench)}
     if answer.shares is not None:
         figures["shares"] = shares_figure(answer.compliance, wrench)
-    paths = [folder / f"{name}.png" for name in figures]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for path, figure in zip(paths, figures.values(), strict=True):
-            figure.savefig(path)
-    except OSError as error:
-        raise InputError(f"--pictures: cannot write to '{folder}': {error.strerror}") from error
-    return paths
+    return write_figures(folder, figures, "--pictures", ["png"])

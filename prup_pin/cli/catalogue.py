@@ -31,9 +31,10 @@ def info(
         if as_json == "-":
             typer.echo(document)
             return
+        if as_json is not None:
+            write(Path(as_json), document + "\n", "--json")
         robot_text.print_info(terminal.console(), loaded, wanted)
     if as_json is not None:
-        write(Path(as_json), document + "\n", "--json")
         list_written([Path(as_json)])
 
 

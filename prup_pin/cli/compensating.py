@@ -65,11 +65,11 @@ def compensate(
     commands = replace(found.commands, robot=name)
     written = [out, out.with_suffix(".json")]
     write_commands(replace(found, commands=commands), out)
-    print_compensation(terminal.console(), loaded, effects, found)
     if plots is not None:
         from ..views.drawing.path_figures import path_figure
 
         written += write_figures(plots, {"path": path_figure(found)}, "--plots")
+    print_compensation(terminal.console(), loaded, effects, found)
     list_written(written)
 
 

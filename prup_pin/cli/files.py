@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import webbrowser
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,8 +27,6 @@ __all__ = [
     "write",
     "write_figures",
 ]
-
-_KINDS = ("png", "svg")
 
 
 def file_name(name: str) -> str:
@@ -83,22 +81,25 @@ def folder_for(folder: Path | None, option: str) -> None:
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise InputError(f"{option}: '{folder}' is a file; give a folder") from error
     except OSError as error:
         raise InputError(f"{option}: cannot make the folder '{folder}': {error.strerror}") from error
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"{option}: cannot write to '{folder}': permission denied")
 
 
-def write_figures(folder: Path, figures: Mapping[str, Figure], option: str) -> list[Path]:
-    """Write pictures by name, each as PNG and as SVG, and return where they are."""
+def write_figures(
+    folder: Path, figures: Mapping[str, Figure], option: str, kinds: Sequence[str] = ("png", "svg")
+) -> list[Path]:
+    """Write pictures by name, each in all kinds, and return where they are. Raises InputError, with none written."""
     from ..views.drawing.plotting import encoded
 
-    made = {folder / f"{name}.{kind}": encoded(figure, kind) for name, figure in figures.items() for kind in _KINDS}
+    made = {folder / f"{name}.{kind}": (encoded(figure, kind),) for name, figure in figures.items() for kind in kinds}
     try:
-        for path, content in made.items():
-            path.write_bytes(content)
-    except OSError as error:
-        raise InputError(f"{option}: cannot write to '{folder}': {error.strerror}") from error
+        write_whole(made)
+    except (InputError, OSError) as error:
+        raise InputError(f"{option}: {error}") from error
     return list(made)
 
 

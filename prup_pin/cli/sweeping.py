@@ -21,6 +21,7 @@ from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
+from ..views.text.answer import yielding_beside
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
@@ -52,7 +53,7 @@ def sweep(
         typer.Option(
             metavar="C,K,extremes,…",
             help="What is wanted of each pose; list: --quantities help. Default: translational, homogenised_ksi ("
-            "K_task where home has no K), and extremes where --force or --moment is given.",
+            "or K_task, where there is no K), and extremes where --force or --moment is given.",
             show_default=False,
         ),
     ] = None,
@@ -95,7 +96,7 @@ def sweep(
     folder_for(plots, "--plots")
     loaded, _ = reading.changed(robot, set_parameters)
     if quantities is None:
-        names = [*(["extremes"] if force is not None or moment is not None else []), "translational", _index(loaded)]
+        names = [*(["extremes"] if force is not None or moment is not None else []), "translational", *_index(loaded)]
     asked: dict[str, Any] = _axes(loaded, over or [], draws)
     kinds = _dimensions(loaded.mechanism)
     whole = loaded._kinematics.completed(asked)
@@ -115,26 +116,30 @@ def sweep(
         text["loads"] = f"{', '.join(sizes)}, each component, all signs"
     if draws is not None:
         asked |= {"draws": draws, "seed": seed}
+    if plots is not None:
+        from ..views.drawing.sweep_figures import check_drawn, figures_of
+
+        check_drawn(names, scattered=not any(isinstance(asked.get(name), np.ndarray) for name in kinds))
     with progress.rows() as show, _executor(workers) as executor:
         found = loaded.sweep(quantities=names, compiled=compiled, executor=executor, out=out, progress=show, **asked)
-    print_sweep(terminal.console(), found, text)
     written = [] if out is None else [out]
     if plots is not None:
-        from ..views.drawing.sweep_figures import figures_of
-
         written += write_figures(plots, figures_of(found), "--plots")
+    print_sweep(terminal.console(), found, text)
     if written:
         list_written(written)
 
 
-def _index(robot: Robot) -> str:
-    """Return what a robot's stiffness is told by where nothing else is asked for: an index of K, else K_task."""
-    if not robot.mechanism.tasks:
-        return "homogenised_ksi"
+def _index(robot: Robot) -> list[str]:
+    """Return what tells a stiffness where nothing else is asked for: of K one index, else K_task where there is one.
+
+    Home may be singular where other poses are not, as that of a stretched arm is: what yields beside it counts.
+    """
     with suppress(PrupPinError):
-        if not len(robot.compliance(robot.home).rigid_directions):
-            return "homogenised_ksi"
-    return "K_task"
+        home = robot.compliance(robot.home)
+        if not len(home.rigid_directions) or yielding_beside(robot, home) == 6:
+            return ["homogenised_ksi"]
+    return ["K_task"] if robot.mechanism.tasks else []
 
 
 @contextmanager

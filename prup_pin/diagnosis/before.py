@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..dynamics import InMotion, motion_of
 from ..numbers import number
 from ..recordings import Recording, suspicions
 from ..robot import Robot
@@ -15,6 +14,7 @@ from ..simulation import as_recorded
 from .asked import asked
 from .detectable import not_detectable
 from .diagnosis import Detectable
+from .efforts.band import band_of, in_motion
 from .efforts.gather import Efforts
 from .efforts.merged import has_efforts, has_poses, unused_by_efforts
 from .efforts.plausible import check_efforts
@@ -83,10 +83,11 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
 
 def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, ...], list[tuple[str, str]], list[str]]:
     mechanism = robot.mechanism
-    at = InMotion.of(mechanism, motion_of(recording, mechanism))
+    band, below = band_of(mechanism, recording)
+    at = in_motion(mechanism, recording, band)
     doubts = check_efforts(at)
     motion = at.motion
-    efforts = Efforts(at, {}, None)
+    efforts = Efforts(at, {}, None, below)
     remarks = [*doubts, *motion.remarks]
     joints = []
     for column, name in enumerate(motion.names):

@@ -364,6 +364,9 @@ EFFORT_FLIPS, EFFORT_CHANCE = 400, 0.01
 #: Share of the held-out squares that a law must save: below, what it says would not be of use, and may be a trace of
 #: what the rigid model and its filters leave.
 EFFORT_GAIN = 0.02
+#: The same where the drawing is taken to hold but for a few laws: one of them accuses a part, and is not to be a trace
+#: of gears that yield by a part of the noise.
+EFFORT_GAIN_ALONE = 0.05
 #: Standard errors over blocks that a saving must have.
 EFFORT_SURE = 2.5
 #: What is left of a unit column beside those that are there, squared, below which it adds nothing of its own.

@@ -54,7 +54,7 @@ class Finding:
     `heldout_gain`: by which share the held-out squared residual falls as this finding comes to all the others; `effect`
     is None for `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it
     has no place.
-    `recovered` is what the samples ask for, to be drawn.
+    `recovered` is what the samples ask for, to be drawn. `advice`: what to do about it, where its physics does not say.
     """
 
     physics: str
@@ -67,6 +67,7 @@ class Finding:
     alternatives: tuple[str, ...] = ()
     curve: LocalCurve | None = field(default=None, repr=False)
     recovered: Recovered | Agreement | None = field(default=None, repr=False)
+    advice: str = ""
 
     @property
     def cost(self) -> float:
@@ -76,6 +77,8 @@ class Finding:
     @property
     def remedy(self) -> str:
         """What to do about it, in one short sentence; of what has no effect of its own by its physics."""
+        if self.advice:
+            return self.advice
         if self.effect is not None and self.physics not in _REMEDIES:
             return self.effect.law.advice(self.effect.place, self.effect.values)
         laws = [law for law in (*EFFORT_LAWS, AllLinks(())) if law.everywhere] if self.at_each else []

@@ -50,6 +50,12 @@ __all__ = [
     "unknown_at_robot",
 ]
 
+#: What to do where there is nothing to compare.
+_NOTHING_MEASURED = (
+    "give the recording poses (columns p.x … r.z) or efforts (tau.<joint>) under these names; prup-pin import makes"
+    " them of other ones"
+)
+
 
 def sensor_elsewhere(
     effect: Effect,
@@ -167,8 +173,11 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
         if measured
         else "the recording holds no measured pose, of the tool (columns p.x … r.z) or of a marker"
     )
+    if not measured and not any(name.startswith("tau.") for name in unused):
+        why += ", and no effort (columns tau.<joint>)"
     rest = f"; not used were {', '.join(unused)}" if unused else ""
-    return unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
+    found = unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
+    return found if measured else replace(found, advice=_NOTHING_MEASURED)
 
 
 def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:

@@ -23,6 +23,8 @@ _SLOW_SHARE = 1e-2
 _SAMPLES = 4.0
 #: Of the shift along the motion for a numerical derivative [s].
 _STEP = 1e-4
+#: Of the largest effort, below which one is nothing but rounding.
+_ROUNDING = 1e-12
 #: Parts of a step in which a motion turns round, and the share of its usual speed below which it only rests.
 _FINER, _RESTING = 16, 1e-3
 #: Share of a way below which a mean over it is that of a straight line.
@@ -269,8 +271,8 @@ class InMotion:
         """
         column, passed = self.motion.names.index(joint), self.effort_of(joint, self.borne)
         largest = float(np.abs(passed).max(initial=0.0))
-        if not largest > 0:
-            return np.zeros_like(self.rigid)
+        if not largest > _ROUNDING * np.abs(self.rigid).max(initial=0.0):
+            return np.zeros_like(self.rigid)  # of a link that turns about its own axis of symmetry
         back = -passed / largest
         speed = self.rate(back)
         return self._derivative(column, back, speed, self.rate(speed)) * (largest / _STEP)

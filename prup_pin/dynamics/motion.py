@@ -183,7 +183,7 @@ def motion_of(
     moving = [band for band in bands if band > 0]
     compared = [f"q.{name}" for name in names] + [f"tau.{name}" for name in drives]
     slowest = rate / max(rates.every.get(name, 1) for name in compared)
-    stands_out, told = max(_SLOWEST, *moving), band or {}
+    stands_out, told = max((_SLOWEST, *moving)), band or {}
     cutoffs = [min(told.get(name, stands_out), 0.4 * slowest) for name in drives]
     cutoff = max(cutoffs, default=_SLOWEST)
     # a motion whose band is known is followed by that where nothing is compared with it
@@ -244,7 +244,11 @@ def motion_of(
 
 def _compared(drives: Sequence[str], cutoffs: Sequence[float], rigid: bool) -> str:
     """Return up to where efforts are compared, in words; rigid: that was told by the efforts, not the positions."""
-    why = "where the rigid robot's efforts are in those that were measured" if rigid else "above its sensors' noise"
+    why = (
+        "where the rigid robot's efforts are in those that were measured"
+        if rigid
+        else "where the motion stands above the noise of its positions"
+    )
     if len(set(cutoffs)) < 2:
         return f"efforts are compared up to {number(max(cutoffs, default=0.0), 3)} Hz, {why}"
     each = ", ".join(f"{name} {number(cutoff, 3)}" for name, cutoff in zip(drives, cutoffs, strict=True))

@@ -19,8 +19,8 @@ from ..kinematics import ClosedPose
 from ..mechanism import Mechanism
 from ..modules import CompliantModule, DriveModule
 from ..numbers import number
-from ..spatial import Array, as_wrench, motion_between
-from ..statics.compliance import _direction, _Named
+from ..spatial import Array, as_wrench, motion_between, wrench_text
+from ..statics.compliance import _ROUNDING, _Named
 from .border import inverted, no_border
 from .chain import Chain
 from .equilibrium import Equilibria, find_equilibria
@@ -127,7 +127,7 @@ class LoadedPose:
         if rigid.any():
             directions = right[rigid] * self._scaling[:1]
             directions = directions / np.abs(directions).max(axis=1, keepdims=True)
-            listed = "; ".join(_direction(direction) for direction in directions)
+            listed = "; ".join(wrench_text(direction, 3, _ROUNDING) for direction in directions)
             raise NoStiffnessError(
                 f"no K: these {len(directions)} of 6 directions are rigid (no module yields to them): {listed}. "
                 "C is complete; give a compliance to more joints or bodies if these directions should yield",

@@ -324,6 +324,26 @@ class ModuleValuesError(Exception):
         super().__init__("; ".join(text for _, text in problems))
 
 
+def _meant_instead(module: ModuleDescription) -> str:
+    """Return 'Did you mean …' where a kind for the same loads needs nothing but the one value given; or ''.
+
+    Compared are name and unit: people know that they have a spring, not what this format calls it.
+    """
+    kind = KIND_BY_NAME[module.kind]
+    needed = {other.kind: [one for one in other.quantities if one.default is None] for other in KINDS}
+    if len(module.values) != 1 or len(needed[kind.kind]) < 2:
+        return ""
+    ((name, given),) = module.values.items()
+    alike = [other for other in KINDS if other.loads == kind.loads and len(needed[other.kind]) == 1]
+    fits = [
+        other
+        for other in alike
+        for quantity in needed[other.kind]
+        if name == quantity.name or given.unit in quantity.unit.split(" or ")
+    ]
+    return " ".join(f"Did you mean '{other.kind}', {other.summary}?" for other in fits)
+
+
 def resolve_values(module: ModuleDescription) -> dict[str, Any]:
     """Return the value of every quantity of the module's kind, derived defaults included.
 
@@ -368,6 +388,8 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
             values[quantity.name] = np.nan
         except (TypeError, KeyError):
             values[quantity.name] = np.nan  # follows from a value already reported
+    if problems and (meant := _meant_instead(module)):
+        problems.insert(0, ("", f"module '{module.name}' is a {kind.kind}, {kind.summary}. {meant}"))
     if len(lengths) > 1:
         text = f"module '{module.name}': its tables have {sorted(lengths)} entries; all must have as many as 'stations'"
         problems.append(("", text))

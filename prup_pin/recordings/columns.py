@@ -34,6 +34,13 @@ COARSEST_NOISE = 1e6
 NOISE_KEYS = {f"{name}_noise": name for name in ("position", "rotation", "force", "moment", "effort")}
 NOISE_UNITS = {"position": "m", "rotation": "rad", "force": "N", "moment": "N m", "effort": "N or N m"}
 
+#: How programs call what a joint does, before its name: torque.elbow for tau.elbow.
+_JOINT_WORDS = {
+    **dict.fromkeys(("torque", "torques", "effort", "efforts", "moment", "force"), "tau"),
+    **dict.fromkeys(("position", "positions", "pos", "angle"), "q"),
+    **dict.fromkeys(("velocity", "velocities", "vel", "speed"), "qd"),
+    **dict.fromkeys(("acceleration", "accelerations", "accel", "acc"), "qdd"),
+}
 #: How programs call forces and moments: F_x, Fx, Force x, Mx, torque_x.
 _LOAD = re.compile(r"(?:(?P<force>f|force)|m|moment|torque)[._\s-]?(?P<axis>[xyz])", re.I)
 _UNIT_AT_END = re.compile(r"\s*[\[(][^\[\]()]*[\])]\s*$")
@@ -65,12 +72,13 @@ def is_known(name: str) -> bool:
 
 
 def unit_of(name: str) -> str:
-    """Return the unit of a column that belongs to the format."""
+    """Return the unit of a column that belongs to the format; other ones are task coordinates, which paths have."""
     if name in UNITS:
         return UNITS[name]
     if marker := marker_of(name):
         return "m" if marker[0] == "markers" else "rad"
-    return {"q": "m or rad", "qd": "m/s or rad/s", "qdd": "m/s^2 or rad/s^2", "tau": "N or N m"}[name.partition(".")[0]]
+    by_prefix = {"qd": "m/s or rad/s", "qdd": "m/s^2 or rad/s^2", "tau": "N or N m"}
+    return by_prefix.get(name.partition(".")[0], "m or rad")
 
 
 def without_unit(name: str) -> str:
@@ -100,6 +108,13 @@ def meant(name: str) -> str | None:
         if dot and rest and is_known(candidate):
             return candidate
     return None
+
+
+def in_other_words(name: str) -> str | None:
+    """Return the joint's column that a name in a program's words would be: tau.elbow of torque.elbow [Nm]; or None."""
+    word, dot, joint = without_unit(name).partition(".")
+    prefix = _JOINT_WORDS.get(word.lower())
+    return f"{prefix}.{joint}" if prefix and dot and joint else None
 
 
 def candidates(header: Iterable[str]) -> list[str]:

@@ -26,6 +26,7 @@ from .columns import (
     NOISE_KEYS,
     NOISE_UNITS,
     candidates,
+    in_other_words,
     is_known,
     joint_of,
     largest,
@@ -800,7 +801,8 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
     known = [*form.coordinates, *candidates(header)]
     plain = []
     for name in unknown[:_REMARKED]:
-        near = nearest_names(name, known)
+        other = in_other_words(name)
+        near = f"Did you mean '{shown(other)}'?" if other in known else nearest_names(name, known)
         if near.startswith("Did"):
             remarks.append(f"The unknown column '{shown(name)}' is ignored. {near}")
         else:

@@ -207,8 +207,8 @@ def writable(path: Path) -> Path:
     return target
 
 
-def write_whole(files: Mapping[Path, Iterable[str]]) -> None:
-    """Write text files so that each is there as a whole or as it was before.
+def write_whole(files: Mapping[Path, Iterable[str | bytes]]) -> None:
+    """Write files so that each is there as a whole or as it was before; text as UTF-8.
 
     Links are followed; a file that was there keeps its mode. Raises InputError.
     """
@@ -282,12 +282,12 @@ def _staging(beside: Path, target: Path) -> Path:
     raise InputError(f"cannot write to '{target}': {wrong.strerror or wrong}")
 
 
-def _fill(part: Path, pieces: Iterable[str], path: Path, like: Path) -> None:
+def _fill(part: Path, pieces: Iterable[str | bytes], path: Path, like: Path) -> None:
     """Write a new file with the mode of the one that it is to replace."""
     try:
-        with part.open("x", encoding="utf-8", newline="") as stream:
+        with part.open("xb") as stream:
             for piece in pieces:
-                stream.write(piece)
+                stream.write(piece if isinstance(piece, bytes) else piece.encode("utf-8"))
         with suppress(FileNotFoundError):
             os.chmod(part, stat.S_IMODE(like.stat().st_mode))
     except OSError as error:

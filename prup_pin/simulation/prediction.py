@@ -65,14 +65,16 @@ class Prediction:
 class Agreement:
     """How far measurements are from a prediction: root mean square of one channel.
 
-    `channel`: 'position', 'rotation', 'effort', 'marker <name>' or 'marker <name> rotation'; `rms` [m, rad, N or N m]
-    over `count` numbers; `noise` is the sensor's declared standard deviation, or None.
+    `channel`: 'position', 'rotation', 'effort <joint>', 'marker <name>' or 'marker <name> rotation'; `rms` [m, rad, N
+    or N m] over `count` numbers; `noise` is the sensor's declared standard deviation, or None. `share`: `rms` over the
+    root mean square of the measured efforts themselves; None of other channels, and where those are zero.
     """
 
     channel: str
     rms: float
     count: int
     noise: float | None
+    share: float | None = None
 
     @property
     def in_noise(self) -> float | None:
@@ -268,10 +270,9 @@ def compare(recording: Recording, prediction: Prediction) -> tuple[Agreement, ..
         differences.append(("position", recording.position - prediction.position, noise.position))
     if recording.rotation is not None:
         differences.append(("rotation", _turn(recording.rotation, prediction.rotation), noise.rotation))
-    both = [name for name in recording.efforts if name in prediction.efforts]
-    if both:
-        apart = np.column_stack([recording.efforts[name] - prediction.efforts[name] for name in both])
-        differences.append(("effort", apart, noise.effort))
+    for name, values in recording.efforts.items():
+        if name in prediction.efforts:
+            differences.append((f"effort {name}", values - prediction.efforts[name], noise.effort))
     for name, values in recording.markers.items():
         if name in prediction.markers:
             differences.append((f"marker {name}", values - prediction.markers[name], noise.position))
@@ -281,10 +282,18 @@ def compare(recording: Recording, prediction: Prediction) -> tuple[Agreement, ..
             differences.append((f"marker {name} rotation", apart, noise.rotation))
     found = []
     for channel, values, deviation in differences:
-        known = values[np.isfinite(values)]
-        if len(known):
-            found.append(Agreement(channel, float(np.sqrt(np.mean(known**2))), len(known), deviation))
+        known = np.isfinite(values)
+        if known.any():
+            rms, share = _root_mean_square(values[known]), None
+            kind, _, joint = channel.partition(" ")
+            if kind == "effort" and (size := _root_mean_square(recording.efforts[joint][known])):
+                share = rms / size
+            found.append(Agreement(channel, rms, int(known.sum()), deviation, share))
     return tuple(found)
+
+
+def _root_mean_square(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _turn(measured: Array, predicted: Array) -> Array:

@@ -12,7 +12,7 @@ from ..errors import InputError, NoStiffnessError, imported, named
 from ..kernel import NEGLIGIBLE_ENERGY, inverse
 from ..kinematics import TaskFrame
 from ..numbers import number
-from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius, symmetric
+from ..spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, as_wrenches, frobenius, symmetric, wrench_text
 from .castigliano import Statics
 from .elastic_line import ElasticLine, elastic_line
 from .vibration import VibrationMode, vibration_modes
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Compliance", "dimensionless"]
 
+#: What of a rigid direction, beside its largest component of 1, is rounding.
+_ROUNDING = 1e-6
 #: A rigid direction this near to an axis is that axis: robot files give theirs to four digits (rpy="1.5708 0 0").
 _ALONG = 1e-4
 
@@ -127,7 +129,7 @@ class Compliance:
 
     @cached_property
     def rigid_directions(self) -> Array:
-        """Wrenches that deflect nothing, (n, 6), each with a largest component of +1; n = 0 where K exists.
+        """Wrenches that deflect nothing, (n, 6) [N, N m], each with a largest component of +1; n = 0 where K exists.
 
         Of all bases the one that speaks of axes: forces and moments along those of the base, then of the tool, as far
         as they are rigid, then what is left, each with a component of its own.
@@ -151,7 +153,7 @@ class Compliance:
         if not 0 < frobenius(inverted) * frobenius(scaled) < 0.1 / NEGLIGIBLE_ENERGY:
             rigid = self.rigid_directions
             if len(rigid):
-                listed = "; ".join(_direction(direction) for direction in rigid)
+                listed = "; ".join(wrench_text(direction, 3, _ROUNDING) for direction in rigid)
                 raise NoStiffnessError(
                     f"no K: these {len(rigid)} of 6 directions are rigid (no module yields to them): {listed}. "
                     "C is complete; give a compliance to more joints or bodies if these directions should yield",
@@ -407,12 +409,3 @@ class Compliance:
     def __repr__(self) -> str:
         at = ", ".join(f"{name}={number(value, 4)}" for name, value in self.pose.coordinates.items())
         return f"<Compliance of {self.pose.mechanism.name} at {at or 'a pose'}: {len(self.names)} modules>"
-
-
-def _direction(vector: Array) -> str:
-    """Return '+1 fx -0.5 my' of a wrench, small components left out."""
-    return " ".join(
-        f"{number(value, 3, signed=True)} {name}"
-        for name, value in zip(WRENCH_NAMES, vector, strict=True)
-        if abs(value) > 1e-6
-    )

@@ -189,6 +189,8 @@ class Solved:
         return (work / work.sum(axis=-1, keepdims=True))[..., order]
 
 
+#: What of a matrix' entry, beside the two on its diagonal, is rounding.
+_ROUNDING = 1e-9
 #: What an axis of a quantity counts.
 Labels = Callable[[Mechanism], Sequence[str]]
 
@@ -196,6 +198,8 @@ Labels = Callable[[Mechanism], Sequence[str]]
 @dataclass(frozen=True)
 class Quantity:
     """`value` (n, *shape) of solved poses, in `unit`; `labels` name the entries along each axis.
+
+    `units`: of a single entry by its place, where they differ and the entries are few.
 
     `elastic`: needs compliant modules; `box`: needs force and moment of the box of wrenches; `stiff`: the matrix
     that has to exist, K or K_task;
@@ -218,20 +222,36 @@ class Quantity:
     by_module: bool = False
     after: str = ""
     by_one: bool = False
+    units: Callable[..., str] | None = None
+
+    def unit_of(self, mechanism: Mechanism, place: tuple[int, ...]) -> str:
+        """Return the unit of one entry; `unit`, which may name several, where the entries have none of their own."""
+        return self.unit if self.units is None else self.units(mechanism, *place)
+
+    def entry(self, values: Array, place: tuple[int, ...]) -> Array:
+        """Return one entry (...) of many poses' values (..., *shape); of a symmetric matrix, rounding is zero."""
+        there: tuple[Any, ...] = (..., *place)
+        entry: Array = values[there]
+        if not self.symmetric or place[0] == place[1]:
+            return entry
+        sizes = [np.abs(values[..., index, index]).max(initial=0.0, where=np.isfinite(entry)) for index in place]
+        return np.where(np.abs(entry) < _ROUNDING * np.sqrt(np.prod(sizes)), 0.0, entry)
 
     def shape(self, mechanism: Mechanism) -> tuple[int, ...]:
         return tuple(len(labels(mechanism)) for labels in self.labels)
 
     def columns(self, mechanism: Mechanism) -> list[tuple[str, tuple[int, ...]]]:
         """Return the names of a table's columns and where each stands in an entry; of a symmetric one half."""
-        if not self.labels:
-            return [(self.name, ())]
+        return [(".".join((self.name, *labels)), place) for labels, place in self.entries(mechanism)]
+
+    def entries(self, mechanism: Mechanism) -> list[tuple[tuple[str, ...], tuple[int, ...]]]:
+        """Return the labels of each entry and where it stands; of a symmetric matrix one half."""
         named = [[*enumerate(labels(mechanism))] for labels in self.labels]
         out = []
         for entry in every(*named):
-            index = tuple(place for place, _ in entry)
-            if not self.symmetric or index[0] <= index[1]:
-                out.append((".".join((self.name, *(label for _, label in entry))), index))
+            place = tuple(index for index, _ in entry)
+            if not self.symmetric or place[0] <= place[1]:
+                out.append((tuple(label for _, label in entry), place))
         return out
 
 
@@ -261,6 +281,27 @@ def _joints(mechanism: Mechanism) -> Sequence[str]:
 
 def _tasks(mechanism: Mechanism) -> Sequence[str]:
     return [task.name for task in mechanism.tasks]
+
+
+def _displacement_unit(mechanism: Mechanism, place: int) -> str:
+    return "m" if place < 3 else "rad"
+
+
+def _kind_unit(mechanism: Mechanism, place: int) -> str:
+    return ("m", "rad")[place]
+
+
+def _joint_unit(mechanism: Mechanism, place: int) -> str:
+    return mechanism.joint(_joints(mechanism)[place]).unit or ""
+
+
+def _actuator_unit(mechanism: Mechanism, place: int) -> str:
+    return mechanism.joint(mechanism.actuated[place]).unit or ""
+
+
+def _task_stiffness_unit(mechanism: Mechanism, *places: int) -> str:
+    angles = sum(mechanism.tasks[place].component not in "xyz" for place in places)
+    return ("N/m", "N/rad", "N m/rad")[angles]
 
 
 def _axes(mechanism: Mechanism) -> Sequence[str]:
@@ -321,11 +362,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "extremes", "m, rad", "largest norm of translation and of rotation over the box of wrenches",
-            lambda s: s.extremes, (_kinds,), box=True,
+            lambda s: s.extremes, (_kinds,), box=True, units=_kind_unit,
         ),
         Quantity(
             "extreme_components", "m, rad", "largest size of each component over the box of wrenches",
-            lambda s: np.abs(s.C) @ s.asked.box, (_twist,), box=True,
+            lambda s: np.abs(s.C) @ s.asked.box, (_twist,), box=True, units=_displacement_unit,
         ),
         Quantity(
             "shares", "1", "each module's share of the work: under `wrench`, else the mean over the box's corners",
@@ -358,6 +399,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "K_task", "N, N m per m, rad", "stiffness in the task coordinates: a planar robot's 2 x 2 or 3 x 3",
             lambda s: s.K_task, (_tasks, _tasks), stiff="K_task", symmetric=True, by_one=True,
+            units=_task_stiffness_unit,
         ),
         Quantity(
             "K_yielding", "N/m, N, N m/rad", "stiffness in the directions that yield, zero in those that are rigid",
@@ -365,7 +407,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "sag", "m, rad", "deflection under the robot's own weight", lambda s: s.singly(lambda c: c.sag(), (6,)),
-            (_twist,), by_one=True,
+            (_twist,), by_one=True, units=_displacement_unit,
         ),
         Quantity(
             "frequencies", "Hz", "natural frequencies, ascending; infinite where nothing swings",
@@ -379,11 +421,12 @@ QUANTITIES: Mapping[str, Quantity] = {
             "q", "m, rad", "configuration of Pinocchio's model", lambda s: s.poses.q, (_configuration,), elastic=False
         ),
         Quantity(
-            "joints", "m, rad", "position of every joint with one freedom", _joint_values, (_joints,), elastic=False
+            "joints", "m, rad", "position of every joint with one freedom", _joint_values, (_joints,), elastic=False,
+            units=_joint_unit,
         ),
         Quantity(
             "actuators", "m, rad", "positions of the actuated joints", _actuator_values,
-            (lambda mechanism: mechanism.actuated,), elastic=False,
+            (lambda mechanism: mechanism.actuated,), elastic=False, units=_actuator_unit,
         ),
         Quantity("position", "m", "the tool's position", _position, (_tool,), elastic=False),
     )

@@ -17,7 +17,7 @@ from .engine import Answer, Engine
 from .indices import ErrorRange, Spread, spread
 from .places import Places
 from .quantities import QUANTITIES
-from .status import REASONS, STATUSES
+from .status import NO_STIFFNESS, REASONS, STATUSES
 from .table import read_columns, write_table
 
 if TYPE_CHECKING:
@@ -70,7 +70,11 @@ class _Answers(Mapping[str, Array]):
     @property
     def reasons(self) -> Mapping[str, str]:
         """What each status that occurs means."""
-        return {word: REASONS[word] for word in self.counts}
+        found = {word: REASONS[word] for word in self.counts}
+        word = STATUSES[NO_STIFFNESS]
+        if word in found and self.mechanism.tasks and "K_task" not in self:
+            found[word] += ", or K_task"
+        return found
 
 
 class SweepResult(_Answers):

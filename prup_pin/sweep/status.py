@@ -18,5 +18,5 @@ REASONS: Mapping[str, str] = {
     "beyond limits": "the loops close, but a joint stands beyond its limits",
     "singular": "with the actuators locked the tool can still move, or the coordinates do not determine the pose",
     "module invalid": "a module's equation does not hold at this pose, for example a beam of no length",
-    "no stiffness": "some directions are rigid, so that C has no inverse; ask for C alone, K_yielding, or K_task",
+    "no stiffness": "some directions are rigid, so that C has no inverse; ask for C alone, or K_yielding",
 }

@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.before import prospects
 from prup_pin.diagnosis.efforts.band import coherent_band
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import pseudo_inertia
@@ -52,6 +53,15 @@ def log(rate=1000.0, noise=0.0, counts=0.0, jitter=0.0, vibration=0.0, seconds=1
         q = np.round(q / counts) * counts
     tau = (CARRIAGE + ROTOR) * acceleration + rng.normal(size=len(q))
     return Recording(time=time, positions={"carriage": q}, efforts={"carriage": tau})
+
+
+def test_what_is_told_before_a_diagnosis_is_the_band_that_it_will_use(carriage):
+    """Of a motor that vibrates: the frequency, and the words."""
+    shaken = log(vibration=3.0)
+    (before,) = (text for text in prospects(carriage, shaken).remarks if "efforts are compared" in text)
+    after = diagnose(carriage, shaken)
+    assert before in after.remarks
+    assert f"{after.efforts.band['carriage']:.3g} Hz, where the rigid robot's efforts are" in before
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _BLOCK = re.compile(r"^(?P<comment><!-- .*? -->\n)?```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 _INLINE = re.compile(r"`(prup-pin [^`]+)`")
 SHELL, PYTHON = {"sh", "bash", "console"}, {"python", "py"}
-#: README's commands, and the lines that it says they print; … stands for those that it leaves out.
+#: Commands, and the lines that a page says the last one prints; … stands for those that it leaves out.
 _PRINTED = re.compile(r"^```bash\n(?P<commands>[^`]*)^```\n\n```text\n(?P<lines>[^`]*)^```$", re.MULTILINE)
 #: Lines that are run elsewhere: by scripts/stranger.sh, which reads them from the pages, and by .ci/run.
 ELSEWHERE = re.compile(
@@ -89,26 +89,27 @@ def test_a_page_runs_as_printed(page, tmp_path, monkeypatch, remembered):
             assert done.exception is None or isinstance(done.exception, SystemExit), f"{where}: {line}"
 
 
-def printed() -> dict[str, list[str]]:
-    """Return the lines that README shows, by the last command before them."""
-    found = _PRINTED.finditer((ROOT / "README.md").read_text(encoding="utf-8"))
-    return {match["commands"].splitlines()[-1]: match["lines"].splitlines() for match in found}
+def printed() -> list[tuple[str, str, list[str]]]:
+    """Return of each page that shows what a command prints its name, the command, and the lines shown."""
+    found = [(page.name, match) for page in PAGES for match in _PRINTED.finditer(page.read_text(encoding="utf-8"))]
+    return [(page, match["commands"].splitlines()[-1], match["lines"].splitlines()) for page, match in found]
 
 
 @pytest.mark.parametrize(
-    "line",
-    [pytest.param(line, marks=[pytest.mark.slow] if "diagnose" in line else []) for line in printed()],
+    ("page", "line", "shown"),
+    [pytest.param(*item, marks=[pytest.mark.slow] if "diagnose" in item[1] else []) for item in printed()],
+    ids=[f"{page}: {' '.join(line.split()[:2])}" for page, line, _ in printed()],
 )
-def test_readme_shows_what_its_commands_print(line, tmp_path, monkeypatch):
+def test_a_page_shows_what_its_commands_print(page, line, shown, tmp_path, monkeypatch, remembered):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     runner = CliRunner()
     assert runner.invoke(app, ["examples", "--copy", "."]).exit_code == 0
     said = iter(runner.invoke(app, shlex.split(line)[1:]).stdout.splitlines())
-    wanted = [shown for shown in printed()[line] if shown != "…"]
+    wanted = [text.rstrip() for text in shown if text != "…"]
     assert len(wanted) > 5
-    missing = [shown for shown in wanted if shown.rstrip() not in map(str.rstrip, said)]  # in this order
-    assert not missing
+    missing = [text for text in wanted if text not in map(str.rstrip, said)]  # in this order
+    assert not missing, f"{page}: {line}"
 
 
 def inline() -> list[tuple[str, str]]:
@@ -141,5 +142,7 @@ def test_blocks_and_commands_are_found():
     found = [line for page in PAGES for block in blocks(page) if block.language in SHELL for line in commands(block)]
     assert sum(line.startswith("prup-pin ") for line in found) > 15
     assert len(inline()) > 15
-    assert [line.split()[1] for line in printed()] == ["stiffness", "diagnose"]
+    commands_shown = [(page, line.split()[1]) for page, line, _ in printed()]
+    assert commands_shown[:2] == [("README.md", "stiffness"), ("README.md", "diagnose")]
+    assert {("command_line.md", "simulate"), ("diagnosis.md", "diagnose")} < set(commands_shown)
     assert commands(Block("sh", "$ a \\\n  b\n# no\n\nc\n", 1)) == ["a    b", "c"]

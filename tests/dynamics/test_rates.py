@@ -72,3 +72,10 @@ def test_a_clock_that_runs_backwards_is_told_with_its_row():
     with pytest.raises(InputError, match=r"runs backwards 1 times, first in row 502, from 0\.998 to 0\.98 s"):
         motion_of(table(time=time), load(AXIS).mechanism)
     assert not one_rate(table(time=time, run=np.repeat([0, 1], [500, 3500]), run_names=("a", "b"))).every
+
+
+def test_a_motion_too_short_for_a_spectrum_is_followed_below_the_slowest_cut_off():
+    """Of 60 samples no frequency is told up to which they stand above their noise."""
+    short = Recording(TIME[:60], positions={"carriage": Q[:60]}, efforts={"carriage": TAU[:60]})
+    motion = motion_of(short, load(AXIS).mechanism)
+    assert motion.band.highest == pytest.approx(10.0)

@@ -236,6 +236,20 @@ def test_a_wrong_variant_is_named(write, variant, expected):
     assert expected in found[0]
 
 
+@pytest.mark.parametrize("name", ["stiffness", "torsional_stiffness"])
+def test_a_spring_under_a_kind_with_a_transmission_is_told_its_kind(write, name):
+    """Somebody's motor has a stiffness; the kind `motor` is one behind the paper's belt and screw."""
+    first, *rest = problems(write(('"joint_spring"', '"motor"'), ('name="stiffness"', f'name="{name}"')))
+    assert first.startswith("arm.urdf:19: module 'spring' is a motor, torsional stiffness of the motor, seen through")
+    assert first.endswith("Did you mean 'joint_spring', spring along the joint's own axis?")
+    assert any("'screw_lead' [m] is missing" in problem for problem in rest)
+
+
+def test_a_beam_without_all_its_values_is_no_other_kind(write):
+    found = problems(write(('<parameter name="diameter" value="0.02" unit="m"/>', "")))
+    assert not any("is a beam" in problem for problem in found)
+
+
 def test_links_in_a_circle_are_named(write):
     path = write(
         ('<link name="tool"/>', '<link name="tool"/><link name="a"/><link name="b"/>'),

@@ -173,6 +173,13 @@ def test_unknown_columns_are_ignored_and_told(write):
     assert "The unknown column 'w.mzz' is ignored. Did you mean 'w.mz'" in "\n".join(recording.remarks)
 
 
+@pytest.mark.parametrize("name", ["torque.slide", "Effort.slide [N]"])
+def test_a_joints_column_in_a_programs_words_is_told_its_own_name(write, name):
+    recording = read_recording(write(TABLE.replace("tau.slide", name)))
+    assert not recording.efforts
+    assert f"The unknown column '{name}' is ignored. Did you mean 'tau.slide'?" in recording.remarks
+
+
 @pytest.mark.parametrize(
     ("column", "text", "message"),
     [

@@ -1,11 +1,15 @@
 """Stiffness in the directions that yield, where others are rigid."""
 
+import re
+
 import numpy as np
 import pytest
 
 import prup_pin
 from prup_pin.spatial import rotation_xyz
 from prup_pin.statics.compliance import natural_basis
+from prup_pin.views.text.answer import Answer
+from prup_pin.views.text.tables import rigid_texts
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +64,19 @@ def test_a_rigid_direction_takes_no_part(arm):
     five = [0, 1, 2, 4, 5]
     inverse = np.linalg.inv(at_home.C[np.ix_(five, five)])
     assert at_home.K_yielding[np.ix_(five, five)] == pytest.approx(inverse, rel=1e-8, abs=1e-9 * np.abs(inverse).max())
+
+
+def test_a_rigid_direction_is_told_with_the_unit_of_each_component():
+    arm = prup_pin.load("ur5", joint_stiffness={"shoulder_pan_joint": 1e4, "elbow_joint": 1e4})
+    bent = arm.compliance(arm.pose_from_actuators([0.1, -1.2, 1.3, -0.7, 0.9, 0.2]))
+    with pytest.raises(prup_pin.NoStiffnessError, match="directions are rigid") as told:
+        _ = bent.K
+    words = [direction.split(", ") for direction in str(told.value).split("): ")[1].split(". ")[0].split("; ")]
+    assert len(words) == len(told.value.directions) == 4
+    component = re.compile(r"(f[xyz] -?[\d.e-]+ N|m[xyz] -?[\d.e-]+ N m)$")
+    assert all(component.match(word) for direction in words for word in direction), words
+    assert any(len(direction) > 1 for direction in words)
+    shown = rigid_texts(Answer(bent))
+    mixed = [text for text in shown if not text.startswith("a ")]
+    assert mixed
+    assert all(component.match(word) for text in mixed for word in text.split(", ")), shown

@@ -44,6 +44,22 @@ def page(robot, pose):
     return report_html(robot, pose, WRENCH, frame="star_2", notes=["a remark"])
 
 
+def test_parts_that_share_alike_are_all_named_as_the_softest(robot, pose, page):
+    """Of a symmetric five-bar under a force along y both arms; of the 3-PRUP beside, one."""
+    five_bar = prup_pin.load(Path(__file__).parents[2] / "examples" / "five_bar.urdf")
+    facts = text_of(report_html(five_bar, five_bar.home, [0, 100.0, 0, 0, 0, 0]))
+    shares = five_bar.compliance(five_bar.home).shares([0, 1.0, 0, 0, 0, 0])
+    largest = [name for name, share in shares.items() if share == pytest.approx(max(shares.values()), rel=1e-9)]
+    assert len(largest) == 2
+    assert f"Share of each of the 2 softest parts {100 * max(shares.values()):.2f} % {', '.join(largest)}" in facts
+    assert re.search(r"Share of the softest part [\d.]+ % leg\d/\w+ ", text_of(page))
+
+
+def text_of(page):
+    """Return a page's words."""
+    return " ".join(re.sub(r"<[^>]+>", " ", re.sub(r"(?s)<(script|style).*?</\1>", " ", page)).split())
+
+
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory):
     """The 3-PRUP with markup, quotes and mathematics for names."""

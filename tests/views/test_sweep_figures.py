@@ -1,5 +1,7 @@
 """Maps of sweeps, what the paper shows beside what is correct, and the boundary in three dimensions."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -91,10 +93,48 @@ def test_one_axis_gives_curves_and_more_than_two_the_middle():
     assert "z 300 mm" in figures_of(space)["ksi"].get_suptitle()
 
 
+@pytest.fixture(scope="module")
+def five_bar():
+    """Symmetric about x = 0."""
+    return prup_pin.load(Path(__file__).parents[2] / "examples" / "five_bar.urdf")
+
+
+def test_curves_of_one_unit_share_a_drawing_whose_axis_names_it(five_bar):
+    asked = ["extremes", "shares", "K_task", "actuators"]
+    line = five_bar.sweep(x=0.0, y=np.linspace(0.3, 0.42, 5), quantities=asked, force=100)
+    figures = figures_of(line)
+    units = {name: [axes.get_ylabel() for axes in figure.axes] for name, figure in figures.items()}
+    assert units == {
+        "extremes": ["extremes translation [mm]", "extremes rotation [deg]"],
+        "shares": ["[%]"],
+        "K_task": ["[N/mm]", "K_task x y [N/m]"],
+        "actuators": ["[deg]"],
+    }
+    assert all("x 0 mm" in figure.get_suptitle() for figure in figures.values())
+    assert not figures["K_task"].axes[1].lines[0].get_ydata().any()  # of a symmetric pose; what is there is rounding
+    shares = figures["shares"].axes[0]
+    assert np.allclose(*(drawn.get_ydata() for drawn in shares.lines[:2]))  # left and right alike
+    assert len({drawn.get_linestyle() for drawn in shares.lines[:2]}) == 2
+    figures["shares"].draw_without_rendering()
+    assert shares.get_legend().get_window_extent().x0 > shares.get_window_extent().x1 - 1
+
+
+def test_maps_of_a_hinge_are_in_degrees_and_of_two_alike_the_first_is_named(five_bar):
+    grid = {"x": np.linspace(-0.03, 0.03, 5), "y": np.linspace(0.35, 0.38, 4)}
+    found = five_bar.sweep(**grid, quantities=["actuators", "K_task", "homogenised_ksi", "shares"], force=100)
+    figures = figures_of(found)
+    assert titles(figures["actuators"]) == ["actuators left_motor [deg]", "actuators right_motor [deg]"]
+    assert titles(figures["K_task"]) == ["K_task x x [N/mm]", "K_task x y [N/mm]", "K_task y y [N/mm]"]
+    assert titles(figures["homogenised_ksi"]) == ["homogenised_ksi"]
+    (drawn,) = figures["shares"].axes[0].collections
+    codes = np.ma.filled(drawn.get_array(), np.nan).reshape(4, 5)
+    assert len(set(codes[:, 2])) == 1
+
+
 def test_what_has_no_map_is_said(swept):
     with pytest.raises(InputError, match="nothing of C"):
         figures_of(ROBOT.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["C"]))
-    with pytest.raises(InputError, match="scattered poses have no map"):
+    with pytest.raises(InputError, match="scattered poses, or one alone, have no map"):
         figures_of(ROBOT.sweep([[0.3, 0.0, 0.1]], quantities=["ksi"]))
 
 

@@ -14,17 +14,21 @@ below that frequency alone. Bodies, rotor, friction and offset are the best fit 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...dynamics import InMotion, LowPass
+from ...dynamics import InMotion, LowPass, motion_of
 from ...dynamics.smoothing import by_bands, pieces
+from ...errors import InputError
 from ...laws.efforts.effort_law import usual_way
 from ...laws.efforts.inertial_parameters import near_body
+from ...mechanism import Mechanism
+from ...recordings import Recording
 from ...spatial import Array
 
-__all__ = ["Spectra", "coherent_band", "spectra_of"]
+__all__ = ["Spectra", "band_of", "coherent_band", "in_motion", "spectra_of"]
 
 #: Share of the speeds' power below a motion's own frequency, and up to how many times that all efforts are compared.
 _OWN, _OWN_TIMES = 0.99, 4.0
@@ -66,6 +70,28 @@ class Spectra:
     def explained(self) -> Array:
         """Share (k, f) of the measured power that the prediction takes away at its best phase; negative: it adds."""
         return (2 * self.both - self.predicted) / np.maximum(self.measured, np.finfo(float).tiny)
+
+
+def in_motion(
+    mechanism: Mechanism,
+    recording: Recording,
+    band: Mapping[str, float] | None = None,
+    without: Sequence[tuple[int, int]] = (),
+) -> InMotion:
+    """Return the robot in a recorded motion, in a band [Hz] by driven joint, without stretches of rows.
+
+    Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
+    """
+    motion = motion_of(recording, mechanism, without=without, band=band)
+    if not motion.driven:
+        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
+    return InMotion.of(mechanism, motion)
+
+
+def band_of(mechanism: Mechanism, recording: Recording) -> tuple[dict[str, float] | None, float | None]:
+    """Return the `coherent_band` of a recording; (None, None) of postures. Raises as `in_motion`."""
+    seen = in_motion(mechanism, recording)
+    return (None, None) if seen.motion.standing else coherent_band(seen)
 
 
 def coherent_band(at: InMotion) -> tuple[dict[str, float], float | None]:

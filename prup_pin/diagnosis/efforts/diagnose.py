@@ -9,10 +9,9 @@ from functools import partial
 
 import numpy as np
 
-from ...dynamics import InMotion, motion_of
+from ...dynamics import InMotion
 from ...errors import InputError
 from ...laws.efforts.free_curve import FreeCurve
-from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -25,7 +24,7 @@ from ..criteria import (
     EFFORT_MATERIAL,
     EFFORT_SURE,
 )
-from .band import coherent_band
+from .band import band_of, in_motion
 from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
@@ -59,11 +58,10 @@ def diagnose_efforts(
     Raises InputError where the motion cannot be told, or no effort of a driven joint was recorded.
     """
     tell("the motion", 0.02)
-    seen = _in_motion(robot.mechanism, recording)
-    band, below = (None, None) if seen.motion.standing else coherent_band(seen)
+    band, below = band_of(robot.mechanism, recording)
 
     def efforts_without(stretches: Sequence[Stretch]) -> Efforts:
-        at = _in_motion(robot.mechanism, recording, stretches, band)
+        at = in_motion(robot.mechanism, recording, band, [stretch.rows for stretch in stretches])
         return _efforts(recording, at if held is None else _holding(at, held), below)
 
     whole = efforts_without(())
@@ -149,19 +147,6 @@ def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple
 
 def _between(tell: Callable[[float], None], first: float, last: float, share: float) -> None:
     tell(first + (last - first) * share)
-
-
-def _in_motion(
-    mechanism: Mechanism,
-    recording: Recording,
-    without: Sequence[Stretch] = (),
-    band: Mapping[str, float] | None = None,
-) -> InMotion:
-    """Return the robot in a recorded motion, without stretches of it."""
-    motion = motion_of(recording, mechanism, without=[stretch.rows for stretch in without], band=band)
-    if not motion.driven:
-        raise InputError("no column tau.<joint> of an actuated joint of this robot holds a number")
-    return InMotion.of(mechanism, motion)
 
 
 def _holding(at: InMotion, held: Mapping[str, Array]) -> InMotion:

@@ -240,10 +240,11 @@ def beyond_found(outcome: Outcome) -> Iterator[Finding]:
     limit = beyond_tolerance(len(outcome.efforts.bases))
     for index in outcome.named.base:
         base, amount = outcome.efforts.bases[index], float(outcome.x_named[index])
-        if abs(amount) <= limit:
-            continue
+        spread = float(np.sqrt(covariance[index, index]))
+        if abs(amount) <= limit * np.hypot(1.0, spread):
+            continue  # tolerances and what is not known of it may be off together
         value = base.nominal + amount * base.tolerance
-        reach = student_ppf(0.975, degrees) * float(np.sqrt(covariance[index, index])) * base.tolerance
+        reach = student_ppf(0.975, degrees) * spread * base.tolerance
         yield Finding(
             physics=base.physics,
             location=base.place,

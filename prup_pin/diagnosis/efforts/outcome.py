@@ -65,7 +65,7 @@ class Outcome:
         self.named = chosen.of(term for term in chosen.terms if not term.is_of_time)
         kept = [term for term in surely(given, self.named).terms if not isinstance(term.law, FreeCurve)]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
-        self.x_named, self.matrix_named = self._coefficients()
+        self.x_named, self._apart, self.matrix_named = self._coefficients()
         # what cannot be negative may be nothing in the end
         self.laws = [term for term in self.laws if np.any(self.x_named[self.named.own(term)])]
         self.held = held_out(given, self.named)
@@ -73,20 +73,24 @@ class Outcome:
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]
         self.strained = squared_strain(given, self.named)
 
-    def _coefficients(self) -> tuple[Array, Array]:
-        """Return the coefficients (p,) that predict and their normal matrix: of bodies that can exist.
+    def _coefficients(self) -> tuple[Array, Array, Array]:
+        """Return the coefficients (p,) that predict, of bodies that can exist, how much they hang on how joints and
+        frequencies are weighed (p,), and their normal matrix.
 
         Whitened, unless plain weights leave less of the efforts in their own units on held-out blocks: where what
-        is left is what laws and curves lack, it is no noise.
+        is left is what laws and curves lack, it is no noise. Two weights would tell the same of a model that lacks
+        nothing, but for noise (Hausman 1978): what they tell apart is what it lacks, and no block's scatter shows it.
         """
         efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
         x, matrix = consistent_fit(self.given, self.named, bodies)
         if not len(x) or efforts.at.motion.standing:
-            return x, matrix
+            return x, np.zeros_like(x), matrix
         plain = efforts.in_plain_units(self.given, self.named)
+        other = consistent_fit(*plain, bodies)[0]
+        apart = other - x
         if worth(efforts.held_out_plainly(self.given, self.named), held_out(*plain))[0] > EFFORT_PLAINLY:
-            x = consistent_fit(*plain, bodies)[0]
-        return x, matrix
+            x = other
+        return x, apart, matrix
 
     def _no_bodies(self, x: Array) -> list[EffortCandidate]:
         """Return links whose parameters no body has, by a free fit (p,): they imitate what else is there."""
@@ -111,15 +115,15 @@ class Outcome:
 
     @cached_property
     def scatter(self) -> tuple[Array, Array, int]:
-        """The coefficients' covariance by white noise of the whitened size alone, by the scatter of whole blocks beside
-        that, and the latter's degrees of freedom."""
+        """The coefficients' covariance by white noise of the whitened size alone, by the scatter of whole blocks and
+        what other weights would tell beside that, and the degrees of freedom of the scatter."""
         columns, where = self.given.columns, self.named.where
         pulls = columns.pulls(columns.residual(where, self.x_named), where)
         middle = pulls.T @ pulls
         white = Normal.of(self.matrix_named, least=1e-12).solve(np.eye(len(self.matrix_named)))
         count = self.given.columns.count
         degrees = max(count - 1, 1)
-        return white, white @ middle @ white * count / degrees + white, degrees
+        return white, white @ middle @ white * count / degrees + white + np.outer(self._apart, self._apart), degrees
 
     def saves(self, term: EffortCandidate) -> float:
         """Return the held-out squares that a term saves beside all others."""

@@ -20,6 +20,7 @@ from ..criteria import (
     EFFORT_CHANCE,
     EFFORT_FLIPS,
     EFFORT_GAIN,
+    EFFORT_GAIN_ALONE,
     EFFORT_INDISTINCT,
     EFFORT_STALE,
     EFFORT_SURE,
@@ -413,7 +414,8 @@ def _earns_its_place(given: Gathered, before: Chosen, after: Chosen, term: Effor
 def _earns(beside: Beside, term: EffortCandidate, before: Array, after: Array) -> bool:
     """Return whether a term saves enough of the squares of the joints in which it acts, and surely."""
     saving = float((before - after).sum())
-    if worth(before, after)[1] <= EFFORT_SURE or saving <= EFFORT_GAIN * beside.left_in(term):
+    least = EFFORT_GAIN if beside.chosen.background else EFFORT_GAIN_ALONE
+    if worth(before, after)[1] <= EFFORT_SURE or saving <= least * beside.left_in(term):
         return False
     return saving > term.law.least_gain * float(before.sum())
 
@@ -531,7 +533,9 @@ def _needless(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidat
     least: tuple[float, EffortCandidate | None] = (np.inf, None)
     for term, without in zip(old, beside.without_each(old), strict=True):
         saving = float((without - beside.left).sum())
-        share = saving / max(beside.left_in(term) + saving, np.finfo(float).tiny)
+        # without a needless term less may be left than nothing, but for rounding
+        left, numbers = beside.left_in(term) + saving, np.finfo(float)
+        share = saving / max(left, numbers.eps * abs(saving), numbers.tiny)
         earns = _earns(beside, term, without, beside.left) and shows_beside(given, chosen, term)
         if not earns and share < least[0]:
             least = share, term

@@ -144,6 +144,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     if beside is not None and isinstance(response, Recovered) and not narrow:
         small = figure.add_axes(layout.beside)
         _draw_response(small, response, beside.physics, 8.0)
+        small.legend(frameon=False, fontsize=7, loc="best", handlelength=1.2)
     figure.text(0.025, 0.95, robot.name, fontsize=16, weight="bold", va="center")
     return figure
 
@@ -210,11 +211,15 @@ def response_figure(finding: Finding, *, narrow: bool = False) -> Figure:
     response = finding.recovered
     if isinstance(response, Agreement):
         return _agreement_figure(finding, response, narrow)
-    figure = Figure(figsize=(5.2, 4.2) if narrow else (9.5, 4.6), dpi=130, facecolor="white")
+    figure = Figure(figsize=(5.2, 4.8) if narrow else (9.5, 4.9), dpi=130, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.15, 0.14, 0.81, 0.72) if narrow else (0.1, 0.13, 0.87, 0.75))
+    axes = figure.add_axes((0.15, 0.27, 0.81, 0.61) if narrow else (0.1, 0.19, 0.87, 0.7))
     if response is not None:
-        _draw_response(axes, response, finding.physics, 9.5 if narrow else 10)
+        size = 9.5 if narrow else 10
+        _draw_response(axes, response, finding.physics, size)
+        # below the drawing, which may fill any of its corners
+        figure.legend(fontsize=size - 1, frameon=False, loc="lower left", bbox_to_anchor=(axes.get_position().x0, 0.0),
+                      ncols=1 if narrow else 3, handlelength=1.2)  # fmt: skip
     _title(figure, finding, narrow)
     return figure
 
@@ -266,7 +271,6 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    axes.legend(frameon=False, fontsize=size - 1, loc="best", handlelength=1.2)
 
 
 def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Figure:

@@ -16,13 +16,13 @@ from ...kinematics import ClosedPose
 from ...mechanism import Mechanism
 from ...numbers import fixed, number, readable_unit
 from ...robot import Robot
-from ...spatial import Array, as_wrench
+from ...spatial import Array, as_wrench, wrench_text
 from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
 from ..scene.colours import BEAM, GHOST, LOAD, MAP, map_rgb, share_colours
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.skeleton import Skeleton, skeleton
-from ..text.answer import Answer, ranked, wrench_text
+from ..text.answer import Answer, ranked
 from ..text.joints import pose_text
 from ..text.quantities import length_text
 from ..text.tables import load_text, percent_text

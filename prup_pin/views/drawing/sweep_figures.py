@@ -14,13 +14,17 @@ from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, INK, map_colour
 from .plotting import Figure, FigureCanvasAgg, ListedColormap, MaxNLocator, Patch, plain_words
 
-__all__ = ["Panel", "beside_figure", "figures_of", "map_figure", "share_figure"]
+__all__ = ["Panel", "beside_figure", "check_drawn", "figures_of", "map_figure", "share_figure"]
 
 #: Quantities that no map shows: where the robot stands, and matrices.
-_NO_MAP = {"C", "K", "K_task", "K_yielding", "q", "softest"}
+_NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
 #: Modules with a map of their own, and colours of those that dominate.
 _SHARES = 5
 _DOMINANT = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb")
+#: Decimals of a share that are more than rounding: of parts that share alike the robot file's first comes first.
+_SHARE_DIGITS = 9
+#: Dashes of curves in one drawing, so that two that are one are seen as two.
+_STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 _SIZE = 2.9  # of a map [in]
 _LEVELS = 12
 #: Of more entries two stand side by side.
@@ -28,8 +32,20 @@ _TALL = 4
 
 #: A sweep in memory or in a file.
 Swept = SweepResult | SweepFile
-#: A title with its unit, and the values over two axes (n, m).
-Panel = tuple[str, Array]
+#: A title, its unit, and the values over two axes (n, m), or over one (n,).
+Panel = tuple[str, str, Array]
+
+
+def check_drawn(names: Sequence[str], scattered: bool = False) -> None:
+    """Raise InputError where a sweep of these quantities has no picture, or where its poses span no grid."""
+    if scattered:
+        raise InputError(
+            "scattered poses, or one alone, have no map; give coordinates as rising arrays, which span a grid (on the "
+            "command line --over x=FROM..TO:COUNT without --draws)"
+        )
+    if set(names) <= _NO_MAP:
+        listed = ", ".join(names)
+        raise InputError(f"nothing of {listed} can be drawn as a map; ask for extremes, shares or ksi as well")
 
 
 def figures_of(found: Swept) -> dict[str, Figure]:
@@ -37,16 +53,13 @@ def figures_of(found: Swept) -> dict[str, Figure]:
 
     Of more than two that vary the others stand at their middle. Raises InputError for scattered poses.
     """
+    check_drawn(list(found), scattered=not found._places.axes)
     figures = {}
     for name in found:
         if name == "shares":
             figures["shares"] = share_figure(found)
         elif name not in _NO_MAP:
             figures[name] = map_figure(found, name)
-    if not figures:
-        raise InputError(
-            f"nothing of {', '.join(found)} can be drawn as a map; ask for extremes, shares or ksi as well"
-        )
     return figures
 
 
@@ -55,7 +68,7 @@ def map_figure(found: Swept, name: str) -> Figure:
     """Return maps of one quantity, a panel for each of its entries; of one axis curves."""
     panels = _panels(found, name)
     if len(found._places.axes) == 1:
-        return _curves(found, name, panels)
+        return _curves(found, panels, QUANTITIES[name].summary)
     return _maps(found, panels, QUANTITIES[name].summary)
 
 
@@ -83,11 +96,12 @@ def beside_figure(
     grid = figure.subplots(rows, across, squeeze=False)
     figure.suptitle(title, fontsize=11, color=INK)
     for place in range(count):
-        levels = _levels(np.concatenate([panels[place][1].ravel() for panels in each]))
+        levels = _levels(np.concatenate([panels[place][2].ravel() for panels in each]))
         for column, (word, found) in enumerate(columns):
             axes = grid[place // wide, place % wide * len(columns) + column]
-            drawn = _draw(axes, found, each[column][place][1], levels)
-            axes.set_title(f"{word}: {each[column][place][0]}", fontsize=9, color=INK)
+            title, unit, values = each[column][place]
+            drawn = _draw(axes, found, values, levels)
+            axes.set_title(_with_unit(f"{word}: {title}", unit), fontsize=9, color=INK)
             figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
     for axes in grid.ravel()[count * len(columns) :]:
         axes.set_visible(False)
@@ -100,15 +114,16 @@ def share_figure(found: Swept) -> Figure:
     modules = [module.name for module in found.mechanism.modules]
     if len(found._places.axes) == 1:
         means = np.nanmean(found["shares"], axis=0)
-        most = np.argsort(-means)[:_SHARES]
-        return _curves(found, "shares", [(modules[index], found["shares"][:, index]) for index in most])
+        most = np.argsort(-np.round(means, _SHARE_DIGITS), kind="stable")[:_SHARES]
+        panels = [(modules[index], "%", 100 * found["shares"][:, index]) for index in most]
+        return _curves(found, panels, "largest shares of the work")
     shares = _plane(found, found["shares"])
     flat = shares.reshape(-1, len(modules))
-    most = np.argsort(-np.nan_to_num(flat).max(axis=0), kind="stable")[:_SHARES]
+    most = np.argsort(-np.round(np.nan_to_num(flat).max(axis=0), _SHARE_DIGITS), kind="stable")[:_SHARES]
     figure = _figure(len(most) + 1)
     grid = figure.subplots(*_grid(len(most) + 1), squeeze=False).ravel()
     known = np.isfinite(shares).all(axis=-1)
-    largest = np.where(known, np.nan_to_num(shares).argmax(axis=-1), -1)
+    largest = np.where(known, np.round(np.nan_to_num(shares), _SHARE_DIGITS).argmax(axis=-1), -1)
     often = np.bincount(largest[known], minlength=len(modules))
     there = [index for index in np.argsort(-often, kind="stable") if often[index]]
     shown = there[: len(_DOMINANT) - 1]
@@ -142,19 +157,19 @@ def _panels(found: Swept, name: str, keep: Sequence[str] | None = None, beside: 
     """Return the entries of a quantity with their titles, over the axes that are drawn; units fit `beside` too."""
     quantity = QUANTITIES[name]
     values = _plane(found, found[name])
-    entries = list(quantity.labels[0](found.mechanism)) if quantity.labels else [""]
-    units = [part.strip() for part in quantity.unit.split(",")]
     panels = []
-    for index, label in enumerate(entries):
-        if keep is not None and label not in keep:
+    for labels, place in quantity.entries(found.mechanism):
+        if keep is not None and not set(labels) & set(keep):
             continue
-        unit = units[min(index * len(units) // len(entries), len(units) - 1)] if len(units) > 1 else quantity.unit
-        entry = values[..., index] if quantity.labels else values
-        others = [other[name][..., index] if quantity.labels else other[name] for other in beside]
-        factor, shown = _readable(np.concatenate([np.ravel(values) for values in (entry, *others)]), unit)
-        plain = f"{name} {label}".strip().replace("_", " ")
-        panels.append((f"{plain} [{shown}]", factor * entry))
+        entry, *others = (quantity.entry(each, place) for each in (values, *(other[name] for other in beside)))
+        unit = quantity.unit_of(found.mechanism, place)
+        factor, shown = _readable(np.concatenate([np.ravel(each) for each in (entry, *others)]), unit)
+        panels.append((" ".join((name, *labels)), shown, factor * entry))
     return panels
+
+
+def _with_unit(words: str, unit: str) -> str:
+    return f"{words} [{unit}]" if unit else words
 
 
 def _readable(values: Array, unit: str) -> tuple[float, str]:
@@ -162,7 +177,7 @@ def _readable(values: Array, unit: str) -> tuple[float, str]:
     if unit == "rad":
         return float(np.degrees(1)), "deg"
     shown, factor = readable_unit(float(np.nanmax(np.abs(values), initial=0.0)), unit)
-    return (1e3, "mm") if shown == "m" else (factor, shown or unit)
+    return (1e3, "mm") if shown == "m" else (factor, shown)
 
 
 def _two(found: Swept) -> tuple[tuple[str, str], tuple[Array, Array]]:
@@ -179,8 +194,6 @@ def _axis(found: Swept, name: str) -> tuple[Array, str]:
 
 def _plane(found: Swept, values: Array) -> Array:
     """Return values over the axes that are drawn; other axes stand at their middle."""
-    if not found._places.axes:
-        raise InputError("scattered poses have no map; give coordinates as rising arrays, which span a grid")
     for axis in list(found._places.axes.values())[:-2]:
         values = values[len(axis) // 2]
     return values
@@ -220,26 +233,37 @@ def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     grid = figure.subplots(*_grid(len(panels)), squeeze=False).ravel()
     others = _others(found)
     figure.suptitle(f"{summary}{f'; {others}' if others else ''}", fontsize=10, color=INK, wrap=True)
-    for axes, (title, values) in zip(grid, panels, strict=False):
+    for axes, (title, unit, values) in zip(grid, panels, strict=False):
         drawn = _draw(axes, found, values, _levels(values))
-        axes.set_title(title, fontsize=9, color=INK)
+        axes.set_title(_with_unit(title, unit), fontsize=9, color=INK)
         figure.colorbar(drawn, ax=axes, shrink=0.85).ax.tick_params(labelsize=7)
     for axes in grid[len(panels) :]:
         axes.set_visible(False)
     return figure
 
 
-def _curves(found: Swept, name: str, panels: Sequence[Panel]) -> Figure:
-    figure = _figure(1)
-    axes = figure.subplots()
+def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
+    """Draw entries over one axis, those of one unit together; a curve that lies on another one shows through it."""
+    by_unit: dict[str, list[Panel]] = {}
+    for panel in panels:
+        by_unit.setdefault(panel[1], []).append(panel)
+    size = (_SIZE * 1.9 * len(by_unit) + 0.3, _SIZE + 0.7)
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    others = _others(found)
+    figure.suptitle(f"{summary}{f'; {others}' if others else ''}", fontsize=10, color=INK, wrap=True)
     (only,) = found._places.axes
-    across, unit = _axis(found, only)
-    for title, values in panels:
-        axes.plot(across, values, lw=1.4, label=title)
-    axes.set_xlabel(f"{only} [{unit}]")
-    axes.set_ylabel(name.replace("_", " "))
-    axes.legend(fontsize=7, frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
+    across, along = _axis(found, only)
+    for axes, (unit, group) in zip(figure.subplots(1, len(by_unit), squeeze=False)[0], by_unit.items(), strict=True):
+        for place, (title, _, values) in enumerate(group):
+            colour, style = _DOMINANT[place % len(_DOMINANT)], _STYLES[place % len(_STYLES)]
+            axes.plot(across, values, lw=1.8, ls=style, color=colour, label=title)
+        axes.set_xlabel(f"{only} [{along}]", fontsize=8)
+        axes.set_ylabel(_with_unit(group[0][0] if len(group) == 1 else "", unit).strip(), fontsize=8)
+        if len(group) > 1:
+            axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        axes.tick_params(labelsize=7)
+        axes.spines[["top", "right"]].set_visible(False)
     return figure
 
 

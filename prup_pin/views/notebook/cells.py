@@ -23,9 +23,7 @@ from ..text.tables import (
     load_text,
     percent_text,
     rigid_texts,
-    stiffness_table,
-    task_table,
-    yielding_table,
+    stiffness_tables,
 )
 
 __all__ = ["compliance_html", "diagnosis_html", "robot_html"]
@@ -81,9 +79,7 @@ def compliance_html(compliance: Compliance) -> str:
     if answer.stiffness is None:
         texts = "; ".join(rigid_texts(answer))
         parts.append(_facts([("K does not exist", f"no module yields under {texts}")]))
-    table = stiffness_table(answer) or task_table(answer) or yielding_table(answer)
-    if table is not None:
-        parts.append(_matrix(table))
+    parts += [_matrix(table) for table in stiffness_tables(answer)]
     parts.append(_matrix(compliance_table(answer)))
     if answer.shares is not None:
         amount = quantity(answer.amount, "rad" if answer.load.turns else "m")

@@ -25,7 +25,7 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.colours import share_colours
-from ..text.answer import Answer, ranked
+from ..text.answer import Answer, ranked, softest
 from ..text.joints import pose_text, position_text
 from ..text.quantities import workshop_text
 from ..text.tables import (
@@ -43,10 +43,9 @@ from ..text.tables import (
     percent_text,
     redundancy_text,
     rigid_texts,
-    stiffness_table,
-    task_table,
+    some,
+    stiffness_tables,
     why_rigid,
-    yielding_table,
 )
 from .levers import STEP, Lever, find_levers
 
@@ -115,7 +114,7 @@ def report_html(
         script_hashes=_script_hashes(scene),
         script=_LOADER,
         drawing=_drawing(robot, answer, scale),
-        stiffness=stiffness_table(answer) or task_table(answer) or yielding_table(answer),
+        stiffness=stiffness_tables(answer),
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
         why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),
@@ -187,8 +186,9 @@ def _facts(answer: Answer) -> list[tuple[str, str, str]]:
     if stiffness is not None:
         facts.append(("Stiffness along the load", stiffness, "load over the displacement in its own direction"))
     if answer.shares is not None:
-        name = max(answer.shares, key=lambda n: answer.shares[n])  # type: ignore[index]
-        facts.append(("Share of the softest part", f"{percent_text(answer.shares[name])} %", name))
+        names = softest(answer.shares)
+        which = "the softest part" if len(names) == 1 else f"each of the {len(names)} softest parts"
+        facts.append((f"Share of {which}", f"{percent_text(answer.shares[names[0]])} %", ", ".join(some(names, 6))))
     if answer.mechanism.gravity.any():
         amount = quantity(float(np.linalg.norm(answer.sag[:3])), "m")
         facts.append(("Sag", amount, "the tool, under the robot's own weight"))

@@ -12,9 +12,9 @@ from ...kinematics import ClosedPose
 from ...mechanism import Module
 from ...numbers import number, quantity, readable_unit
 from ...robot import Robot
-from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp
+from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp, wrench_text
 from ...statics import Compliance
-from ..text.answer import ranked, wrench_text
+from ..text.answer import ranked
 from ..text.joints import pose_text
 from ..text.quantities import length_text
 from .camera import camera_of

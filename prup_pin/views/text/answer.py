@@ -11,12 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, JointLimitWarning, NoStiffnessError, PrupPinError
-from ...numbers import number
 from ...robot import Robot
-from ...spatial import WRENCH_NAMES, Array, as_wrench
+from ...spatial import Array, as_wrench
 from ...statics import Compliance
 
-__all__ = ["Answer", "Load", "ranked", "softest_load", "wrench_text", "yielding_beside"]
+__all__ = ["Answer", "Load", "ranked", "softest", "softest_load", "yielding_beside"]
 
 #: Decimals of a share that are more than rounding.
 _SHARE_DIGITS = 9
@@ -58,22 +57,19 @@ def softest_load(compliance: Compliance) -> Load:
     return Load(wrench, given=False)
 
 
-def wrench_text(wrench: Array) -> str:
-    """Return 'fx 300 N, mz 100 N m'."""
-    parts = [
-        f"{name} {number(value)} {'N' if index < 3 else 'N m'}"
-        for index, (name, value) in enumerate(zip(WRENCH_NAMES, wrench, strict=True))
-        if value
-    ]
-    return ", ".join(parts) or "no load"
-
-
 def ranked(shares: Mapping[str, float]) -> list[str]:
     """Return the names, the largest share first.
 
     Shares that differ by rounding alone (mirrored legs, parts that carry nothing) stay as the robot file has them.
     """
     return sorted(shares, key=lambda name: -round(shares[name], _SHARE_DIGITS))
+
+
+def softest(shares: Mapping[str, float]) -> list[str]:
+    """Return the names with the largest share: several where they differ by rounding alone."""
+    first, *others = ranked(shares)
+    least = round(shares[first], _SHARE_DIGITS)
+    return [first, *(name for name in others if round(shares[name], _SHARE_DIGITS) == least)]
 
 
 def yielding_beside(robot: Robot, compliance: Compliance) -> int | None:

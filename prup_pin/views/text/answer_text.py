@@ -26,10 +26,8 @@ from .tables import (
     rigid_texts,
     sag_cells,
     some,
-    stiffness_table,
-    task_table,
+    stiffness_tables,
     why_rigid,
-    yielding_table,
 )
 from .terminal import fits, heading, listed, make_table, paragraph, print_table
 
@@ -92,14 +90,10 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
 
 
 def _print_stiffness(out: Console, robot: Robot, answer: Answer) -> None:
-    whole, task = stiffness_table(answer), task_table(answer)
-    if whole is not None:
-        _print_matrix(out, whole)
-    else:
+    if answer.stiffness is None:
         _print_rigid(out, robot, answer)
-    part = task if task is not None or whole is not None else yielding_table(answer)
-    if part is not None:
-        _print_matrix(out, part)
+    for table in stiffness_tables(answer):
+        _print_matrix(out, table)
 
 
 def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:

@@ -48,11 +48,9 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     before, after = diagnosis.before["heldout"], diagnosis.after["heldout"]
     only_efforts = diagnosis.efforts is not None and not diagnosis.columns
-    if math.isnan(before) and diagnosis.by_channel and not only_efforts:
+    if math.isnan(before) and not only_efforts:
         statement = next(finding.statement for finding in diagnosis.findings if finding.physics == "unknown")
         return f"{statement[0].upper()}{statement[1:]}."
-    if math.isnan(before) and not only_efforts:
-        return "Nothing can be said: this recording holds no measured pose that the robot could have taken."
     left = "" if diagnosis.efforts is None else f"{_percent(diagnosis.efforts.shares['all']['heldout'])} of the efforts"
     if diagnosis.verdict == "nothing_missing":
         return _nothing_missing(diagnosis, left)

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from ...numbers import fixed, number
 from ...sensitivity import Sensitivity
-from .answer import wrench_text
+from ...spatial import wrench_text
 from .quantities import workshop_text
 from .terminal import heading, make_table, paragraph, print_table
 

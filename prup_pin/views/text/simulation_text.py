@@ -21,7 +21,6 @@ __all__ = ["effect_text", "print_failures", "print_simulation"]
 _SHOWN = 8
 #: More values than this are counted, not written out: a calibration's.
 _MOST_VALUES = 12
-_UNITS = {"position": ("µm", 1e6), "rotation": ("µrad", 1e6), "effort": ("N, N m", 1.0)}
 
 
 def print_simulation(
@@ -39,7 +38,7 @@ def print_simulation(
     _print_rows(out, prediction)
     found = compare(recording, prediction)
     if found:
-        _print_agreement(out, found)
+        _print_agreement(out, robot, found)
     odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
     if odd:
         heading(out, "Remarks")
@@ -74,12 +73,23 @@ def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Ma
             paragraph(out, f"row {rows[0] + 1}: {reasons[word]}", "  ")
 
 
-def _print_agreement(out: Console, found: Sequence[Agreement]) -> None:
+def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> None:
     heading(out, "Measured less predicted", "(root mean square)")
-    table = make_table(("", "left"), ("RMS", "right"), ("unit", "left"), ("noise", "right"), ("RMS / noise", "right"))
+    efforts = any(item.share is not None for item in found)
+    columns = [("", "left"), ("RMS", "right"), ("unit", "left"), ("noise", "right"), ("RMS / noise", "right")]
+    table = make_table(*columns, *[("% of the effort", "right")] * efforts)
     for item in found:
-        unit, factor = _UNITS.get(item.channel, _UNITS["position"])
+        unit, factor = _unit(robot, item.channel)
         noise = "not declared" if item.noise is None else number(factor * item.noise, 3)
         multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
-        table.add_row(item.channel, number(factor * item.rms, 4), unit, noise, multiple)
+        cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
+        table.add_row(*cells, *["" if item.share is None else number(100 * item.share, 3)] * efforts)
     print_table(out, table)
+
+
+def _unit(robot: Robot, channel: str) -> tuple[str, float]:
+    """Return the unit in which a channel is shown, and its factor."""
+    kind, _, name = channel.partition(" ")
+    if kind == "effort":
+        return ("N", 1.0) if robot.mechanism.joint(name).slides else ("N m", 1.0)
+    return ("µrad", 1e6) if channel.endswith("rotation") else ("µm", 1e6)

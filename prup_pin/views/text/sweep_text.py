@@ -43,37 +43,28 @@ def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) 
     table = make_table(
         ("", "left"), ("least", "right"), ("mean", "right"), ("95 %", "right"), ("largest", "right"), ("unit", "left")
     )
-    rows, matrices = 0, []
+    rows, large = 0, []
     for name in found:
-        labels = [labels(found.mechanism) for labels in QUANTITIES[name].labels]
-        if len(labels) > 1 or (labels and len(labels[0]) > _ENTRIES):
-            matrices.append(name)
+        entries = QUANTITIES[name].entries(found.mechanism)
+        if len(entries) > _ENTRIES:
+            large.append(name)
             continue
         values = found[name][ok]
-        for place, label in enumerate(labels[0] if labels else [""]):
-            column = values[:, place] if labels else values
-            finite = column[np.isfinite(column)]
+        for labels, place in entries:
+            entry = QUANTITIES[name].entry(values, place)
+            finite = entry[np.isfinite(entry)]
             if not len(finite):
                 continue
-            unit, factor = _unit(name, label, float(np.abs(finite).max()))
+            unit = QUANTITIES[name].unit_of(found.mechanism, place)
+            unit, factor = ("°", 180 / np.pi) if unit == "rad" else readable_unit(float(np.abs(finite).max()), unit)
             shown = (finite.min(), finite.mean(), np.percentile(finite, 95), finite.max())
-            table.add_row(f"{name} {label}".strip(), *fixed(factor * value for value in shown), unit)
+            table.add_row(" ".join((name, *labels)), *fixed(factor * value for value in shown), unit)
             rows += 1
     if rows:
         heading(out, "Over the poses that answered")
         print_table(out, table)
-    if matrices:
-        listed(out, "besides", matrices, ", ")
-
-
-def _unit(name: str, label: str, largest: float) -> tuple[str, float]:
-    """Return the unit in which an entry is shown, and its factor; rotations are told in degrees, as poses are."""
-    unit = QUANTITIES[name].unit
-    if unit == "m, rad" and name not in ("q", "joints", "actuators"):
-        if label.startswith("r"):
-            return "°", 180 / np.pi
-        unit = "m"
-    return readable_unit(largest, unit)
+    if large:
+        listed(out, "in --out", [f"{', '.join(large)}: of each pose more than {_ENTRIES} numbers, not listed here"])
 
 
 def axis_text(name: str, kind: str, values: Sequence[float], count: int | None = None) -> str:

@@ -13,8 +13,8 @@ from ...mechanism import Mechanism, Module
 from ...numbers import finer_units, fixed, number, readable_unit
 from ...parameters import Parameter
 from ...robot import Robot
-from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array
-from .answer import Answer, wrench_text, yielding_beside
+from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, wrench_text
+from .answer import Answer, yielding_beside
 
 __all__ = [
     "MatrixTable",
@@ -35,6 +35,7 @@ __all__ = [
     "sag_cells",
     "some",
     "stiffness_table",
+    "stiffness_tables",
     "task_table",
     "why_rigid",
     "yielding_table",
@@ -84,6 +85,12 @@ def yielding_table(answer: Answer) -> MatrixTable | None:
         return None
     where = f"at '{answer.tool}', base axes"
     return _stiffness("Stiffness where it yields", where, answer.compliance.K_yielding)
+
+
+def stiffness_tables(answer: Answer) -> tuple[MatrixTable, ...]:
+    """Return all that is told of the stiffness: K, and K in the task coordinates; without either, where it yields."""
+    found = [table for table in (stiffness_table(answer), task_table(answer)) if table is not None]
+    return tuple(found or [table for table in [yielding_table(answer)] if table is not None])
 
 
 def _stiffness(title: str, where: str, stiffness: Array, axes: Sequence[tuple[str, str, bool]] = _AXES) -> MatrixTable:
@@ -148,18 +155,14 @@ def _cells(matrix: Array, turns: NDArray[np.bool_]) -> tuple[tuple[str, ...], ..
 
 
 def rigid_texts(answer: Answer) -> list[str]:
-    """Return each wrench that deflects nothing: 'a force along z (fz)', or '1 fx, 0.5 my'."""
+    """Return each wrench that deflects nothing: 'a force along z (fz)', or 'fx 1 N, my 0.5 N m'."""
     turned = answer.compliance.pose.base_from_tool[:3, :3].T
     return [_wrench_words(direction, turned) for direction in answer.compliance.rigid_directions]
 
 
 def _wrench_words(direction: Array, tool_axes: Array) -> str:
     """Return a wrench by the axis it goes along, of the base or of the tool (rows); else by its components."""
-    parts = ", ".join(
-        f"{number(value, 3)} {name}"
-        for name, value in zip(WRENCH_NAMES, direction, strict=True)
-        if abs(value) > _NO_COMPONENT
-    )
+    parts = wrench_text(direction, 3, _NO_COMPONENT)
     for block, words in ((slice(0, 3), "a force along"), (slice(3, 6), "a moment about")):
         along = direction[block]
         if np.linalg.norm(direction) - np.linalg.norm(along) > _NO_COMPONENT:
@@ -167,7 +170,7 @@ def _wrench_words(direction: Array, tool_axes: Array) -> str:
         for axes, whose in ((np.eye(3), ""), (tool_axes, "the tool's ")):
             found = np.flatnonzero(np.linalg.norm(np.cross(axes, along), axis=1) < _NO_COMPONENT)
             if len(found):
-                return f"{words} {whose}{'xyz'[found[0]]} ({parts.removeprefix('1 ') if not whose else parts})"
+                return f"{words} {whose}{'xyz'[found[0]]} ({parts if whose else parts[:2]})"
     return parts
 
 
