@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.cli import app
 from prup_pin.laws import LAWS
+from prup_pin.laws.efforts import EFFORT_LAWS
 from prup_pin.recordings import Noise, Recording, read_recording, write_plan, write_recording
 from prup_pin.simulation import CorrectedModel, effect_named, parts, write_model
 
@@ -320,7 +321,7 @@ def test_a_plan_beyond_the_robot(run, bench):
 def test_laws_are_listed_with_places_and_parameters(run):
     done = run("laws")
     assert done.exit_code == 0
-    for law in LAWS:
+    for law in (*LAWS, *EFFORT_LAWS):
         assert law.physics in done.stdout
         for quantity in law.quantities:
             assert quantity.name in done.stdout

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..numbers import number, quantity
+from ..recordings import KINDS_OF_TOLERANCE
 from .calibrate import CalibratedParameter
 from .chances import normal_isf
 from .criteria import FALSE_ALARM
@@ -16,17 +17,6 @@ from .held_out import cross_validated
 
 __all__ = ["all_over"]
 
-#: Kinds that one finding tells, with the words for it.
-_TOLD = {
-    ("encoder_offset",): "the zeros of joints are off: {sizes}{sure}",
-    ("encoder_slope",): "joints turn by another ratio than their encoders say: {sizes}{sure}",
-    ("position", "direction"): "joints sit and point beside the robot file: {sizes}{sure}",
-    ("target_position", "target_rotation"): "markers sit beside their frames: {sizes}{sure}",
-    ("frame_position", "frame_rotation"): "the pose sensor stands elsewhere: {sizes}{sure}",
-    ("bending",): "beams bend more or less than the robot file has them: {sizes}{sure}",
-    ("wrench_gain", "wrench_rotation"): "the wrench sensor tells another load than acts: {sizes}{sure}",
-    ("stiffness",): "springs are softer or stiffer than the robot file has them: {sizes}{sure}",
-}
 #: Places that a statement lists.
 _MOST_LISTED = 4
 
@@ -39,8 +29,9 @@ def all_over(
     labels (N,): samples that are held out together.
     """
     held = cross_validated(problem, fit, labels[fit.samples], strained=True) if kinds else 0.0
-    for group, words in _TOLD.items():
-        items = [item for item in calibrated if item.deviation.kind in kinds and item.deviation.kind in group]
+    said = {kind.name: kind.all_over for kind in KINDS_OF_TOLERANCE if kind.all_over}
+    for words in dict.fromkeys(said.values()):
+        items = [item for item in calibrated if item.deviation.kind in kinds and said.get(item.deviation.kind) == words]
         if items:
             yield _finding(problem, fit, items, words, labels[fit.samples], held)
 
@@ -71,7 +62,7 @@ def _finding(
             for item in told
         },
         heldout_gain=float(np.clip(1 - held / max(without, 1e-300), 0.0, 1.0)),
-        statement=words.format(sizes=_sizes(items), sure=text),
+        statement=f"{words}: {_sizes(items)}{text}",
     )
 
 

@@ -72,7 +72,7 @@ class Asked:
 
         `reach`: tolerances beyond which none is taken to be off.
         """
-        rigid = any(item.law.physics == "joint_compliance" for item in self.library)
+        rigid = any(item.of_rigid_joint for item in self.library)
         if not (len(self.toleranced) or rigid) or not compared(problem, problem.drawn):
             return problem
         return within_tolerances(problem, self.toleranced, self.library, reach)
@@ -97,7 +97,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     remarks += what_is_missing(inputs, measured, robot.mechanism)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
-    allowed = beside_allowed(recording.tolerances.declared, robot.mechanism)
+    allowed = beside_allowed(recording.tolerances, robot.mechanism)
     placed = registered(measured, linear, together, robot.mechanism, allowed)
     if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
         together, placed = apart
@@ -146,7 +146,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
 
 def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
     """Return what is off all over a robot that is seen by a pose sensor; of a loaded one, where it looks like that."""
-    heavy = next((item for item in library if item.law.physics == "self_weight" and not item.place.aspect), None)
+    heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
     weights = [] if heavy is None else [[heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
     if not problem.simulator.inputs.weight_alone:
         weights.append([])  # a robot may have been weighed out before it was loaded

@@ -237,9 +237,9 @@ def within_tolerances(problem, toleranced: Toleranced, library: Sequence[Candida
     simulation may lack it. Weight does nothing to a rigid joint: it is judged by what is left when all joints may yield
     that can. `reach`: tolerances beyond which none is taken to be off.
     """
-    heavy = [item for item in library if item.law.physics == "self_weight"]
-    joints = [item for item in library if item.law.physics in _YIELDS and item.place.name != "robot"]
-    rigid = any(item.law.physics == "joint_compliance" for item in joints)
+    heavy = [item for item in library if item.law.weighs]
+    joints = [item for item in library if item.law.of_stiffness and item.place.name != "robot"]
+    rigid = any(item.of_rigid_joint for item in joints)
     weights = [[item.effect(item.coordinates_of(np.ones(item.size)))] for item in heavy[: 1 if rigid else None]]
     if not weights:
         return problem.within(_begun(problem, toleranced, [], reach))
@@ -291,8 +291,6 @@ def _ways(problem, begun: Sequence[Calibrated], rounds: int = CALIBRATION_ROUNDS
     return found
 
 
-#: Laws that say how soft a joint is.
-_YIELDS = ("joint_compliance", "stiffness_changed")
 #: Share of a start by which what a joint does is differentiated, where it starts at nothing.
 _LITTLE = 1e-3
 

@@ -8,11 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..laws import LAWS, Effect, Everywhere, Inputs, Law, Place
-from ..laws.deeds import Along, Deed, ExtraStrain
-from ..laws.deviations import Sharing
-from ..laws.in_recording import in_groups
-from ..laws.target import of_markers
+from ..laws import Effect, Inputs, Law, Place, Sharing, laws_of
+from ..laws.deeds import Along, Deed, ExtraStrain, YieldingJoint
 from ..mechanism import Mechanism
 from ..parameters import Quantity
 from ..spatial import Array
@@ -41,11 +38,8 @@ class Candidate:
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
-        """The law's parameters; what is over within a sample is no history but another stiffness."""
-        found = self.law.seen_at(self.place, self.mechanism, self.load)
-        return tuple(
-            replace(q, lower=max(q.lower, self.sample_interval)) if q.name == "time_constant" else q for q in found
-        )
+        """The law's parameters."""
+        return self.law.seen_at(self.place, self.mechanism, self.load, self.sample_interval)
 
     @cached_property
     def logarithmic(self) -> np.ndarray:
@@ -70,7 +64,12 @@ class Candidate:
     @property
     def everywhere(self) -> bool:
         """True for a law that acts at all like places with one value."""
-        return isinstance(self.law, Everywhere)
+        return self.law.shared
+
+    @cached_property
+    def of_rigid_joint(self) -> bool:
+        """True where a joint yields by it that the robot file has rigid."""
+        return any(isinstance(deed, YieldingJoint) for deed in self.deeds)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -239,8 +238,7 @@ def candidates(
     has = {"temperature": warm, "speed": fast, "gravity": pulled, "wrench": not inputs.weight_alone}
     return [
         Candidate(law, place, mechanism, step)
-        for whole in (*LAWS, *of_markers(mechanism, markers))
-        for law in in_groups(whole, groups or {}, alone)
+        for law in laws_of(mechanism, markers, groups, alone)
         if all(has[need] for need in law.needs)
         for place in law.places(mechanism)
     ]

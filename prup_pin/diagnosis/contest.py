@@ -126,7 +126,7 @@ def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidat
 
 def _loads_alone(problem: Problem, term: Term) -> bool:
     """Return True for weight where no wrench acts, and for a joint that is else rigid: what yields does so by it."""
-    if term.candidate.law.physics == "joint_compliance":
+    if term.candidate.of_rigid_joint:
         return True
     return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ..laws import LAWS
 from ..spatial import Array
 from .candidates import Candidate
 from .chances import chi2_isf
@@ -48,11 +49,18 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
             yield _hidden(candidate, strong, seen, share, shows)
     inputs = problem.simulator.inputs
     if inputs.temperature is None:
-        yield Detectable("thermal_growth", "", "expansion", None, "1/K", "no temperature was recorded")
+        yield from _without("temperature", "no temperature was recorded")
     elif np.ptp(np.nan_to_num(inputs.warming)) <= LEAST_WARMING:
-        yield Detectable("thermal_growth", "", "expansion", None, "1/K", "the temperature hardly changed")
+        yield from _without("temperature", "the temperature hardly changed")
     if inputs.speeds is None:
-        yield Detectable("encoder_delay", "", "delay", None, "s", "no speeds (qd columns) were recorded")
+        yield from _without("speed", "no speeds (qd columns) were recorded")
+
+
+def _without(need: str, reason: str) -> Iterator[Detectable]:
+    """Yield the laws that cannot act without what a recording lacks, each word once."""
+    for law in {law.physics: law for law in reversed(LAWS) if need in law.needs}.values():
+        first = law.quantities[0]
+        yield Detectable(law.physics, "", first.name, None, first.unit, reason)
 
 
 def _strong(candidate: Candidate) -> Array:

@@ -10,10 +10,8 @@ import numpy as np
 
 from ..channels import Columns, Noise
 from ..errors import imported
-from ..laws import LAWS, Effect
+from ..laws import LAWS, Effect, Law
 from ..laws.efforts import EFFORT_LAWS
-from ..laws.efforts.all_links import AllLinks
-from ..laws.joint_compliance import EACH_JOINT
 from ..simulation import Run
 from ..spatial import Array
 from .by_recording import ByRecording
@@ -54,7 +52,8 @@ class Finding:
     `heldout_gain`: by which share the held-out squared residual falls as this finding comes to all the others; `effect`
     is None for `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it
     has no place.
-    `recovered` is what the samples ask for, to be drawn. `advice`: what to do about it, where its physics does not say.
+    `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places without one effect.
+    `advice`: what to do about it, where its physics does not say.
     """
 
     physics: str
@@ -67,6 +66,7 @@ class Finding:
     alternatives: tuple[str, ...] = ()
     curve: LocalCurve | None = field(default=None, repr=False)
     recovered: Recovered | Agreement | None = field(default=None, repr=False)
+    law: Law | None = field(default=None, repr=False)
     advice: str = ""
 
     @property
@@ -81,16 +81,15 @@ class Finding:
             return self.advice
         if self.effect is not None and self.physics not in _REMEDIES:
             return self.effect.law.advice(self.effect.place, self.effect.values)
-        laws = [law for law in (*EFFORT_LAWS, AllLinks(())) if law.everywhere] if self.at_each else []
-        known = {law.physics: law.remedy for law in reversed((*laws, *LAWS, *EFFORT_LAWS))} | _REMEDIES
+        known = {law.physics: law.remedy for law in reversed((*LAWS, *EFFORT_LAWS))} | _REMEDIES
+        said = known.get(self.physics, "") if self.law is None else self.law.remedy
         here = "the robot" if self.location == "robot" else self.location
-        where = "each of these places" if self.at_each else here
-        return known.get(self.physics, "").format(place=where)
+        return said.format(place="each of these places" if self.at_each else here)
 
     @property
     def at_each(self) -> tuple[str, ...]:
         """The places of what is told of several at once, each of which has it; else nothing."""
-        if self.location != "robot" or (self.effect is not None and self.effect.place.aspect != EACH_JOINT):
+        if self.location != "robot" or (self.effect is not None and not self.effect.law.for_each):
             return ()
         return tuple(place for place in self.candidates if place != "robot")
 

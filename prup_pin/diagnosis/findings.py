@@ -9,8 +9,6 @@ import numpy as np
 
 from ..laws import Effect
 from ..laws.deeds import Moved
-from ..laws.in_recording import InRecording
-from ..laws.joint_compliance import EACH_JOINT
 from ..numbers import number
 from ..recordings import SENSORS
 from ..robot import Robot
@@ -69,8 +67,8 @@ def sensor_elsewhere(
 
     deviation (6,) of its parameters; what was calibrated of them since is part of it.
     """
-    law = effect.law.law if isinstance(effect.law, InRecording) else effect.law
-    group = effect.law.group.label if isinstance(effect.law, InRecording) else ""
+    law = effect.law
+    group = law.group.label if law.group else ""
     own = {
         item.name.partition(" in ")[0]: item
         for item in calibrated
@@ -287,11 +285,9 @@ def told_alone(finding: Finding, robot: Robot) -> Finding:
 
 
 def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot: Robot) -> str:
-    """Return what an effect says of itself; of one value for each joint those are left out that may be nothing."""
-    if effect.place.aspect == EACH_JOINT:
-        sure = {name: item.value if item.interval[0] > 0 else 0.0 for name, item in parameters.items()}
-        effect = replace(effect, values=sure) if any(sure.values()) else effect
-    return effect.statement(robot.mechanism)
+    """Return what an effect says of itself."""
+    intervals = {name: item.interval for name, item in parameters.items()}
+    return effect.law.told(effect.place, effect.values, intervals, robot.mechanism)
 
 
 def _beside_others(term: Term, fit: Fit, index: int) -> bool:

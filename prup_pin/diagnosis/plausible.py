@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from ..channels import Linear, PoseChannel, Stack
@@ -11,7 +9,7 @@ from ..errors import InputError
 from ..laws import Inputs
 from ..mechanism import Mechanism
 from ..numbers import number
-from ..recordings import Recording
+from ..recordings import Recording, Tolerances
 from ..recordings.columns import AXES, MARKER_GROUPS
 from ..spatial import Array, turn_between
 from .criteria import (
@@ -115,11 +113,11 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
     return tuple(name for names in found.values() for name in names), told
 
 
-def beside_allowed(kinds: Mapping[str, float], mechanism: Mechanism) -> tuple[float, float]:
+def beside_allowed(declared: Tolerances, mechanism: Mechanism) -> tuple[float, float]:
     """Return how far tolerances let a marker be off: a length [m], and a share of its distance from the base."""
     joints = float(np.sqrt(len(mechanism.actuated)))
-    length = kinds.get("target_position", 0.0) + joints * kinds.get("position", 0.0)
-    turn = joints * (kinds.get("encoder_offset", 0.0) + kinds.get("direction", 0.0))
+    length = (declared.target_position or 0.0) + joints * (declared.position or 0.0)
+    turn = joints * ((declared.encoder_offset or 0.0) + (declared.direction or 0.0))
     return ALLOWED_TOLERANCES * length, FAR + ALLOWED_TOLERANCES * turn
 
 

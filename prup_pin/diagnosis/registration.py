@@ -14,14 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..channels import Channel, Linear, PoseChannel, Stack
-from ..laws import Effect, Law
-from ..laws.deviations import Sharing
-from ..laws.in_recording import InRecording
-from ..laws.pose_sensor import PoseSensorMisalignment
+from ..laws import Effect, Sharing, stands_elsewhere
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import ARM, Recording, Together
-from ..spatial import Array, rotation_log, skew, turn_between
+from ..spatial import Array, skew, turn_between
 from .chances import chi2_median
 from .criteria import (
     FEWEST_REGISTERED,
@@ -119,7 +116,7 @@ def registered(
                 break
         if motion is None:
             continue
-        effect = _effect(motion, group, mechanism)
+        effect = stands_elsewhere(motion.turn, motion.shift, group, mechanism)
         label = f"{group.label}: " if group is not None and group.label else ""
         where = effect.statement(mechanism)
         fits = f"so that measured and simulated positions are {_length(motion.after)} apart instead of " + _length(
@@ -267,10 +264,3 @@ def _seen_from_base(stack: Stack, motion: _Motion, here: np.ndarray) -> Stack:
         )
 
     return Stack(tuple(seen(channel) for channel in stack.channels))
-
-
-def _effect(motion: _Motion, group: Sharing | None, mechanism: Mechanism) -> Effect:
-    law: Law = PoseSensorMisalignment() if group is None else InRecording(PoseSensorMisalignment(), group)
-    numbers = map(float, (*rotation_log(motion.turn[None])[0], *motion.shift))
-    names = (quantity.name for quantity in law.quantities)
-    return Effect(law, law.places(mechanism)[0], dict(zip(names, numbers, strict=True)))

@@ -19,23 +19,22 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from ..channels import Noise, PoseChannel, Stack
-from ..laws import Effect, Place
-from ..laws.deeds import YieldingJoint
+from ..laws import Effect
 from ..laws.deviations import Calibration, amounts_of, deviations_of
-from ..laws.joint_compliance import (
-    USUAL_ABOUT,
-    USUAL_ALONG,
-    JointCompliance,
-    UnevenJointCompliance,
-    least_tilting,
-    values_of,
-    way_of,
+from ..laws.yielding import (
+    ACROSS,
+    OWN,
+    UNEVEN,
+    YieldingPart,
+    effects_of_yielding,
+    nearest_yielding,
+    way_told,
+    yielding_parts,
 )
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
@@ -146,9 +145,8 @@ class Spread:
         """Return the candidates without laws at single places of a kind for which nothing speaks beside what is off."""
 
         def speaks(item: Candidate) -> bool:
-            if item.law.physics == JointCompliance.physics:
-                uneven = item.place.aspect == UnevenJointCompliance.variant
-                return (item.place.aspect if uneven else way_of(item.place)) in self.yielding
+            if item.of_rigid_joint:
+                return way_told(item.place) in self.yielding
             return item.law.physics not in self.silent
 
         return [item for item in library if not self.kinds or speaks(item)]
@@ -208,7 +206,7 @@ class _Parameters:
     """
 
     toleranced: Toleranced
-    joints: tuple[_Yielding, ...]
+    joints: tuple[YieldingPart, ...]
     units: Array
     kinds: np.ndarray
     floors: Array
@@ -217,22 +215,7 @@ class _Parameters:
     def effects(self, x: Array) -> list[Effect]:
         count = len(self.toleranced)
         found = [self.toleranced.effect(x[:count])] if count else []
-        for place, parts in self._together(self.units * x[count:]).items():
-            if parts[0] <= 0:
-                continue
-            if any(parts[1:]):
-                law = Place(place.name, UnevenJointCompliance.variant)
-                found.append(Effect(UnevenJointCompliance(), law, values_of(*parts)))
-            else:
-                found.append(Effect(JointCompliance(), place, {"compliance": parts[0]}))
-        return found
-
-    def _together(self, values: Array) -> dict[Place, tuple[float, float, float]]:
-        """Return the parts of each joint's compliance, the nearest that create no energy, by parameters (j,)."""
-        found: dict[Place, list[float]] = {}
-        for (place, part), value in zip(self.joints, values, strict=True):
-            found.setdefault(place, [0.0, 0.0, 0.0])[part] = float(value)
-        return {place: least_tilting(*parts) for place, parts in found.items()}
+        return [*found, *effects_of_yielding(self.joints, self.units * x[count:])]
 
     def without(self, kind: str) -> _Parameters:
         """Return the parameters but for one kind."""
@@ -249,8 +232,7 @@ class _Parameters:
         """Return x (p,) without compliances below zero, and without parts that fail."""
         out, count = x.copy(), len(self.toleranced)
         out[:count] = np.clip(out[:count], -self.toleranced.reach, self.toleranced.reach)
-        together = self._together(self.units * x[count:])
-        out[count:] = [together[place][part] for place, part in self.joints]
+        out[count:] = nearest_yielding(self.joints, self.units * x[count:])
         out[count:] /= self.units
         return out
 
@@ -270,27 +252,7 @@ class _Parameters:
 #: Share of a unit by which the simulation's first order is differentiated.
 _STEP = 1e-3
 #: Kinds that are left out first where little was measured.
-_FINEST = ("encoder_slope", "yields across by direction", "yields across", "direction", "position", "yields own")
-
-
-class _Yielding(NamedTuple):
-    """One part of a joint's compliance, across it as in `parts_of`: the even one, or one by which it is uneven."""
-
-    place: Place
-    part: int
-
-    @property
-    def kind(self) -> str:
-        return f"{_YIELDS}{UnevenJointCompliance.variant if self.part else way_of(self.place)}"
-
-    def deed(self, size: float) -> YieldingJoint:
-        if self.place.aspect != "across":
-            return YieldingJoint(self.place.name, "own", (size,))
-        return YieldingJoint(self.place.name, "across", tuple(size * each for each in _PARTS[self.part]))
-
-
-#: Compliance across in the axes of a joint, (xx, yy, xy), of each of its parts.
-_PARTS = ((1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+_FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "direction", "position", f"{_YIELDS}{OWN}")
 
 
 #: What a robot is usually off by, its sensors too where nobody has calibrated them: one standard deviation a kind.
@@ -310,17 +272,17 @@ def _parameters(
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
     deviations = deviations_of(mechanism, markers, kinds)
-    usual = {kind: size for kind, size in USUAL.items() if recording.has_wrench or not kind.startswith("wrench")}
+    idle = () if recording.has_wrench else SENSORS["wrench_sensor"]
+    usual = {kind: size for kind, size in USUAL.items() if kind not in idle}
     loose = [replace(item, group=None) for item in deviations]
     toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, usual))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
-    places = JointCompliance().places(mechanism) if weight else ()
-    joints = tuple(_Yielding(place, part) for place in places for part in range(3 if place.aspect == "across" else 1))
-    units = [USUAL_ALONG if item.place.aspect == "along" else USUAL_ABOUT for item in joints]
+    joints = yielding_parts(mechanism) if weight else ()
+    units = [item.unit for item in joints]
     own = toleranced.law.deviations
-    labels = [*(item.kind for item in own), *(item.kind for item in joints)]
+    labels = [*(item.kind for item in own), *(f"{_YIELDS}{item.way}" for item in joints)]
     names = [*(f"{item.physics} {item.kind} {item.place}" for item in own)]
-    names += [f"{JointCompliance.physics} {item.place}" for item in joints]
+    names += [item.name for item in joints]
     floors = [declared.get(item.name, 0.0) / size for item, size in zip(own, toleranced.tolerances, strict=True)]
     floors += [0.0] * len(joints)
     return _Parameters(toleranced, joints, np.array(units), np.array(labels), np.array(floors), np.array(names))
@@ -421,7 +383,7 @@ def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
 
 
 #: Ways in which joints yield that must show beside another one.
-_BEFORE = (("own", "across"), ("own", UnevenJointCompliance.variant), ("across", UnevenJointCompliance.variant))
+_BEFORE = ((OWN, ACROSS), (OWN, UNEVEN), (ACROSS, UNEVEN))
 
 
 def _without_kinds(
@@ -521,7 +483,7 @@ def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
     """Return True for a way in which joints yield to their load: what comes towards it is no compliance."""
     here = labels == kind
     sure = fit.mean[here] / np.diagonal(fit.covariance)[here]
-    return kind.startswith(_YIELDS) and (kind.endswith(UnevenJointCompliance.variant) or float(sure.sum()) > 0)
+    return kind.startswith(_YIELDS) and (kind.endswith(UNEVEN) or float(sure.sum()) > 0)
 
 
 @dataclass(frozen=True, eq=False)

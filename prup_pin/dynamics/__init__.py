@@ -5,7 +5,7 @@ accelerations on an even clock, and `InverseDynamics` says what the actuators mu
 """
 
 from .clock import EvenClock, even_clock
-from .in_motion import InMotion
+from .in_motion import InMotion, could_be_gravity
 from .inertial import INERTIAL, in_frame
 from .inverse import InverseDynamics, Trajectory
 from .motion import Motion, is_standing, motion_of
@@ -21,6 +21,7 @@ __all__ = [
     "Motion",
     "Trajectory",
     "bandwidth",
+    "could_be_gravity",
     "even_clock",
     "in_frame",
     "is_standing",

@@ -15,7 +15,10 @@ from .inverse import InverseDynamics, Trajectory
 from .motion import Motion
 from .smoothing import differences, pieces
 
-__all__ = ["InMotion"]
+__all__ = ["InMotion", "could_be_gravity"]
+
+#: Share of its size that gravity may differ by where it pulls another way than drawn.
+_SAME_SIZE = 0.05
 
 #: Below this share of its usual speed a joint without a sensor of its own counts as slow.
 _SLOW_SHARE = 1e-2
@@ -243,7 +246,7 @@ class InMotion:
 
     def _ago(self, splines: list, values: Array, delay: float) -> Array:
         out = np.zeros_like(values)
-        if self.motion.standing:
+        if self.motion.standing or not delay:
             return out
         for where, spline in zip(pieces(self.motion.piece), splines, strict=True):
             time = self.motion.time[where]
@@ -311,6 +314,12 @@ class InMotion:
             here = (rows >= where.start) & (rows < where.stop)
             out[where] = CubicSpline(motion.time[rows[here]], change[here], axis=0)(motion.time[where])
         return out
+
+
+def could_be_gravity(field: Array, mechanism: Mechanism) -> bool:
+    """Return whether a field (3,) [m/s^2] could be gravity, whichever way it pulls: as strong as the robot file's."""
+    size = float(np.linalg.norm(mechanism.gravity))
+    return bool(abs(np.linalg.norm(field) - size) < _SAME_SIZE * size)
 
 
 def _splines(motion: Motion, values: Array) -> list:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..mechanism import Mechanism
 from ..spatial import Array
 
-__all__ = ["INERTIAL", "in_frame", "of_pseudo_inertia", "pseudo_inertia"]
+__all__ = ["INERTIAL", "in_frame", "near_body", "of_pseudo_inertia", "pseudo_inertia"]
 
 #: Mass, first moments and moments of inertia about a frame's origin, in the order of a regressor's columns.
 INERTIAL = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+#: By which share a link's mass and moments are off where nothing is declared, a standard deviation; and the share of
+#: the robot that every link may hold beyond what is drawn: where nothing is drawn, that is all.
+BODIES_OFF, SOME_BODY = 1.0, 2e-3
 _PAIRS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
@@ -38,3 +42,23 @@ def of_pseudo_inertia(pseudo: Array) -> Array:
 def in_frame(placement: Array) -> Array:
     """Return A (10, 10): parameters about a joint's frame are A @ those about a frame at `placement` (4, 4) in it."""
     return np.column_stack([of_pseudo_inertia(placement @ pseudo_inertia(unit) @ placement.T) for unit in np.eye(10)])
+
+
+def near_body(joint: int, mechanism: Mechanism) -> Array:
+    """Return the inverse covariance (10, 10) of a body's inertial parameters about the drawn ones.
+
+    To second order that of the entropic divergence of pseudo-inertias, tr((P^-1 dP)^2) / (2 w^2): the same in all
+    frames and units, and growing without bound towards a body that cannot be (Lee, Wensing and Park 2019, Eq. 17).
+    """
+    drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
+    inverse = np.linalg.inv(drawn + SOME_BODY * some_body(mechanism))
+    units = [inverse @ pseudo_inertia(unit) for unit in np.eye(10)]
+    return np.array([[np.trace(a @ b) for a in units] for b in units]) / (2 * BODIES_OFF**2)
+
+
+def some_body(mechanism: Mechanism) -> Array:
+    """Return the pseudo-inertia (4, 4) of a body as heavy as the robot and as large as a link, at its joint."""
+    mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
+    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
+    radius = 0.3 * reach / max(mechanism.model.njoints - 1, 1)
+    return mass * np.diag([*3 * [radius**2], 1.0])

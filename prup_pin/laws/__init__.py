@@ -4,6 +4,8 @@ To add one: a final class in a file, and one line in `LAWS`. The contract is in 
 `tests/laws/test_contract.py` run over this tuple.
 """
 
+from collections.abc import Iterator, Mapping, Sequence
+
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from .backlash import Backlash, BacklashByAxis
@@ -16,21 +18,22 @@ from .everywhere import Everywhere
 from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
+from .in_recording import in_groups
 from .inputs import Inputs
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition
-from .law import Effect, Law, Place
+from .law import Effect, Law, Place, Sharing
 from .lead_error import LeadError, PeriodicLeadError
 from .loop_places import LoopEndPosition, SeatPosition
 from .model_equation_error import ModelEquationError
 from .payload import OffCentrePayload, Payload
-from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment
+from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
 from .shear import Shear, Torsion
 from .stiffness_changed import StiffnessChanged
-from .target import TargetMisalignment
+from .target import TargetMisalignment, of_markers
 from .thermal_growth import GrowthFromSupport, ThermalGrowth
 from .viscous_friction import ViscousFriction
 from .wrench_sensor import (
@@ -106,7 +109,33 @@ LAWS: tuple[Law, ...] = (
     ),
 )
 
-__all__ = ["LAWS", "Effect", "Everywhere", "Inputs", "Law", "Place", "Setup", "law_at"]
+__all__ = [
+    "LAWS",
+    "Effect",
+    "Everywhere",
+    "Inputs",
+    "Law",
+    "Place",
+    "Setup",
+    "Sharing",
+    "law_at",
+    "laws_of",
+    "stands_elsewhere",
+]
+
+
+def laws_of(
+    mechanism: Mechanism,
+    markers: Sequence[str] = (),
+    groups: Mapping[str, Sequence[Sharing]] | None = None,
+    alone: Sequence[Sharing] = (),
+) -> Iterator[Law]:
+    """Yield all laws of poses, those of `markers` beside the tool too: each once for all recordings that share it.
+
+    groups: recordings that share a sensor, by the sensors that not all share; alone: each, where there are several.
+    """
+    for law in (*LAWS, *of_markers(mechanism, markers)):
+        yield from in_groups(law, groups or {}, alone)
 
 
 def law_at(physics: str, place: Place, mechanism: Mechanism | None = None) -> Law:

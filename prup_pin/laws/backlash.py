@@ -29,6 +29,7 @@ class Backlash(Law):
 
     physics = "backlash"
     summary = "play"
+    called = "play, clearance, slack, lost motion, a loose fit"
     remedy = "take out the play at {place}: check its preload first, then bearings and guides for wear"
     likely = ("ball_nut", "preloaded_ball_nut")
     quantities = (
@@ -57,7 +58,7 @@ class Backlash(Law):
             ),
         )
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
         return _told_by(self.quantities_at(place, mechanism), load)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
@@ -95,7 +96,7 @@ class BacklashByAxis(Law):
         load = float(self.quantities[2].default)  # type: ignore[arg-type]
         return [{"half_gap_x": gap, "half_gap_y": gap, "closing_load": load} for gap in (2e-5, 2e-4)]
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
         return _told_by(self.quantities, load)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:

@@ -26,6 +26,7 @@ class BaseCompliance(Law):
 
     physics = "base_compliance"
     summary = "what the robot stands on gives way"
+    called = "foundation, floor, table, stand"
     remedy = "tighten the anchors and stiffen what the robot stands on, or enter that stiffness in the robot file"
     source = "Rivin, Stiffness and Damping in Mechanical Design, ch. 5"
     quantities: ClassVar[tuple[Quantity, ...]] = (

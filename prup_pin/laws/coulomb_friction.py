@@ -24,6 +24,7 @@ class CoulombFriction(Law):
 
     physics = "coulomb_friction"
     summary = "dry friction"
+    called = "dry friction, stick-slip, hysteresis, drag, stiction"
     remedy = "check lubricant, seals and preload at {place}; until then approach every pose from the same side"
     source = "Prandtl (1928); Jenkins (1962)"
     quantities = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ class CreepLaw(Law):
 
     physics = "creep"
     summary = "a part that goes on yielding"
+    called = "relaxation, viscoelastic"
     remedy = (
         "find what goes on yielding at {place} (a polymer, a joint that works loose), or wait as long at every load"
     )
@@ -44,6 +45,11 @@ class CreepLaw(Law):
         whole = [module for module in mechanism.modules if isinstance(module.kind, WrenchModule)]
         bodies = [Place(module.name) for module in whole if module.name not in names and module.kind.is_body]
         return [*bodies, *parts]
+
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
+        # what is over within a sample is no history but another stiffness
+        share, constant = self.quantities
+        return share, replace(constant, lower=max(constant.lower, interval))
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return [{"share": 0.3, "time_constant": constant} for constant in (4.0, 30.0)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,11 +19,11 @@ from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
 from .joint_places import across, parts
-from .law import Law, Place
+from .law import Law, Place, Sharing
 from .loop_places import SeatPosition
 from .setup import Setup
 
-__all__ = ["Calibration", "Deviation", "Sharing", "amounts_of", "calibration_of", "deviations_of"]
+__all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviations_of"]
 
 _AXES = "xyz"
 #: A direction shorter than this is none.
@@ -34,17 +34,6 @@ _NOT_FELT = {
     "effort_gain": "efforts are not compared",
     "effort_bias": "efforts are not compared",
 }
-
-
-class Sharing(Protocol):
-    """Recordings that share a sensor, by their places, and its tolerances by kind; `label` names one that is alone."""
-
-    @property
-    def label(self) -> str: ...
-    @property
-    def sources(self) -> tuple[int, ...]: ...
-    @property
-    def tolerances(self) -> Mapping[str, float]: ...
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ class UnevenEncoder(Law):
     """
 
     physics = "eccentric_encoder"
+    called = "runout"
     quantities = (
         Quantity("sine", "rad", "error that follows the sine of the encoder's angle", 1e-3, lower=-0.1, upper=0.1),
         Quantity("cosine", "rad", "error that follows the cosine", 1e-3, lower=-0.1, upper=0.1),

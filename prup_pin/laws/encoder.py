@@ -20,6 +20,8 @@ class EncoderOffset(Law):
 
     physics = "encoder_offset"
     summary = "an encoder with an offset"
+    called = "zero, homing"
+    sensor = "encoders"
     remedy = "set the zero of the encoder at {place} anew, by the offset found here"
     quantities = (Quantity("offset", "m", "true position less the reported one", 1e-4, lower=-0.1, upper=0.1),)
     neutral: ClassVar = {"offset": 0.0}
@@ -52,6 +54,7 @@ class EncoderDelay(Law):
 
     physics = "encoder_delay"
     summary = "encoders that report late"
+    called = "latency, lag"
     remedy = "stamp the encoder at {place} and the tracker by one clock, or shift its stamps by the delay found here"
     needs = ("speed",)
     quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, lower=-0.2, upper=0.2),)

@@ -29,6 +29,8 @@ class Everywhere(OfAnother):
     The place is the robot; its aspect says which parts: 'ball_nut', 'R_lambda radial', 'leg*_slide'.
     """
 
+    shared = True
+
     def __init__(self, law: Law):
         super().__init__(law, summary=f"{law.summary}, at all like places", cost=law.cost + _COST)
 

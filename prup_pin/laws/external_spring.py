@@ -34,6 +34,7 @@ class ExternalSpring(Law):
 
     physics = "external_spring"
     summary = "a hose or a cable that pulls at the tool"
+    called = "dress pack"
     remedy = "lead the hose or cable along another way, and record again to see that the pull is gone"
     cost = 16.0  # a constant force, which a spring far away is too, is a weight or a bias before it is a hose
     quantities: ClassVar[tuple[Quantity, ...]] = (

@@ -25,6 +25,7 @@ class GeometricOffset(Law):
 
     physics = "geometric_offset"
     summary = "a part is not where the drawing has it"
+    called = "calibration, kinematic error, Denavit-Hartenberg, misalignment"
     remedy = "measure where {place} really is, then enter it in the robot file or shim the part"
     cost = 3.0
     quantities = ()

@@ -27,6 +27,7 @@ class HertzianContact(Law):
 
     physics = "hertzian_contact"
     summary = "stiffness that grows with the load"
+    called = "preload, nonlinear stiffness"
     remedy = "raise the preload at {place}, or keep its contact stiffness in the robot file"
     source = "Hertz (1881); Johnson, Contact Mechanics, ch. 4"
     quantities = (

@@ -6,20 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from ..mechanism import Mechanism
 from .deeds import Deed
-from .deviations import Calibration, Sharing, calibration_of
-from .law import Effect, Law, Place
+from .deviations import Calibration, calibration_of
+from .law import Effect, Law, Place, Sharing
 from .of_another import OfAnother
 from .setup import Setup
 
 __all__ = ["InRecording", "in_groups", "lasting"]
-
-#: Words of the laws of each sensor that a recording may have for itself.
-_OF_SENSOR: Mapping[str, tuple[str, ...]] = {
-    "pose_sensor": ("pose_sensor_misalignment", "pose_sensor_drift"),
-    "target": ("target_misalignment",),
-    "wrench_sensor": ("wrench_sensor_misalignment", "wrench_sensor_gain", "wrench_sensor_bias"),
-    "encoders": ("encoder_offset",),
-}
 
 
 class InRecording(OfAnother):
@@ -27,6 +19,8 @@ class InRecording(OfAnother):
 
     The place's aspect names the recording where it is alone: 'in friday.csv'.
     """
+
+    group: Sharing
 
     def __init__(self, law: Law, group: Sharing):
         super().__init__(law, quantities=law.quantities)
@@ -57,14 +51,13 @@ def in_groups(law: Law, groups: Mapping[str, Sequence[Sharing]], alone: Sequence
     groups: by the sensors that not all recordings share; alone: each recording, where there are several. A pose sensor
     that all share wanders in each for itself, and may have been pushed before any but the first.
     """
-    if alone and law.physics in _OF_SENSOR["pose_sensor"] and "pose_sensor" not in groups:
+    if alone and law.sensor == "pose_sensor" and "pose_sensor" not in groups:
         if law.lasts:
             yield law
         yield from (InRecording(law, group) for group in alone[1 if law.lasts else 0 :])
         return
-    whose = [groups[sensor] for sensor, words in _OF_SENSOR.items() if law.physics in words and sensor in groups]
-    if whose:
-        yield from (InRecording(law, group) for group in whose[0])
+    if law.sensor in groups:
+        yield from (InRecording(law, group) for group in groups[law.sensor])
     else:
         yield law
 

@@ -21,8 +21,6 @@ from .setup import Setup
 
 #: How much a joint of an arm usually yields [rad/(N m), m/N].
 USUAL_ABOUT, USUAL_ALONG = 1e-4, 1e-6
-#: The aspect of the place where every joint has a value of its own.
-EACH_JOINT = "each joint"
 
 
 class JointCompliance(Law):
@@ -35,11 +33,13 @@ class JointCompliance(Law):
 
     physics = "joint_compliance"
     summary = "a joint yields that the robot file has rigid"
+    called = "elastic joint, flexible gear, harmonic drive, strain wave"
     remedy = (
         "give {place} a spring of this stiffness in the robot file; if it should be stiff, check its bearing and gear"
     )
     source = "Spong, Modeling and control of elastic joint robots, J. Dyn. Syst. Meas. Control 109 (1987)"
     quantities = (Quantity("compliance", "rad/(N m)", "turn of the joint per torque on it", 1e-5, upper=1.0),)
+    of_stiffness = True
     neutral: ClassVar = {"compliance": 0.0}
     strong = 1e-6
 
@@ -97,6 +97,7 @@ class UnevenJointCompliance(Law):
         Quantity("direction", "rad", "of the softest axis, about the joint's own from the first one across it", 1.0,
                  False, lower=-2 * np.pi, upper=2 * np.pi),
     )  # fmt: skip
+    of_stiffness = True
     neutral: ClassVar = {"compliance": 0.0}
     strong = 1e-6
 
@@ -184,11 +185,13 @@ class EveryJointCompliance(Law):
     remedy = "give the joints springs of these stiffnesses in the robot file (--joint-stiffness)"
     source = JointCompliance.source
     quantities = ()
+    of_stiffness = True
+    for_each = True
     neutral: ClassVar = {}
     cost = 3.0
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        return [Place("robot", EACH_JOINT)] if len(_own(mechanism)) > 1 else []
+        return [Place("robot", "each joint")] if len(_own(mechanism)) > 1 else []
 
     def is_named(self, place: Place) -> bool:
         return place.name == "robot"
@@ -217,6 +220,16 @@ class EveryJointCompliance(Law):
 
     def drawn(self, place: Place, at: Solved) -> Drawn | None:
         return None
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        sure = {name: value if intervals[name][0] > 0 else 0.0 for name, value in values.items()}
+        return self.statement(place, sure if any(sure.values()) else values, mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         softest = sorted((name for name, value in values.items() if value > 0), key=lambda name: -values[name])

@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Protocol
 
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
@@ -22,7 +22,18 @@ from .drawn import Drawn, against_load, against_motion
 from .inputs import Inputs
 from .setup import Setup
 
-__all__ = ["ASPECTS", "Effect", "Law", "Place"]
+__all__ = ["ASPECTS", "Effect", "Law", "Place", "Sharing"]
+
+
+class Sharing(Protocol):
+    """Recordings that share a sensor, by their places, and its tolerances by kind; `label` names one that is alone."""
+
+    @property
+    def label(self) -> str: ...
+    @property
+    def sources(self) -> tuple[int, ...]: ...
+    @property
+    def tolerances(self) -> Mapping[str, float]: ...
 
 
 class Place(NamedTuple):
@@ -36,7 +47,11 @@ class Place(NamedTuple):
 
 
 class Law(ABC):
-    """One piece of physics. Final subclasses are listed in `laws.LAWS`."""
+    """One piece of physics, with one optional method for each channel: `deeds` for poses, `efforts_per` of `EffortLaw`.
+
+    Final subclasses are listed in `laws.LAWS` and `laws.efforts.EFFORT_LAWS`. What a diagnosis must know of a law is
+    data of the law: it asks for no law's name or class.
+    """
 
     #: The word of the diagnosis' vocabulary.
     physics: ClassVar[str]
@@ -70,6 +85,20 @@ class Law(ABC):
     #: Size of its first parameter at which it is strong: data that could not show even that could not show the law.
     #: None: where a fit starts.
     strong: ClassVar[float | None] = None
+    #: What it is called by people who look for it, beside its word: 'play, clearance'.
+    called: ClassVar[str] = ""
+    #: True where it is the robot's own weight: every robot has it, and a simulated recording may lack it.
+    weighs: ClassVar[bool] = False
+    #: True where it is how stiff a joint or a machine element is.
+    of_stiffness: ClassVar[bool] = False
+    #: True where like places of the robot share one value of each parameter.
+    shared: ClassVar[bool] = False
+    #: True where it has one parameter for each of several places.
+    for_each: ClassVar[bool] = False
+    #: The sensor that is off, of those in `recordings.SENSORS`: recordings may have one for themselves.
+    sensor: ClassVar[str] = ""
+    #: The recordings in which alone it acts, where that is not all.
+    group: Sharing | None = None
 
     @abstractmethod
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
@@ -79,9 +108,12 @@ class Law(ABC):
         """Return whether a place is one of this law, of all that share its word, as far as its name tells."""
         return self.variant == place.aspect
 
-    @abstractmethod
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        """Return what the law does. `setup` is the simulation as the laws before it left it; it is only read."""
+        """Return what the law does to poses. `setup` is the simulation as the laws before it left it; it is only read.
+
+        Nothing, of a law that shows in the efforts of a motion alone.
+        """
+        return ()
 
     def outline(self, place: Place, mechanism: Mechanism) -> tuple[Deed, ...]:
         """Return its deeds where a fit starts, on a recording without samples: their kinds and places."""
@@ -108,8 +140,11 @@ class Law(ABC):
         """Return the parameters at a place, with units and starts that fit it."""
         return self.quantities
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
-        """Return the parameters with the bounds of a fit to data whose loads at the place reach `load` [N or N m]."""
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
+        """Return the parameters with the bounds of a fit to data whose loads at the place reach `load` [N or N m].
+
+        interval: between samples [s].
+        """
         return self.quantities_at(place, mechanism)
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
@@ -145,6 +180,16 @@ class Law(ABC):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         """Return one sentence that a machine builder understands."""
         return f"{self.summary} at {place}"
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        """Return the same of fitted values with their 95 % intervals: what may be nothing need not be told."""
+        return self.statement(place, values, mechanism)
 
     def advice(self, place: Place, values: Mapping[str, float]) -> str:
         """Return what to do about it, in one short sentence; nothing where nobody knows."""

@@ -14,7 +14,10 @@ from .law import Law, Place
 
 __all__ = ["OfAnother"]
 
-_SAME = ("physics", "summary", "remedy", "source", "neutral", "needs", "spread", "cost", "likely", "strong", "lasts")
+_SAME = (
+    *("physics", "summary", "remedy", "source", "neutral", "needs", "spread", "cost", "likely", "strong", "lasts"),
+    *("called", "weighs", "of_stiffness", "sensor"),
+)
 
 
 class OfAnother(Law):
@@ -37,8 +40,8 @@ class OfAnother(Law):
     def quantities_at(self, place: Place, mechanism: Mechanism) -> tuple[Quantity, ...]:
         return self.law.quantities_at(self.inner(place, mechanism), mechanism)
 
-    def seen_at(self, place: Place, mechanism: Mechanism, load: float) -> tuple[Quantity, ...]:
-        return self.law.seen_at(self.inner(place, mechanism), mechanism, load)
+    def seen_at(self, place: Place, mechanism: Mechanism, load: float, interval: float) -> tuple[Quantity, ...]:
+        return self.law.seen_at(self.inner(place, mechanism), mechanism, load, interval)
 
     def starts(self, place: Place, mechanism: Mechanism) -> Sequence[Mapping[str, float]]:
         return self.law.starts(self.inner(place, mechanism), mechanism)

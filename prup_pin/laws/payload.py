@@ -20,6 +20,7 @@ class Payload(Law):
 
     physics = "payload"
     summary = "a mass on the tool"
+    called = "gripper, tool mass"
     remedy = "enter this mass in the robot file and in the controller's tool data, or take it off"
     needs = ("gravity",)
     cost = 6.0

@@ -10,9 +10,10 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..numbers import quantity
 from ..parameters import Quantity
-from ..spatial import rotation_exp
+from ..spatial import Array, rotation_exp, rotation_log
 from .deeds import Deed, Moved, PoseReport, Wandering
-from .law import Law, Place
+from .in_recording import InRecording
+from .law import Effect, Law, Place, Sharing
 from .setup import Setup
 
 
@@ -21,6 +22,8 @@ class PoseSensorMisalignment(Law):
 
     physics = "pose_sensor_misalignment"
     summary = "a pose sensor whose frame is turned or shifted"
+    called = "tracker, camera"
+    sensor = "pose_sensor"
     remedy = (
         "measure the tracker's frame anew, or declare that it just stands there (tolerances "
         "frame_position and frame_rotation)"
@@ -47,6 +50,17 @@ class PoseSensorMisalignment(Law):
         return f"the pose sensor's frame is turned by {quantity(turn, 'rad')} and shifted by {quantity(shift, 'm')}"
 
 
+def stands_elsewhere(turn: Array, shift: Array, group: Sharing | None, mechanism: Mechanism) -> Effect:
+    """Return the effect of a pose sensor whose frame is turned (3, 3) and shifted (3,) [m]; group: in which recordings.
+
+    Its parameters are the rotation vector [rad] and the shift, in this order.
+    """
+    law = PoseSensorMisalignment() if group is None else InRecording(PoseSensorMisalignment(), group)
+    numbers = map(float, (*rotation_log(turn[None])[0], *shift))
+    values = dict(zip((quantity.name for quantity in law.quantities), numbers, strict=True))
+    return Effect(law, law.places(mechanism)[0], values)
+
+
 class PoseSensorDrift(Law):
     """The measuring frame wanders while it measures: it reports p + v t, t since the recording began.
 
@@ -55,6 +69,7 @@ class PoseSensorDrift(Law):
 
     physics = "pose_sensor_drift"
     summary = "a pose sensor whose frame wanders in time"
+    sensor = "pose_sensor"
     remedy = "let the tracker warm up on a firm stand, and look at a fixed target before and after"
     quantities = tuple(
         Quantity(f"v{axis}", "m/s", f"shift along {axis} per time", 1e-7, lower=-1e-2, upper=1e-2) for axis in "xyz"

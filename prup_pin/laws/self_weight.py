@@ -23,6 +23,7 @@ class SelfWeight(Law):
         "unloaded robot in each pose"
     )
     needs = ("gravity",)
+    weighs = True
     # Links are known to 5 or 10 %, each for itself, and all of them together better: what is farther off hangs on it.
     spread = 0.02
     known = True

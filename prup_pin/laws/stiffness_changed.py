@@ -21,10 +21,12 @@ class StiffnessChanged(Law):
 
     physics = "stiffness_changed"
     summary = "a stiffness differs from the robot file's"
+    called = "soft, weak, worn, loose, flexibility"
     remedy = (
         "check {place} for wear, loose screws or lost preload; if it is sound, enter this stiffness in the robot file"
     )
     quantities = (Quantity("factor", "1", "true stiffness over the robot file's", 0.5, lower=0.0, upper=100.0),)
+    of_stiffness = True
     neutral: ClassVar = {"factor": 1.0}
     strong = 0.2
 

@@ -21,6 +21,7 @@ class TargetMisalignment(Law):
 
     physics = "target_misalignment"
     summary = "a measured target that is turned or shifted on the tool"
+    sensor = "target"
     remedy = (
         "measure where the target sits on the tool, or declare that it is not known (tolerances "
         "target_position and target_rotation)"
@@ -51,6 +52,7 @@ class MarkerMisalignment(Law):
 
     physics = TargetMisalignment.physics
     summary = "a marker that is turned or shifted on its frame"
+    sensor = "target"
     remedy = (
         "measure where the marker sits, or declare that it is not known (tolerances target_position and "
         "target_rotation)"

@@ -29,6 +29,7 @@ class ThermalGrowth(Law):
 
     physics = "thermal_growth"
     summary = "growth with temperature"
+    called = "heat, expansion"
     remedy = "warm the machine up before it works, or correct {place} by its temperature"
     needs = ("temperature",)
     quantities = (Quantity("expansion", "1/K", "coefficient of expansion", 1e-5, lower=0.0, upper=5e-4),)

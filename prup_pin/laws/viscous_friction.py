@@ -19,6 +19,7 @@ class ViscousFriction(Law):
 
     physics = "viscous_friction"
     summary = "friction that grows with speed"
+    called = "damping, grease"
     remedy = "check the lubricant at {place}, or wait at every pose until the drag is gone"
     quantities = (Quantity("damping", "N m s/rad", "torque per speed", 100.0, upper=1e7),)
     neutral: ClassVar = {"damping": 0.0}

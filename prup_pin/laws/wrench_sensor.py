@@ -26,6 +26,7 @@ class WrenchSensorMisalignment(Law):
 
     physics = "wrench_sensor_misalignment"
     summary = "a wrench sensor that is turned"
+    sensor = "wrench_sensor"
     remedy = "measure how the wrench sensor is turned on the tool, and turn its readings by this"
     needs = ("wrench",)
     quantities = tuple(_small(f"r{axis}", "rad", f"rotation about {axis}", 0.01, 0.6) for axis in "xyz")
@@ -48,6 +49,7 @@ class WrenchSensorGain(Law):
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
+    sensor = "wrench_sensor"
     remedy = "calibrate the wrench sensor with a known weight"
     needs = ("wrench",)
     quantities = tuple(
@@ -71,6 +73,7 @@ class WrenchSensorCommonGain(Law):
 
     physics = "wrench_sensor_gain"
     summary = "a wrench sensor with another gain"
+    sensor = "wrench_sensor"
     remedy = "calibrate the wrench sensor with a known weight, and check the unit that it reports"
     needs = ("wrench",)
     quantities = (Quantity("gain", "1", "true over reported", 1.05, lower=0.2, upper=5.0),)
@@ -95,6 +98,8 @@ class WrenchSensorBias(Law):
 
     physics = "wrench_sensor_bias"
     summary = "a wrench sensor that is not zeroed"
+    called = "force sensor, load cell, tare"
+    sensor = "wrench_sensor"
     remedy = "zero the wrench sensor with nothing attached, at the start of each recording"
     needs = ("wrench",)
     quantities = tuple(

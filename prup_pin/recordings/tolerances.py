@@ -17,12 +17,16 @@ __all__ = ["ARM", "KINDS_OF_TOLERANCE", "SENSORS", "TYPICAL", "KindOfTolerance",
 
 @dataclass(frozen=True)
 class KindOfTolerance:
-    """One key of `tolerances`: its unit, what it is of, and the largest value that can be meant."""
+    """One key of `tolerances`: its unit, what it is of, and the largest value that can be meant.
+
+    all_over: what is told where all parts of the kind are off by more than was declared; kinds that share it are one.
+    """
 
     name: str
     unit: str
     description: str
     largest: float
+    all_over: str = ""
 
     def wrong(self, value: object) -> str:
         """Return what is wrong with a standard deviation, or ''."""
@@ -52,26 +56,87 @@ KINDS_OF_TOLERANCE = (
         "relative",
         "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs",
         _RELATIVE,
+        "springs are softer or stiffer than the robot file has them",
     ),
-    KindOfTolerance("bending", "relative", "EI of every beam", _RELATIVE),
+    KindOfTolerance(
+        "bending",
+        "relative",
+        "EI of every beam",
+        _RELATIVE,
+        "beams bend more or less than the robot file has them",
+    ),
     KindOfTolerance("mass", "relative", "mass of every link", _RELATIVE),
     KindOfTolerance("inertia", "relative", "inertia of every link", _RELATIVE),
-    KindOfTolerance("position", "m", "drawn origin of every joint, loop frame and base point, each direction", _METRES),
     KindOfTolerance(
-        "direction", "rad", "drawn direction of every joint axis and beam, about both axes across", _RADIANS
+        "position",
+        "m",
+        "drawn origin of every joint, loop frame and base point, each direction",
+        _METRES,
+        "joints sit and point beside the robot file",
     ),
-    KindOfTolerance("encoder_offset", "m, rad", "zero of every actuated joint, in the joint's unit", _RADIANS),
     KindOfTolerance(
-        "encoder_slope", "relative", "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE
+        "direction",
+        "rad",
+        "drawn direction of every joint axis and beam, about both axes across",
+        _RADIANS,
+        "joints sit and point beside the robot file",
     ),
-    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _ANYWHERE),
-    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _ANY_WAY),
     KindOfTolerance(
-        "target_position", "m", "measured target against the tool frame, and each marker against its frame", _ON_A_LINK
+        "encoder_offset",
+        "m, rad",
+        "zero of every actuated joint, in the joint's unit",
+        _RADIANS,
+        "the zeros of joints are off",
     ),
-    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _RADIANS),
-    KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE),
-    KindOfTolerance("wrench_rotation", "rad", "axes of the wrench sensor against the base frame", _RADIANS),
+    KindOfTolerance(
+        "encoder_slope",
+        "relative",
+        "scale of every actuated joint (lead of a screw, tooth count of a belt)",
+        _RELATIVE,
+        "joints turn by another ratio than their encoders say",
+    ),
+    KindOfTolerance(
+        "frame_position",
+        "m",
+        "origin of the pose sensor's frame against the base frame",
+        _ANYWHERE,
+        "the pose sensor stands elsewhere",
+    ),
+    KindOfTolerance(
+        "frame_rotation",
+        "rad",
+        "axes of the pose sensor's frame against the base frame",
+        _ANY_WAY,
+        "the pose sensor stands elsewhere",
+    ),
+    KindOfTolerance(
+        "target_position",
+        "m",
+        "measured target against the tool frame, and each marker against its frame",
+        _ON_A_LINK,
+        "markers sit beside their frames",
+    ),
+    KindOfTolerance(
+        "target_rotation",
+        "rad",
+        "axes of the measured target against the tool frame",
+        _RADIANS,
+        "markers sit beside their frames",
+    ),
+    KindOfTolerance(
+        "wrench_gain",
+        "relative",
+        "scale of each component of the wrench sensor",
+        _RELATIVE,
+        "the wrench sensor tells another load than acts",
+    ),
+    KindOfTolerance(
+        "wrench_rotation",
+        "rad",
+        "axes of the wrench sensor against the base frame",
+        _RADIANS,
+        "the wrench sensor tells another load than acts",
+    ),
     KindOfTolerance("wrench_bias_force", "N", "zero of each force of the wrench sensor", _LOADS),
     KindOfTolerance("wrench_bias_moment", "N m", "zero of each moment of the wrench sensor", _LOADS),
     KindOfTolerance("effort_gain", "relative", "scale of the effort of each actuated joint", _RELATIVE),

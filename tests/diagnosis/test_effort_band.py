@@ -14,16 +14,10 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.before import prospects
 from prup_pin.diagnosis.efforts.band import coherent_band
 from prup_pin.dynamics import InMotion, motion_of
-from prup_pin.dynamics.inertial import pseudo_inertia
+from prup_pin.dynamics.inertial import BODIES_OFF, SOME_BODY, near_body, pseudo_inertia, some_body
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.coulomb_friction import SlidingFriction
-from prup_pin.laws.efforts.inertial_parameters import (
-    BODIES_OFF,
-    SOME_BODY,
-    InertialParameters,
-    near_body,
-    some_body,
-)
+from prup_pin.laws.efforts.inertial_parameters import InertialParameters
 from prup_pin.laws.efforts.viscous_friction import Damping
 from prup_pin.recordings import Recording
 from prup_pin.simulation import simulate

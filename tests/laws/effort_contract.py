@@ -7,45 +7,41 @@ import pytest
 from scipy.optimize import least_squares
 
 from prup_pin.dynamics import InMotion
+from prup_pin.laws import Effect
 from prup_pin.laws.efforts.delay import Lagging
+from prup_pin.simulation import simulate
 
-#: Coefficients of friction: what they give takes power from the motion.
-_RESISTING = {
-    "limit", "damping", "extra", "cold", "share_of_load", "damping_forwards", "damping_backwards", "drag"
-}  # fmt: skip
-#: Laws whose columns follow the motion alone, not what bodies weigh, and by powers of angle and time.
-_OF_MOTION = {
-    "viscous_friction", "coulomb_friction", "stribeck_friction", "rotor_inertia", "transmission_coupling",
-    "counterbalance", "effort_offset", "cogging",
-}  # fmt: skip
-#: By the unit of a coefficient: the powers of angle and of speed of time with which its column grows.
-_POWERS = {
-    "N m": (0, 0),
-    "N m/rad": (1, 0),
-    "N m s/rad": (1, 1),
-    "kg m^2": (1, 2),
-    "N m s^2/rad^2": (2, 2),
-}
-#: The same of scanned values.
-_SCANNED = {"rad": (1, 0), "rad/s": (1, 1), "s": (0, -1), "": (0, 0)}
+from .effort_closed_forms import CLOSED_FORMS, some_values
+
+#: By how much faster a motion is played.
+FASTER = 2.0
+#: Units of what is scanned and is no parameter.
+_SCANNED = {"age": "s", "count": ""}
 
 
-def resisting(law):
-    """Return whether a law is friction: of no negative coefficient, and of none but friction's."""
-    return law.one_sided and bool(_RESISTING & set(law.linear))
-
-
-def scales(law):
-    """Return whether a law's columns follow the motion alone."""
-    return law.physics in _OF_MOTION and "share_of_load" not in law.linear
+def fitted(law, place, coefficients, values):
+    """Return all that a law's efforts depend on, by coefficients (p,) and scanned values."""
+    return {**values, **law.fitted(place, np.asarray(coefficients, float), values)}
 
 
 def check_nothing(law, place, values, at):
-    """At its neutral values a law adds nothing, and so does a fit of nothing; splines round."""
+    """At its neutral values a law adds exactly nothing, and so does a fit of nothing; its parameters are named."""
     starts = {q.name: float(q.default) for q in law.quantities_at(place, at.mechanism) if q.default is not None}
-    assert np.abs(law.efforts(place, {**starts, **values, **law.neutral}, at)).max() < 1e-14
-    fitted = law.fitted(place, np.zeros(len(law.linear)), values)
-    assert np.abs(law.efforts(place, {**values, **fitted}, at)).max() < 1e-14
+    assert set(law.neutral) <= starts.keys()
+    assert not np.any(law.efforts(place, {**starts, **values, **law.neutral}, at))
+    assert not np.any(law.efforts(place, fitted(law, place, np.zeros(len(law.linear)), values), at))
+
+
+def check_closed_form(law, place, values, at):
+    """What it adds is its equation, written a second time: its sign, its powers, and the drives that it reaches."""
+    form = next(CLOSED_FORMS[cls] for cls in type(law).__mro__ if cls in CLOSED_FORMS)
+    own = some_values(law, place, values, at)
+    added, expected = law.efforts(place, own, at), form(law, place, own, at)
+    known = np.isfinite(expected)
+    assert known.mean() > 0.8
+    largest = np.abs(expected[known]).max()
+    assert largest > 1e-6
+    assert added[known] == pytest.approx(expected[known], abs=form.tolerance * largest)
 
 
 def check_proportion(law, place, values, at):
@@ -58,60 +54,88 @@ def check_proportion(law, place, values, at):
     first, second = np.random.default_rng(3).uniform(0.2, 1.0, (2, len(law.linear)))
 
     def added(x):
-        return law.efforts(place, {**values, **law.fitted(place, x, values)}, at)
+        return law.efforts(place, fitted(law, place, x, values), at)
 
     together, size = added(first + second), np.abs(added(first)).max() + np.abs(added(second)).max()
     assert together == pytest.approx(added(first) + added(second), abs=1e-9 * size)
-    x = law.coefficients(place, {**values, **law.fitted(place, first, values)})
+    x = law.coefficients(place, fitted(law, place, first, values))
     assert x == pytest.approx(first, rel=1e-9)
+
+
+def check_derivative(law, place, values, at):
+    """Its columns are the finite differences of its efforts by each coefficient; of what lags, where it begins."""
+    lags = isinstance(law, Lagging)
+    values = {**values, "age": 1e-7} if lags else values
+    columns = law.efforts_per(place, values, at)
+    assert columns.shape == (len(at), len(at.driven), len(law.linear))
+    about = np.full(len(law.linear), 0.0 if lags else 0.3)
+    step = 1e-7 if lags else 1e-3
+    for index, unit in enumerate(np.eye(len(law.linear))):
+        ends = [
+            law.efforts(place, fitted(law, place, about + way * unit, values), at)
+            for way in (step, 0 if lags else -step)
+        ]
+        difference = (ends[0] - ends[1]) / (step if lags else 2 * step)
+        scale = max(np.abs(columns[..., index]).max(), 1e-12)
+        assert columns[..., index] == pytest.approx(difference, abs=1e-6 * scale)
 
 
 def check_resists(law, place, values, at):
     """Friction takes power: wherever it does not turn round, and of the whole motion."""
+    assert set(law.resists) <= set(law.linear)
     columns, speeds = law.efforts_per(place, values, at), np.stack([at.speed(name) for name in at.driven], axis=1)
-    for index, name in enumerate(law.linear):
-        if name not in _RESISTING:
-            continue
+    for index in (law.linear.index(name) for name in law.resists):
         power = (columns[..., index] * speeds).sum(axis=1)
         assert power.sum() > 0
         assert (power >= 0).mean() > 0.95
 
 
 def check_units(law, place, values, at):
-    """Played faster, and with larger angles, a motion asks for as much more as the unit of each coefficient says."""
+    """Played faster under as much more gravity, a motion asks for what the unit of each coefficient says.
+
+    All efforts of bodies are then FASTER^2 as large, and each column as many times larger as that over its unit.
+    """
     units = {q.name: q.unit for q in law.quantities_at(place, at.mechanism)}
-    ways = [(1.0, 2.0)] if _is_periodic(law) else [(1.0, 2.0), (3.0, 1.0), (3.0, 2.0)]
     columns = law.efforts_per(place, values, at)
-    for larger, faster in ways:
-        other = {}
-        for name, value in values.items():
-            way, speed = _SCANNED[units[name]] if name in units else (0, 0)
-            other[name] = value * larger**way * faster**speed
-        scaled = law.efforts_per(place, other, _played(at, larger, faster))
-        for index, name in enumerate(law.linear):
-            way, speed = _POWERS[units[name]]
-            expected = larger**way * faster**speed * columns[..., index]
-            assert scaled[..., index] == pytest.approx(expected, abs=1e-9 * max(np.abs(expected).max(), 1e-30))
+    assert values.keys() <= units.keys() | _SCANNED.keys(), "what is scanned is a quantity, or has a unit in _SCANNED"
+    other = {name: value * _scale((_SCANNED | units)[name]) for name, value in values.items()}
+    scaled = law.efforts_per(place, other, _played_faster(at))
+    for index, name in enumerate(law.linear):
+        unit = units.get(name, "kg m")  # a body's first moments stand for its centre
+        expected = FASTER**2 / _scale(unit) * columns[..., index]
+        assert scaled[..., index] == pytest.approx(expected, abs=1e-6 * max(np.abs(expected).max(), 1e-30))
 
 
-def _is_periodic(law):
-    """Return whether angles stand in it by their sines: they have no unit there."""
-    return {"cosine", "sine"} <= set(law.linear) and not law.settled
+def _scale(unit):
+    """Return by how much a number in a unit changes where time runs FASTER: 'N m s/rad' by FASTER^2 / FASTER."""
+    above, _, below = unit.replace("^", "").partition("/")
+    return _product(above) / _product(below)
 
 
-def _played(at, larger, faster):
-    """Return the motion with larger angles, played faster."""
-    motion = at.motion
+def _product(factors):
+    out = 1.0
+    for factor in factors.strip("()").split():
+        name, power = factor.rstrip("0123456789"), int(factor.lstrip("abcdefghijklmnopqrstuvwxyzN") or 1)
+        out *= {"N": FASTER**2, "s": 1 / FASTER, "m": 1.0, "rad": 1.0, "kg": 1.0}[name] ** power
+    return out
+
+
+def _played_faster(at):
+    """Return the motion played faster, under as much more gravity, so that all bodies ask for as much more."""
+    motion, f = at.motion, FASTER
+    gravity = np.tile(f**2 * at.mechanism.gravity, (len(at), 1))
     other = replace(
         motion,
-        time=motion.time / faster,
-        rate=motion.rate * faster,
-        position=larger * motion.position,
-        speed=larger * faster * motion.speed,
-        acceleration=larger * faster**2 * motion.acceleration,
-        slow=larger * faster * motion.slow,
+        time=motion.time / f,
+        rate=motion.rate * f,
+        speed=f * motion.speed,
+        acceleration=f**2 * motion.acceleration,
+        slow=f * motion.slow,
+        gravity=gravity,
+        band=replace(motion.band, cutoffs=tuple(f * c for c in motion.band.cutoffs), rate=f * motion.band.rate),
     )
-    return InMotion.of(at.mechanism, other)
+    found = InMotion.of(at.mechanism, other)
+    return found.knowing(f**2 * at.known, f**2 * at.left, None if at.bodies is None else f**2 * at.bodies)
 
 
 def check_refit(law, place, values, at):
@@ -128,7 +152,7 @@ def check_refit(law, place, values, at):
     put = rng.uniform(0.5, 1.0, len(law.linear)) * np.where(size > 0, 1 / np.where(size > 0, size, 1), 0.0)
     if isinstance(law, Lagging):
         put = np.array([0.7 * values["age"]])
-    target = law.efforts(place, {**truth, **law.fitted(place, put, truth)}, at)
+    target = law.efforts(place, fitted(law, place, put, truth), at)
     start = dict(values)
     if law.settled:
 
@@ -140,6 +164,28 @@ def check_refit(law, place, values, at):
         start = dict(law.scaled(values, np.exp(step)))
         for name in law.settled:
             assert start[name] == pytest.approx(truth[name], rel=1e-6)
+    _check_found(law, place, start, put, target, at)
+
+
+def check_simulated(law, place, values, robot, recording, at):
+    """What a simulation of a recording adds is fitted again to that recording; at: its motion."""
+    columns = law.efforts_per(place, values, at)
+    size = np.sqrt((columns**2).mean(axis=(0, 1)))
+    most = {q.name: 0.9 * q.upper for q in law.quantities_at(place, at.mechanism)}
+    put = np.where(size > 0, 0.5 / np.where(size > 0, size, 1), 0.0)
+    put = np.minimum(put, [most.get(name, np.inf) for name in law.linear])
+    if isinstance(law, Lagging):
+        put = np.array([0.7 * values["age"]])
+    own = fitted(law, place, put, values)
+    kept = {q.name: float(own[q.name]) for q in law.quantities_at(place, at.mechanism)}
+    drives = [simulate(robot, recording, effects).efforts for effects in ((), (Effect(law, place, kept),))]
+    target = np.column_stack([drives[1][name] - drives[0][name] for name in at.driven])[at.motion.rows]
+    assert np.isfinite(target).all()
+    _check_found(law, place, dict(values), put, target, at)
+
+
+def _check_found(law, place, start, put, target, at):
+    """Check that coefficients `put` (p,) are found in a target (N, k), as far as the columns tell them."""
     found = _fit(law.efforts_per(place, start, at), target)
     for _ in range(30 if isinstance(law, Lagging) else 0):
         start = law.closer(place, law.fitted(place, found, start), at)[0]
@@ -147,7 +193,8 @@ def check_refit(law, place, values, at):
     own = law.efforts_per(place, start, at)
     assert own @ found == pytest.approx(target, abs=1e-6 * np.abs(target).max())
     table = own.reshape(-1, len(law.linear))
-    told = np.linalg.svd(table / np.where(size > 0, np.linalg.norm(table, axis=0), 1), compute_uv=False)
+    size = np.linalg.norm(table, axis=0)
+    told = np.linalg.svd(table / np.where(size > 0, size, 1), compute_uv=False)
     if told[-1] > 1e-6 * told[0]:
         assert found == pytest.approx(put, rel=1e-6)
 

@@ -13,7 +13,16 @@ from prup_pin.laws import LAWS, Effect, Everywhere, Place, Torsion, law_at
 from prup_pin.laws.deeds import Strain
 from prup_pin.laws.thermal_growth import GrowthFromSupport
 
-from .bench import ACTUATORS, NAMES, change, nominal, robot, simulator
+from .bench import ACTUATORS, NAMES, change, robot, simulator
+from .pose_contract import (
+    check_derivatives,
+    check_leaves_alone,
+    check_neutral,
+    check_quantities,
+    check_refit,
+    check_shows,
+    size_at_start,
+)
 
 DOCS = Path(__file__).parents[2] / "docs"
 #: The words of the table of laws.
@@ -101,26 +110,7 @@ def test_declares_what_a_person_reads(law):
 
 @at_each_place
 def test_quantities_have_units_and_starts_lie_inside_bounds(name, law, place):
-    mechanism = robot(name).mechanism
-    quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
-    assert quantities
-    for quantity in quantities.values():
-        assert quantity.unit
-        assert quantity.description
-        assert np.isfinite(quantity.upper)
-        assert np.isfinite(quantity.lower)
-        quantity.check(quantity.default, "default")
-    starts = law.starts(place, mechanism)
-    assert starts
-    for start in starts:
-        assert list(start) == list(quantities)
-        Effect(law, place, start).checked(mechanism)
-    first = next(iter(quantities.values()))
-    strong = starts[0][first.name] if law.strong is None else first.check(law.strong, "strong")
-    assert law.magnified(strong, 1.0) == pytest.approx(strong)
-    assert law.magnified(law.magnified(strong, 3.0), 1 / 3) == pytest.approx(strong)
-    assert set(law.neutral) <= set(quantities)
-    assert list(law.neutral_at(place, mechanism)) == list(quantities)
+    check_quantities(name, law, place)
 
 
 @EVERY_LAW
@@ -141,57 +131,32 @@ def test_is_found_again_by_its_places(name, law, places):
 
 @at_each_place
 def test_neutral_values_change_nothing(name, law, place):
-    base = nominal(name)
-    run = simulator(name).run([Effect(law, place, law.neutral_at(place, robot(name).mechanism))], base)
-    assert np.abs(change(run, base)).max() < 2e-11
+    check_neutral(name, law, place)
 
 
 @at_each_place
 def test_start_values_change_the_pose(name, law, place):
     if name == "delta" and law.physics in ("coulomb_friction", "viscous_friction"):
         return  # the delta's rods spin about themselves: nothing balances friction there
-    base, mechanism = nominal(name), robot(name).mechanism
-    sizes = [
-        np.abs(change(simulator(name).run([Effect(law, place, start)], base), base)).max()
-        for start in law.starts(place, mechanism)
-    ]
-    assert (max(sizes) > 4e-11) != (isinstance(law, HIDDEN) or (name, law.physics) in HIDDEN_ON)
+    check_shows(name, law, place, not (isinstance(law, HIDDEN) or (name, law.physics) in HIDDEN_ON))
 
 
 @at_each_place
 def test_acting_leaves_the_callers_inputs_alone(name, law, place):
-    base = simulator(name)
-    arrays = [getattr(base.inputs, key) for key in ("time", "actuators", "wrench", "blocks", "temperature", "speeds")]
-    before = [array.copy() for array in arrays]
-    known = {key: np.copy(parameter.value) for key, parameter in base.robot.parameters.items()}
-    values = dict(law.starts(place, base.robot.mechanism)[0])
-    setup = base.setup()
-    setup.take(Effect(law, place, values).deeds(setup))
-    for array, copy in zip(arrays, before, strict=True):
-        np.testing.assert_array_equal(array, copy)
-    assert values == law.starts(place, base.robot.mechanism)[0]
-    for key, parameter in base.robot.parameters.items():
-        np.testing.assert_array_equal(parameter.value, known[key])
+    check_leaves_alone(name, law, place)
 
 
 @at_each_place
 def test_strains_are_what_their_derivatives_say(name, law, place):
-    mechanism = robot(name).mechanism
-    setup = simulator(name).setup([Effect(law, place, law.starts(place, mechanism)[0])])
-    for module, strains in setup.strains.items():
-        wide = 6 if module in robot(name)._statics.wrench_names else 1
-        load = np.random.default_rng(5).normal(size=(len(setup.inputs), wide)) * 3.0
-        for strain in strains:
-            value, slope = strain(load)
-            assert value.shape == load.shape
-            assert slope.shape == (*load.shape, wide)
-            part = strain.take(slice(2, 4))
-            np.testing.assert_array_equal(part(load[2:4])[0], value[2:4])
-            for column in range(wide):
-                step = np.zeros_like(load)
-                step[:, column] = 1e-5
-                difference = (strain(load + step)[0] - strain(load - step)[0]) / 2e-5
-                np.testing.assert_allclose(slope[:, :, column], difference, atol=1e-6 * np.abs(slope).max() + 1e-20)
+    check_derivatives(name, law, place)
+
+
+@EVERY_LAW
+def test_what_is_simulated_is_fitted_again(law):
+    if not isinstance(law, HIDDEN):
+        name = next(name for name in NAMES if law.places(robot(name).mechanism))
+        places = unlike(law.places(robot(name).mechanism), name)
+        check_refit(name, law, max(places, key=lambda place: size_at_start(name, law, place)))
 
 
 @at_each_place

@@ -11,11 +11,13 @@ import pytest
 
 from prup_pin import laws
 from prup_pin.laws import LAWS, Effect, Inputs, Place, Setup
+from prup_pin.laws.deviations import calibration_of
+from prup_pin.laws.joint_places import parts
 from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_exp, rotation_log
 
 from ..statics.build import RobotFile
-from .bench import change, effect, nominal, robot, simulator
+from .bench import NAMES, change, effect, nominal, robot, simulator
 
 
 def of(law, place, aspect="", **values):
@@ -542,6 +544,76 @@ def test_a_pose_sensors_frame_is_turned_and_shifted():
     base, run = nominal("3prup"), simulator("3prup").run([law])
     np.testing.assert_allclose(run.position, base.position @ turn.T + [0.01, 0.02, 0.03], atol=1e-11)
     np.testing.assert_allclose(run.rotation, turn @ base.rotation, atol=1e-10)
+
+
+def test_a_pose_sensor_wanders_along_a_line():
+    law = of(laws.PoseSensorDrift, "pose_sensor", "drift", vx=1e-4, vy=-2e-4, vz=3e-4)
+    base, run, time = nominal("3prup"), simulator("3prup").run([law]), simulator("3prup").inputs.time
+    wandered = (time - time[0])[:, None] * [1e-4, -2e-4, 3e-4]
+    np.testing.assert_allclose(run.position, base.position + wandered, atol=1e-11)
+    np.testing.assert_allclose(run.rotation, base.rotation, atol=1e-12)
+
+
+def test_a_target_sits_beside_the_tool():
+    turn = rotation_exp(np.array([0.1, -0.2, 0.3]))
+    law = of(laws.TargetMisalignment, "target", x=0.01, y=0.02, z=0.03, rx=0.1, ry=-0.2, rz=0.3)
+    base, run = nominal("3prup"), simulator("3prup").run([law])
+    np.testing.assert_allclose(run.position, base.position + base.rotation @ [0.01, 0.02, 0.03], atol=1e-11)
+    np.testing.assert_allclose(run.rotation, base.rotation @ turn, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("law", "named"),
+    [
+        (laws.JointPosition, "{place}.{key}"),
+        (laws.JointDirection, "{place}.{key}"),
+        (laws.SeatPosition, "{place}.seat_{key}"),
+    ],
+)
+def test_a_part_elsewhere_is_the_deviation_that_redrawn_robots_have(law, named):
+    """`test_moved_parts` compares the deviations with robots that are drawn that way."""
+    name = next(name for name in NAMES if of(law, "").law.places(robot(name).mechanism))
+    mechanism, one = robot(name).mechanism, of(law, "").law
+    place = one.places(mechanism)[0]
+    values = {q.name: 1e-4 * (index + 1) for index, q in enumerate(one.quantities_at(place, mechanism))}
+    at = {key: part.name for key, part in parts(mechanism).items()}.get(place.name, place.name)
+    deviations = {named.format(place=at, key=key): value for key, value in values.items()}
+    every = calibration_of(mechanism)
+    assert deviations.keys() <= {item.name for item in every.deviations}
+    run, same = (
+        simulator(name).run([effect])
+        for effect in (Effect(one, place, values), Effect(every, Place("robot"), deviations))
+    )
+    assert np.abs(change(run, nominal(name))).max() > 1e-6
+    assert np.abs(change(run, same)).max() < 1e-11
+
+
+def test_a_loops_end_elsewhere_is_the_deviation_that_redrawn_robots_have():
+    mechanism, law = robot("six_ups").mechanism, of(laws.LoopEndPosition, "").law
+    place = law.places(mechanism)[0]
+    values = {q.name: 1e-4 for q in law.quantities_at(place, mechanism)}
+    loop = next(loop for loop in mechanism.loops if place.name in (loop.first.name, loop.second.name))
+    deviations = {f"{loop.name}.{place.name}.{key}": value for key, value in values.items()}
+    run = simulator("six_ups").run([Effect(law, place, values)])
+    same = simulator("six_ups").run([Effect(calibration_of(mechanism), Place("robot"), deviations)])
+    assert np.abs(change(run, nominal("six_ups"))).max() > 1e-6
+    assert np.abs(change(run, same)).max() < 1e-11
+
+
+def test_a_law_at_many_places_is_the_law_at_each():
+    for name, law in (("ur5", of(laws.EveryJointCompliance, "").law), ("3prup", laws.Everywhere(laws.EncoderOffset()))):
+        mechanism = robot(name).mechanism
+        place = law.places(mechanism)[0]
+        start = law.starts(place, mechanism)[0]
+        single = law.apart(place, mechanism)
+        if single:
+            each = [of(laws.JointCompliance, *place, compliance=start[key]) for key, place in single.items()]
+        else:
+            each = [Effect(law.law, other, start) for other in law.at(place, mechanism)]
+        run, same = simulator(name).run([Effect(law, place, start)]), simulator(name).run(each)
+        assert len(each) > 1
+        assert np.abs(change(run, nominal(name))).max() > 1e-7
+        assert np.abs(change(run, same)).max() < 1e-11
 
 
 def test_friction_lets_the_beams_twist():

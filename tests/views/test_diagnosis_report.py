@@ -15,6 +15,8 @@ from prup_pin.diagnosis.diagnosis import Detectable, Finding, FittedParameter
 from prup_pin.diagnosis.efforts import EffortCurve, effort_curve_of
 from prup_pin.errors import MissingExtraError
 from prup_pin.laws.deviations import deviations_of
+from prup_pin.laws.efforts import EFFORT_LAWS
+from prup_pin.laws.efforts.inertial_parameters import InertialParameters
 from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
@@ -125,11 +127,13 @@ def test_what_has_no_effect_of_its_own_is_told_by_its_physics(diagnosed):
         found = Finding(physics, "leg1", ("leg1",), {}, 0.5, "off")
         assert len(found.remedy.split()) > 4, physics
         assert "{" not in found.remedy
-    many = Finding("coulomb_friction", "robot", ("robot", "elbow", "wrist"), {}, 0.5, "dry friction at 2 of 3 drives")
+    rubs = next(law for law in EFFORT_LAWS if law.physics == "coulomb_friction")
+    places = ("robot", "elbow", "wrist")
+    many = Finding("coulomb_friction", "robot", places, {}, 0.5, "dry friction at 2 of 3 drives", law=rubs)
     assert many.remedy.startswith("feed the friction at each of these places forward in the controller")
     assert many.at_each == ("elbow", "wrist")
-    masses = replace(many, physics="inertial_parameters")
-    assert masses.remedy.startswith("take the masses of the corrected model")
+    masses = replace(many, physics="inertial_parameters", law=None)
+    assert replace(masses, law=InertialParameters().together(())).remedy.startswith("take the masses of the corrected")
     assert replace(masses, location="elbow").remedy.startswith("weigh elbow")
     assert alternative_text(SimpleNamespace(), many) == []
     assert "look at the robot itself" in Finding("unknown", "robot", ("robot",), {}, 0.0, "left").remedy

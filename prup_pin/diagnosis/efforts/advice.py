@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...laws.efforts.all_links import AllLinks
+from ...laws.efforts import Body
 from ...mechanism.assumed import masses_in_doubt
 from ...numbers import number
 from ..diagnosis import Finding
@@ -56,7 +56,7 @@ def remarks_of(outcome: Outcome) -> list[str]:
             "the others stay as drawn"
         )
     for term in outcome.laws:
-        if isinstance(term.law, AllLinks):
+        if term.law.body is Body.ALL_LINKS:
             told = efforts.combinations(term.law)
             remarks.append(f"this motion tells nothing of {_by_link(told.silent)}: they stay as drawn")
     silent = [name for name in outcome.mechanism.actuated if name not in outcome.motion.names]

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import InputError
-from ...laws import Effect
-from ...laws.self_weight import SelfWeight
+from ...laws import LAWS, Effect
 from ...recordings import Recording
 from ...robot import Robot
 from ...simulation import as_recorded, simulate
@@ -43,10 +42,11 @@ def with_efforts_at_rest(poses: Diagnosis, robot: Robot, given: Sequence[Recordi
 
 def _held(robot: Robot, recording: Recording, effects: Sequence[Effect]) -> tuple[Mapping[str, Array], list[str]]:
     """Return what each drive holds (N,) under load and weight, and remarks; without weight where efforts are tared."""
-    found = [effect for effect in effects if effect.law.physics == SelfWeight.physics]
-    others = [effect for effect in effects if effect.law.physics != SelfWeight.physics]
+    found = [effect for effect in effects if effect.law.weighs]
+    others = [effect for effect in effects if not effect.law.weighs]
     bare = simulate(robot, recording, others).efforts
-    weight = found or [Effect(SelfWeight(), place, {"scale": 1.0}) for place in SelfWeight().places(robot.mechanism)]
+    law, mechanism = next(law for law in LAWS if law.weighs), robot.mechanism
+    weight = found or [Effect(law, place, law.starts(place, mechanism)[0]) for place in law.places(mechanism)]
     if not weight:
         return bare, []
     heavy = simulate(robot, recording, (*others, *weight)).efforts

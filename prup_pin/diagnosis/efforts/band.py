@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics import InMotion, LowPass, motion_of
+from ...dynamics.inertial import near_body
 from ...dynamics.smoothing import by_bands, pieces
 from ...errors import InputError
 from ...laws.efforts.effort_law import usual_way
-from ...laws.efforts.inertial_parameters import near_body
 from ...mechanism import Mechanism
 from ...recordings import Recording
 from ...spatial import Array

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...laws.efforts.effort_law import usual_way
-from ...laws.efforts.free_curve import variable_of
+from ...laws.efforts.variables import variable_of
 from ...spatial import Array
 from ..criteria import EFFORT_CHANCE, EFFORT_FLIPS, EFFORT_NO_MATTER
 from .columns import Whitening, autoregression, usable

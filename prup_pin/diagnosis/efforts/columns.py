@@ -18,7 +18,6 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...laws import Place
 from ...laws.efforts import EffortLaw
-from ...laws.efforts.free_curve import FreeCurve
 from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK
@@ -48,7 +47,7 @@ class EffortCandidate:
     @property
     def is_of_time(self) -> bool:
         """Whether it is a curve over this recording's time, which another one does not have."""
-        return isinstance(self.law, FreeCurve) and self.law.variable == "time"
+        return not self.law.lasts
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,4 +324,4 @@ class Gathered:
 
     def without_curves(self) -> Gathered:
         """Return the same columns with the laws of the library alone as candidates."""
-        return self.only([candidate for candidate in self.candidates if candidate.law.physics != "unknown"])
+        return self.only([candidate for candidate in self.candidates if not candidate.law.is_curve])

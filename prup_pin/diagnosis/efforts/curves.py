@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...laws.efforts.free_curve import VARIABLES, FreeCurve, variable_of
+from ...laws.efforts.variables import VARIABLES, variable_of
 from ...spatial import Array
 from .columns import EffortCandidate
-from .diagnosis import AGAINST, EffortCurve
+from .diagnosis import EffortCurve
 from .outcome import Outcome
 
 __all__ = ["curves_of"]
@@ -25,19 +25,14 @@ def curves_of(outcome: Outcome) -> Iterator[EffortCurve]:
     full = efforts.filter(efforts.added(outcome.named, outcome.x_named))[every]
     left = (efforts.measured[every] - efforts.rigid[every] - full) * outcome.scale
     for term in (*outcome.laws, *outcome.free):
-        joint, curve = term.place.name, isinstance(term.law, FreeCurve)
-        variable = term.law.variable if isinstance(term.law, FreeCurve) else AGAINST.get(term.law.physics)
-        if variable is None or joint not in outcome.at.driven:
+        joint, curve, variable = term.place.name, term.law.is_curve, term.law.against
+        if not variable or joint not in outcome.at.driven:
             continue
         column = outcome.at.driven.index(joint)
         good = efforts.good[:, column]
         same = [] if term.is_of_time else [term]
         if not curve:
-            same = [
-                other
-                for other in outcome.laws
-                if other.place.name == joint and AGAINST.get(other.law.physics) == variable
-            ]
+            same = [other for other in outcome.laws if other.place.name == joint and other.law.against == variable]
             if same[0] is not term:
                 continue  # drawn once, together
         own = np.zeros(len(left))

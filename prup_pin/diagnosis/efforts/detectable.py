@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...laws.efforts import EFFORT_LAWS
 from ..chances import chi2_isf
 from ..diagnosis import Detectable
 from .outcome import Outcome
@@ -22,8 +23,8 @@ def efforts_not_detectable(outcome: Outcome) -> Iterator[Detectable]:
     at_rest = [name for name in outcome.at.driven if not outcome.at.moves(name)]
     for name in at_rest:
         reason = f"{name} stood still"
-        for physics, parameter in (("coulomb_friction", "limit"), ("viscous_friction", "damping")):
-            yield Detectable(physics, name, parameter, None, "", reason)
+        for law in (law for law in EFFORT_LAWS if law.everywhere and law.of_motion):
+            yield Detectable(law.physics, name, law.linear[0], None, "", reason)
     seen: set[tuple[str, str]] = set()
     rest = outcome.efforts.free_size(given, outcome.named)
     for score in pull_scores:

@@ -11,7 +11,6 @@ import numpy as np
 
 from ...dynamics import InMotion
 from ...errors import InputError
-from ...laws.efforts.free_curve import FreeCurve
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -101,7 +100,7 @@ def _outcome(
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
     doubts, efforts, given, chosen = searched_by(gains, (0.1, 0.7))
-    if gains is not None and any(term.law.physics == "effort_gain" for term in chosen.terms):
+    if gains is not None and any(term.law.of_gain for term in chosen.terms):
         # laws that take gains back: one gain and a delay look a little like many gains
         with suppress(InputError):
             plain = searched_by(None, (0.7, 0.75))
@@ -197,16 +196,14 @@ def _with_curves(
         here = _cost(given, chosen)
         shape = here - _cost(given, chosen.with_term(curve))
         for term in chosen.terms:
-            if isinstance(term.law, FreeCurve) or term.place.name != curve.place.name or curve.is_of_time:
+            if term.law.is_curve or term.place.name != curve.place.name or curve.is_of_time:
                 continue  # what changes with time is still what it is
             own = _cost(given, chosen.without(term)) - here
             if term.law.by_shape or shape > EFFORT_IMITATED * own:
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in chosen.terms if term.place.name != curve.place.name] + imitating
-        chosen = pruned(
-            given, chosen.with_term(curve), [term for term in doubtful if not isinstance(term.law, FreeCurve)]
-        )
+        chosen = pruned(given, chosen.with_term(curve), [term for term in doubtful if not term.law.is_curve])
     return given, chosen, free, imitating
 
 

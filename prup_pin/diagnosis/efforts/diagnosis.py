@@ -8,22 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...laws import Effect
-from ...laws.efforts import EffortLaw
+from ...laws.efforts import EFFORT_LAWS, EffortLaw
 from ...spatial import Array
 from ..diagnosis import Detectable, Finding, named_in
 
-__all__ = ["AGAINST", "EffortCurve", "EffortDiagnosis", "effort_curve_of"]
-
-
-#: What a word's effort is drawn against.
-AGAINST = {
-    "viscous_friction": "speed",
-    "coulomb_friction": "speed",
-    "stribeck_friction": "speed",
-    "counterbalance": "position",
-    "cogging": "position",
-    "effort_gain": "load",
-}
+__all__ = ["EffortCurve", "EffortDiagnosis", "effort_curve_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +84,10 @@ def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> Effort
     """Return what the efforts ask for at a finding's joint, against what drives it; None where nothing was drawn."""
     if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
         return None
-    against, unknown = AGAINST.get(finding.physics), finding.physics == "unknown"
-    if against is None and not unknown:
+    against = {law.against for law in EFFORT_LAWS if law.physics == finding.physics and law.against}
+    unknown = finding.physics == "unknown"
+    if not against and not unknown:
         return None
     # beside what no law gives, a joint may have a law of its own, whose curve is another finding's
     here = [curve for curve in efforts.curves if curve.joint == finding.location and (curve.law is None) == unknown]
-    return next((curve for curve in here if against in (None, curve.against)), None)
+    return next((curve for curve in here if not against or curve.against in against), None)

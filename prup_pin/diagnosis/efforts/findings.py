@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ...dynamics import INERTIAL
-from ...laws.efforts.all_links import AllLinks
-from ...laws.efforts.inertial_parameters import InertialParameters
+from ...laws.efforts import Body
 from ...numbers import number
 from ...spatial import Array
 from ..chances import student_isf, student_ppf
@@ -22,6 +21,7 @@ from ..diagnosis import Finding, FittedParameter
 from .beside import Beside
 from .chosen import fit
 from .columns import EffortCandidate
+from .gains import law_of_gains
 from .likelier import is_body
 from .outcome import Outcome
 from .relief import squared_strain
@@ -73,15 +73,16 @@ def _of_kind(outcome: Outcome, terms: Sequence[EffortCandidate]) -> Finding:
             f"{law.summary} at {len(joints)} of {len(outcome.at.driven)} drives, those known best first: "
             + ", ".join(f"{name} {size}" for _, name, size, _ in table)
         ),
+        law=law,
     )
 
 
 def _law_found(outcome: Outcome, term: EffortCandidate) -> Finding:
     """Return the finding of a law: what it saves, its parameters, and what would explain as much."""
-    if isinstance(term.law, AllLinks):
-        return _of_all_links(outcome, term, term.law)
+    if term.law.body is Body.ALL_LINKS:
+        return _of_all_links(outcome, term)
     values = term.law.fitted(term.place, outcome.x_named[outcome.named.own(term)], term.values)
-    effect = outcome.effect(term, values)
+    effect = outcome.effect(term.law, term.place, values)
     rest = outcome.named.without(term)
     without = held_out(outcome.given, rest)
     left, before = (
@@ -90,21 +91,15 @@ def _law_found(outcome: Outcome, term: EffortCandidate) -> Finding:
     )
     gain = float(np.clip(1 - left / max(before, np.finfo(float).tiny), 0.0, 1.0))
     places, laws = rivals_of(outcome, term, without)
-    parameters, statement = _parameters(outcome, term, values), effect.statement(outcome.mechanism)
-    if isinstance(term.law, InertialParameters):
-        low, high = parameters["mass"].interval
-        if low <= 0 <= high:
-            statement = (
-                f"{term.place.name} has another centre or inertia than in the robot file; of its mass this motion "
-                "tells nothing"
-            )
+    parameters = _parameters(outcome, term, values)
+    intervals = {name: item.interval for name, item in parameters.items()}
     return Finding(
         physics=term.law.physics,
         location=term.place.name,
         candidates=tuple(dict.fromkeys((term.place.name, *places))),
         parameters=parameters,
         heldout_gain=gain,
-        statement=statement,
+        statement=term.law.told(term.place, effect.values, intervals, outcome.mechanism),
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
     )
@@ -124,7 +119,7 @@ def gains_found(outcome: Outcome) -> Iterator[Finding]:
         f"{name} {number(float(g), 3)} per {unit[name]}" for name, g in zip(outcome.at.driven, gains, strict=True)
     )
     yield Finding(
-        physics="effort_gain",
+        physics=law_of_gains().physics,
         location="robot",
         candidates=("robot", *outcome.at.driven),
         parameters=parameters,
@@ -144,15 +139,16 @@ def _saved_by_gains(outcome: Outcome) -> float:
     return float(np.clip(1 - left / max(told, np.finfo(float).tiny), 0.0, 1.0))
 
 
-def _of_all_links(outcome: Outcome, term: EffortCandidate, law: AllLinks) -> Finding:
+def _of_all_links(outcome: Outcome, term: EffortCandidate) -> Finding:
     """Return what the motion tells of all links' masses: the combinations that are not those of the robot file."""
+    law, links = term.law, term.law.same_places(term.place, outcome.mechanism)
     told = outcome.efforts.combinations(law)
     _, covariance, degrees = outcome.scatter
     own = outcome.named.own(term)
     change = told.matrix @ outcome.x_named[own]
     deviation = np.sqrt(np.maximum(np.diag(told.matrix @ covariance[own, own] @ told.matrix.T), 0.0))
     model = outcome.mechanism.model
-    bodies = [outcome.mechanism.frame(link.name).joint for link in law.links]
+    bodies = [outcome.mechanism.frame(link).joint for link in links]
     drawn = told.matrix @ np.concatenate([model.inertias[body].toDynamicParameters() for body in bodies])
     sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
     # one of so many that may differ by chance
@@ -171,7 +167,7 @@ def _of_all_links(outcome: Outcome, term: EffortCandidate, law: AllLinks) -> Fin
     return Finding(
         physics=law.physics,
         location="robot",
-        candidates=("robot", *(link.name for link in law.links)),
+        candidates=("robot", *links),
         parameters=parameters,
         heldout_gain=float(np.clip(1 - outcome.held.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0)),
         statement=(
@@ -179,14 +175,14 @@ def _of_all_links(outcome: Outcome, term: EffortCandidate, law: AllLinks) -> Fin
             f"combinations that this motion tells, {len(differ)} are surely others"
             f"{_alone_of_all(outcome, term, without)}"
         ),
+        law=law,
     )
 
 
 def _alone_of_all(outcome: Outcome, term: EffortCandidate, without: Array) -> str:
     """Return what one body alone would take away of what all links do, in words, where that is most of it."""
     rest, gain = outcome.named.without(term), float((without - outcome.held).sum())
-    single = [other for other in outcome.given.candidates if is_body(other) and other is not term]
-    single = [other for other in single if not isinstance(other.law, AllLinks)]
+    single = [other for other in outcome.given.candidates if is_body(other)]
     if not single:
         return ""
     saved_by = (without - Beside(outcome.given, rest).with_each(single)).sum(axis=1)
@@ -246,7 +242,7 @@ def beyond_found(outcome: Outcome) -> Iterator[Finding]:
         value = base.nominal + amount * base.tolerance
         reach = student_ppf(0.975, degrees) * spread * base.tolerance
         yield Finding(
-            physics=base.physics,
+            physics=base.law.physics,
             location=base.place,
             candidates=(base.place,),
             parameters={base.name: FittedParameter(value, base.unit, (value - reach, value + reach))},

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics import InMotion
-from ...laws.efforts.effort_law import usual_way
-from ...laws.efforts.transmission_coupling import TransmissionCoupling
+from ...laws.efforts import EFFORT_LAWS, EffortLaw
+from ...laws.efforts.effort_law import motor_pairs, usual_way
 from ...spatial import Array
 from ..criteria import (
     EFFORT_FEWEST,
@@ -28,7 +28,7 @@ from ..criteria import (
 )
 from .columns import column_blocks, kept_samples
 
-__all__ = ["Gains", "gains_of", "in_newtons"]
+__all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains"]
 
 #: Samples that are looked at, and steps of Newton's method.
 _SAMPLES, _STEPS = 6000, 60
@@ -67,6 +67,11 @@ class _Products:
         """Return sums over all blocks but one."""
         kept = [b for b in range(self.power.shape[1]) if b != block]
         return self.columns[:, kept].sum(axis=1), self.moment[:, kept].sum(axis=1), self.power[:, kept].sum(axis=1)
+
+
+def law_of_gains() -> EffortLaw:
+    """Return the law of a drive that reports in a unit of its own, which no other law competes with."""
+    return next(law for law in EFFORT_LAWS if law.of_gain and not law.competes)
 
 
 def in_newtons(at: InMotion, gains: Array) -> InMotion:
@@ -186,9 +191,8 @@ def _own(at: InMotion, joint: str) -> Array:
 
 def _coupled(at: InMotion, joint: str) -> list[str]:
     """Return the joints whose motors a joint may feel."""
-    law = TransmissionCoupling()
-    here = [place for place in law.places(at.mechanism) if place.name == joint and law.acts(place, at)]
-    return [other for place in here for other in law.same_places(place, at.mechanism)]
+    seen = {name for name in at.driven if at.moves(name)}
+    return [other for name, other in motor_pairs(at.mechanism) if name == joint and {name, other} <= seen]
 
 
 def _start(products: _Products, drawn: Array) -> Array | None:

@@ -9,17 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from ...dynamics import INERTIAL, InMotion
+from ...dynamics import InMotion
 from ...dynamics.smoothing import Band, pieces
-from ...laws import Effect, Place
-from ...laws.efforts import EFFORT_LAWS, EffortLaw
-from ...laws.efforts.all_links import AllLinks
+from ...laws import Place
+from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, Body, EffortLaw
+from ...laws.efforts.deviations import effort_deviations, name_of_body
 from ...laws.efforts.effort_law import usual_way
-from ...laws.efforts.effort_sensor import EffortGain, EffortOffset
-from ...laws.efforts.encoder import DelayedEncoder, OffsetEncoder
-from ...laws.efforts.free_curve import CURVES, FreeCurve
-from ...laws.efforts.inertial_parameters import InertialParameters
-from ...mechanism import Mechanism
 from ...spatial import Array
 from ..criteria import AR_ORDER, EFFORT_INDISTINCT, EFFORT_SURE, EFFORT_TOLD
 from .beside import Beside
@@ -41,12 +36,10 @@ from .search import pulls, worth
 from .stretches import Outlying, outlying
 from .width import learned_precisions
 
-__all__ = ["Base", "Efforts"]
+__all__ = ["Efforts"]
 
 #: A law at a place, what is scanned, and its columns.
 _Seen = tuple[EffortLaw, Place, Mapping[str, float], ByJoint]
-#: Curves that stand for what no law explains when noise is told from it.
-_ROUGH = tuple(curve for curve in CURVES if curve.friction)
 #: Farthest that the logarithm of a scanned value is moved at a time, and squares of white noise that settle it.
 _FARTHEST, _SETTLED = 2.0, 0.5
 #: Logarithm of a scanned value over the best one beyond which data do not end it.
@@ -55,21 +48,6 @@ _NEVER = 7.0
 _PERIODS = 1.5
 #: Samples whose regressors are multiplied at a time.
 _AT_ONCE = 4096
-
-
-@dataclass(frozen=True, eq=False)
-class Base:
-    """A parameter within a tolerance: what one of its tolerances adds, (N, k)."""
-
-    name: str
-    kind: str
-    physics: str
-    place: str
-    nominal: float
-    tolerance: float
-    unit: str
-    efforts: Array
-    inertial: Array | None = None  # (10,) of its body, per tolerance
 
 
 class Efforts:
@@ -91,7 +69,7 @@ class Efforts:
         self.measured = self.filter(motion.efforts)
         self.rigid = self.filter(at.rigid)
         self.good = self._good()
-        self.bases = _bases(at, tolerances)
+        self.bases = effort_deviations(at, tolerances)
         self._fixed: list[_Seen] = []
         self._moving: list[tuple[EffortLaw, Place]] = []
         for law in EFFORT_LAWS:
@@ -150,7 +128,7 @@ class Efforts:
         given = self._gathered(plain)
         _, more = self._beside(given.columns, plain, self._ahead())
         given = self._given(given.columns, given.candidates, np.concatenate((given.prior, more)))
-        given, _ = self.with_curves(given, plain, _ROUGH)
+        given, _ = self.with_curves(given, plain, ROUGH_CURVES)
         everything = Chosen(tuple(range(given.columns.size)))
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         scale = np.diag(given.columns.total)
@@ -170,7 +148,7 @@ class Efforts:
         """Yield what late encoders may add before any law is known: with bodies alone, and with dry friction too."""
         nothing = np.zeros_like(self.at.rigid)
         for law, place in self._moving:
-            if not (isinstance(law, DelayedEncoder) and place.name in self.at.driven):
+            if not (law.told_from_noise and place.name in self.at.driven):
                 continue
             dry = self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name)))
             for known in (nothing, dry):
@@ -237,18 +215,17 @@ class Efforts:
         return self.renewed(given, Chosen(()))[0]
 
     def with_curves(
-        self, given: Gathered, whitening: Whitening | None = None, tried: Sequence[FreeCurve] = CURVES
+        self, given: Gathered, whitening: Whitening | None = None, tried: Sequence[EffortLaw] = CURVES
     ) -> tuple[Gathered, list[EffortCandidate]]:
         """Return the columns with those of curves of no law beside them, and these."""
-        there = [candidate for candidate in given.candidates if isinstance(candidate.law, FreeCurve)]
+        there = [candidate for candidate in given.candidates if candidate.law.is_curve]
         if there:
             return given, there
         curves: Iterable[_Seen] = (
             (law, place, knots, self.seen(law.efforts_per(place, knots, self.at)))
             for law in tried
             for place in law.places(self.at.mechanism)
-            if law.acts(place, self.at)
-            and not ((law.friction or law.variable in ("speed", "time")) and self.at.motion.standing)
+            if law.acts(place, self.at) and not (law.of_motion and self.at.motion.standing)
             for knots in law.scanned(place, self.at)
         )
         new, _ = self._beside(given.columns, whitening or self.whitening, curves)
@@ -275,7 +252,7 @@ class Efforts:
 
         places = columns.add(whitened())
         candidates = [EffortCandidate(*law, where) for law, where in zip(laws, places, strict=True)]
-        priors = [self._prior(law, place) for law, place, _ in laws if not isinstance(law, FreeCurve)]
+        priors = [self._prior(law, place) for law, place, _ in laws if not law.is_curve]
         return candidates, [value for prior in priors for value in prior]
 
     def added(self, chosen: Chosen, x: Array) -> Array:
@@ -334,29 +311,14 @@ class Efforts:
     def bodies_within_tolerance(self) -> list[tuple[int, Array] | None]:
         """The joint and the parameters (10,) of its body, by one tolerance, of each base; None of those of no body."""
         mechanism = self.at.mechanism
-        joints = {_body(mechanism, joint.id): joint.id for joint in mechanism.joints}
+        joints = {name_of_body(mechanism, joint.id): joint.id for joint in mechanism.joints}
         return [None if base.inertial is None else (joints[base.place], base.inertial) for base in self.bases]
 
-    def combinations(self, law: AllLinks) -> Combinations:
+    def combinations(self, law: EffortLaw) -> Combinations:
         """Return which combinations of all links' inertial parameters the motion tells."""
         return Combinations.of(
             law.efforts_per(Place(""), {}, self.at)[self.every].reshape(-1, len(law.linear)), law.linear
         )
-
-    def within_tolerance(self, amounts: Array) -> list[Effect]:
-        """Return the parameters within tolerance as effects of a corrected model, by amounts in tolerances."""
-        inertial: dict[str, Array] = {}
-        out: list[Effect] = []
-        for base, amount in zip(self.bases, amounts, strict=True):
-            if base.inertial is not None:
-                inertial[base.place] = inertial.get(base.place, np.zeros(10)) + amount * base.inertial
-                continue
-            law, name = _OF_KIND[base.kind]
-            out.append(Effect(law, Place(base.place, law.variant), {name: float(amount * base.tolerance)}))
-        law = InertialParameters()
-        for link, change in inertial.items():
-            out.append(Effect(law, Place(link, law.variant), dict(zip(INERTIAL, map(float, change), strict=True))))
-        return out
 
     def _gathered(self, whitening: Whitening) -> Gathered:
         target = np.nan_to_num(self.measured - self.rigid)[self.every]
@@ -367,21 +329,19 @@ class Efforts:
             columns.add(whitening(self.seen(base.efforts[..., None])) for base in self.bases)
         candidates, more = self._beside(columns, whitening, self._fixed)
         prior += more
-        links = [candidate for candidate in candidates if isinstance(candidate.law, InertialParameters)]
-        if len(links) > 1:
-            law = AllLinks(tuple(candidate.place for candidate in links))
-            place = law.places(self.at.mechanism)[0]
-            candidates.append(EffortCandidate(law, place, {}, slice(links[0].where.start, links[-1].where.stop)))
+        for law in EFFORT_LAWS:
+            single = [candidate for candidate in candidates if candidate.law is law]
+            every = law.together([candidate.place for candidate in single])
+            if len(single) > 1 and every is not None:
+                where = slice(single[0].where.start, single[-1].where.stop)
+                candidates.append(EffortCandidate(every, every.places(self.at.mechanism)[0], {}, where))
         self._own_size = columns.size
         return self._given(columns, tuple(candidates), np.array(prior))
 
     def _given(self, columns: Columns, candidates: Sequence[EffortCandidate], prior: Array) -> Gathered:
         links = {index: base.place for index, base in enumerate(self.bases) if base.inertial is not None}
-        bodies = {
-            c.where.start: c.law.covariance_inverse(c.place, self.at.mechanism) * self._narrower
-            for c in candidates
-            if isinstance(c.law, InertialParameters)
-        }
+        own = ((c.where.start, c.law.covariance_inverse(c.place, self.at.mechanism)) for c in candidates)
+        bodies = {first: block * self._narrower for first, block in own if block is not None}
         return Gathered(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
 
     def with_learned_widths(self, given: Gathered, chosen: Chosen) -> tuple[Efforts, Gathered]:
@@ -396,7 +356,7 @@ class Efforts:
             shown = given.columns.touched[term.where].any(axis=0)  # a passive joint's at the drives that move it
             if not (chosen.stays(term) and shown.any()):
                 continue
-            if isinstance(term.law, AllLinks):
+            if term.law.body:
                 block = given.precision(range(term.where.start, term.where.stop))
             else:
                 power = max(float(powers[shown].sum()), np.finfo(float).tiny)
@@ -406,8 +366,9 @@ class Efforts:
             before, together = kinds.get(term.law.physics, (np.zeros(0, int), np.zeros((0, 0))))
             kinds[term.law.physics] = np.append(before, own), block_diag(together, block)
         precisions = learned_precisions(given, chosen, kinds)
+        weighed = {term.law.physics for term in chosen.terms if term.law.body}
         other = copy(self)
-        other._narrower = precisions.get(InertialParameters.physics, 1.0)
+        other._narrower = next((precisions[name] for name in kinds if name in weighed), 1.0)
         other._learned = {name: precisions[name[0]] * own for name, own in usual.items()}
         prior = given.prior.copy()
         for candidate in given.candidates:
@@ -572,7 +533,7 @@ class Efforts:
     def start(self, given: Gathered | None = None) -> Chosen:
         """Return what is there before any law: parameters within tolerance, and the masses of all links of `given`."""
         candidates = () if given is None else given.candidates
-        every = [candidate for candidate in candidates if isinstance(candidate.law, AllLinks)]
+        every = [candidate for candidate in candidates if candidate.law.body is Body.ALL_LINKS]
         return Chosen(tuple(range(len(self.bases))), tuple(every))
 
     def background(self, given: Gathered, start: Chosen) -> Chosen:
@@ -581,7 +542,7 @@ class Efforts:
         common = [
             candidate
             for candidate in given.candidates
-            if candidate.law.everywhere and not (isinstance(candidate.law, AllLinks) and (weighed or start.terms))
+            if candidate.law.everywhere and not (candidate.law.body and (weighed or start.terms))
         ]
         return Chosen(start.base, (*start.terms, *common), background=True)
 
@@ -640,67 +601,3 @@ class _Left:
             pull[which] += values.T @ self._left[:, joint]
         rest = matrix - cross.T @ self._normal.solve(cross)
         return float(pull @ Normal.of(rest, np.diag(matrix), EFFORT_INDISTINCT).solve(pull))
-
-
-#: The law and parameter that stand for a tolerance of a kind.
-_OF_KIND: Mapping[str, tuple[EffortLaw, str]] = {
-    "effort_bias": (EffortOffset(), "offset"),
-    "effort_gain": (EffortGain(), "gain"),
-    "encoder_offset": (OffsetEncoder(), "offset"),
-}
-
-
-def _second(c: Array) -> Array:
-    """Return the moments of inertia of one kilogram at c (3,) [m^2], (6,), in the order of `INERTIAL`."""
-    moved = c @ c * np.eye(3) - np.outer(c, c)
-    return np.array([moved[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
-
-
-def _body(mechanism: Mechanism, joint: int) -> str:
-    """Return the name of a joint's body, where its inertial parameters stand."""
-    return mechanism.bodies.get(joint, str(mechanism.model.names[joint]))
-
-
-def _bases(at: InMotion, tolerances: Mapping[str, float]) -> list[Base]:
-    """Return the parameters that tolerances let be a little off, each with what one tolerance adds."""
-    mechanism, out = at.mechanism, []
-    for each in mechanism.links if tolerances.get("mass") else ():
-        size, name = tolerances["mass"], f"{each.name}.mass"
-        own = size * np.concatenate(([each.mass], each.mass * each.lever, each.mass * _second(each.lever)))
-        efforts = at.regressor[:, :, each.joint - 1] @ own
-        spread, place = size * each.mass, _body(mechanism, each.joint)
-        out.append(Base(name, "mass", "inertial_parameters", place, each.mass, spread, "kg", efforts, own))
-    for joint in mechanism.joints:
-        inertia = mechanism.model.inertias[joint.id]
-        link = _body(mechanism, joint.id)
-        if not inertia.mass > 0:
-            continue
-        drawn = inertia.toDynamicParameters()
-        central = np.zeros(10)
-        central[4:] = drawn[4:] - inertia.mass * _second(np.array(inertia.lever))
-        body = at.regressor[:, :, joint.id - 1]
-        if size := tolerances.get("inertia", 0.0):
-            for index, name in enumerate(INERTIAL[4:], start=4):
-                if abs(central[index]) > 0:
-                    spread = size * abs(central[index])
-                    efforts = body[:, :, index] * spread
-                    own = np.zeros(10)
-                    own[index] = spread
-                    label, unit = f"{link}.{name}", "kg m^2"
-                    physics = "inertial_parameters"
-                    out.append(Base(label, "inertia", physics, link, central[index], spread, unit, efforts, own))
-    for column, name in enumerate(at.driven):
-        unit = "N" if mechanism.joint(name).slides else "N m"
-        if size := tolerances.get("effort_bias", 0.0):
-            own = np.zeros_like(at.rigid)
-            own[:, column] = size
-            out.append(Base(f"{name}.effort_bias", "effort_bias", "effort_offset", name, 0.0, size, unit, own))
-        if size := tolerances.get("effort_gain", 0.0):
-            own = np.zeros_like(at.rigid)
-            own[:, column] = size * at.rigid[:, column]
-            out.append(Base(f"{name}.effort_gain", "effort_gain", "effort_gain", name, 0.0, size, "", own))
-        if (size := tolerances.get("encoder_offset", 0.0)) and name in at.motion.names:
-            unit = "m" if mechanism.joint(name).slides else "rad"
-            own = size * at.displaced(name)
-            out.append(Base(f"{name}.encoder_offset", "encoder_offset", "encoder_offset", name, 0.0, size, unit, own))
-    return [base for base in out if np.abs(base.efforts).max(initial=0.0) > 0]

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...laws.efforts.all_links import AllLinks
-from ...laws.efforts.free_curve import FreeCurve
-from ...laws.efforts.inertial_parameters import InertialParameters, ScaledInertia
+from ...laws.efforts import Body, EffortLaw
 from ...spatial import Array
 from ..criteria import EFFORT_GAIN, EFFORT_INDISTINCT, EFFORT_LIKELIER, EFFORT_SURE
 from .beside import Beside
@@ -39,7 +37,7 @@ def likelier(given: Gathered, chosen: Chosen) -> Chosen:
             chosen = _likelier(given, chosen, term)
     if any(new is not old for new, old in zip(chosen.terms, before, strict=True)):
         for term in reversed(chosen.terms):
-            doubtful = not isinstance(term.law, AllLinks | FreeCurve) and not chosen.stays(term)
+            doubtful = _has_rivals(term.law) and not chosen.stays(term)
             if doubtful and not _is_asked_for(given, chosen.without(term), term):
                 chosen = chosen.without(term)
     return chosen.of(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known))
@@ -69,14 +67,14 @@ def _likelier(given: Gathered, chosen: Chosen, term: EffortCandidate) -> Chosen:
 
 def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[EffortCandidate, float, float]]:
     """Return other laws in a term's place, the logarithm of how much likelier each is, and what more it saves."""
-    if isinstance(term.law, AllLinks | FreeCurve):
+    if not _has_rivals(term.law):
         return []
     rest = chosen.without(term)
     _, left, pull = pulls(given, rest)
     rivals = [
         other
         for other in given.candidates
-        if not isinstance(other.law, AllLinks | FreeCurve)
+        if _has_rivals(other.law)
         and other is not term
         and other.law.looked_at == 1.0
         and ((is_body(other) and is_body(term)) or not _same_thing(term, other))
@@ -107,9 +105,14 @@ def _is_asked_for(given: Gathered, rest: Chosen, term: EffortCandidate) -> bool:
     return _weight(basis, pull, term, apart)[0] > EFFORT_LIKELIER
 
 
+def _has_rivals(law: EffortLaw) -> bool:
+    """Return whether a law has others in its place: all links at once have none, nor has a curve of no law."""
+    return not law.is_curve and law.body is not Body.ALL_LINKS
+
+
 def is_body(term: EffortCandidate) -> bool:
     """Return whether a law is one body's parameters: the tool's load, or another link."""
-    return term.law.physics in ("inertial_parameters", "payload")
+    return term.law.body in (Body.LINK, Body.SCALED_LINK, Body.HELD)
 
 
 def _same_thing(term: EffortCandidate, other: EffortCandidate) -> bool:
@@ -158,7 +161,7 @@ def _among_bodies(
     """Return the logarithm of how likely the efforts are by each of some bodies, by its id."""
     mechanism = given.mechanism
     information, asked = (left - given.precision()) / apart, pull / apart
-    every = [other for other in given.candidates if isinstance(other.law, InertialParameters)]
+    every = [other for other in given.candidates if other.law.body is Body.LINK]
     out: dict[int, float] = {}
     links: dict[int, tuple[float, float]] = {}
     for other in every:
@@ -166,12 +169,12 @@ def _among_bodies(
         links[joint] = other_link(mechanism, joint, len(every), information[own, own], asked[own])
     for other in bodies:
         own = other.where
-        if other.law.physics == "payload":
+        if other.law.body is Body.HELD:
             out[id(other)] = held_body(mechanism, information[own, own], asked[own])
             continue
         whole, proportion = links.get(mechanism.frame(other.place.name).joint, (-np.inf, -np.inf))
         plain = proportion > whole - EFFORT_LIKELIER
-        if isinstance(other.law, ScaledInertia):
+        if other.law.body is Body.SCALED_LINK:
             out[id(other)] = whole if plain else proportion
         else:
             out[id(other)] = np.nextafter(whole, -np.inf) if plain else whole

@@ -8,9 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ...dynamics import Motion
-from ...laws import Effect
-from ...laws.efforts.free_curve import FreeCurve
-from ...laws.efforts.inertial_parameters import InertialParameters, is_impossible
+from ...laws import Effect, Law, Place
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
@@ -63,7 +61,7 @@ class Outcome:
         self.motion: Motion = efforts.at.motion
         # what the corrected model holds: another recording has its own time
         self.named = chosen.of(term for term in chosen.terms if not term.is_of_time)
-        kept = [term for term in surely(given, self.named).terms if not isinstance(term.law, FreeCurve)]
+        kept = [term for term in surely(given, self.named).terms if not term.law.is_curve]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, self._apart, self.matrix_named = self._coefficients()
         # what cannot be negative may be nothing in the end
@@ -94,7 +92,7 @@ class Outcome:
 
     def _no_bodies(self, x: Array) -> list[EffortCandidate]:
         """Return links whose parameters no body has, by a free fit (p,): they imitate what else is there."""
-        bodies = [term for term in self.laws if isinstance(term.law, InertialParameters)]
+        bodies = [term for term in self.laws if term.law.body]
         if not bodies:
             return []
         _, covariance, _ = self.scatter
@@ -103,7 +101,7 @@ class Outcome:
         return [
             term
             for term, at in zip(bodies, own, strict=True)
-            if is_impossible(term.place.name, x[at], reach[at], self.mechanism)
+            if term.law.impossible(term.place, x[at], reach[at], self.mechanism)
         ]
 
     def _stands_for_one(self, term: EffortCandidate) -> bool:
@@ -133,7 +131,6 @@ class Outcome:
         """Return the joint that carries a link."""
         return str(self.mechanism.model.names[self.mechanism.frame(link).joint])
 
-    def effect(self, term: EffortCandidate, values: Mapping[str, float]) -> Effect:
-        """Return a term's law with its parameters' values, as a simulation takes it."""
-        kept = {q.name: float(values[q.name]) for q in term.law.quantities_at(term.place, self.mechanism)}
-        return Effect(term.law, term.place, kept)
+    def effect(self, law: Law, place: Place, values: Mapping[str, float]) -> Effect:
+        """Return a law at a place with its parameters' values, of those given, as a simulation takes it."""
+        return Effect(law, place, {q.name: float(values[q.name]) for q in law.quantities_at(place, self.mechanism)})

@@ -13,9 +13,8 @@ from itertools import combinations
 
 import numpy as np
 
-from ...dynamics import InMotion, Motion
+from ...dynamics import InMotion, Motion, could_be_gravity
 from ...errors import InputError
-from ...laws.efforts.mounting import Mounting
 from ...numbers import number
 from ...recordings.columns import LARGEST_NUMBER
 from ...spatial import Array
@@ -145,18 +144,17 @@ def _left(motion: Motion, efforts: Array, rigid: Array) -> float:
 
 def _left_hung(at: InMotion, rows: np.ndarray, motion: Motion, efforts: Array) -> float:
     """Return the same of efforts (n, k) at some `rows` where gravity may pull any way, as strong as it is."""
-    law = Mounting()
-    places, table, values = law.places(at.mechanism), [], []
-    if not places:
+    if not at.mechanism.gravity.any():
         return np.inf
-    rigid, pulled = at.rigid[rows], law.efforts_per(places[0], {}, at)[rows]
+    table, values = [], []
+    rigid, pulled = at.rigid[rows], np.stack([at.rigid_under(axis)[rows] for axis in np.eye(3)], axis=-1)
     for column, name in enumerate(motion.driven):
         size = float(np.linalg.norm(efforts[:, column]))
         if size > 0:
             table.append(_freed(motion, name, pulled[:, column]) / size)
             values.append(_freed(motion, name, efforts[:, column] - rigid[:, column]) / size)
     more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
-    if not law.plausible(places[0], dict(zip(law.linear, map(float, more), strict=True)), at.mechanism):
+    if not could_be_gravity(at.mechanism.gravity + more, at.mechanism):
         return np.inf
     shares = [float(((value - own @ more) ** 2).sum()) for own, value in zip(table, values, strict=True)]
     return float(np.sqrt(np.mean(shares)))

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import gammaincc
 
-from ...laws.efforts.all_links import AllLinks
+from ...laws.efforts import Body
 from ...spatial import Array
 from ..criteria import (
     EFFORT_CHANCE,
@@ -52,6 +52,8 @@ __all__ = [
 _TRIED = 24
 #: Joints with the same law from which it is a kind of the robot's, where they are half of its drives.
 _FEWEST_OF_KIND = 3
+#: A link that is not as drawn.
+_ONE_LINK = (Body.LINK, Body.SCALED_LINK)
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
 
@@ -300,7 +302,7 @@ def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
     Several that are not as drawn say that the robot is another one than was drawn: the others are not to be taken on
     trust then. What this motion hardly tells of them another one may ask for.
     """
-    every = next((c for c in given.candidates if isinstance(c.law, AllLinks)), None)
+    every = next((c for c in given.candidates if c.law.body is Body.ALL_LINKS), None)
     if every is None or every in chosen.terms or len(_others(given, chosen)) < 2:
         return chosen
     tried = chosen.of((*(term for term in chosen.terms if not replaces(every, term)), every))
@@ -318,8 +320,7 @@ def _one_would_do(given: Gathered, chosen: Chosen, left: Array) -> bool:
         score
         for score in scores(given, chosen)[0]
         if score.possible
-        and score.candidate.law.family != "link"
-        and not isinstance(score.candidate.law, AllLinks)
+        and score.candidate.law.body not in (*_ONE_LINK, Body.ALL_LINKS)
         and not any(excluded(term, score.candidate) for term in chosen.terms)
     ]
     plain = sorted(plain, key=lambda score: -score.gain)[:_TRIED]
@@ -339,15 +340,15 @@ def _others(given: Gathered, chosen: Chosen) -> set[str]:
     beyond = {
         given.links[i] for i, amount in zip(chosen.base, x, strict=False) if i in given.links and abs(amount) > limit
     }
-    return beyond | {term.place.name for term in chosen.terms if term.law.family == "link"}
+    return beyond | {term.place.name for term in chosen.terms if term.law.body in _ONE_LINK}
 
 
 def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
     """Return what is chosen with one body in the place of all links, where that is as good as can be told."""
-    every = next((term for term in chosen.terms if isinstance(term.law, AllLinks)), None)
+    every = next((term for term in chosen.terms if term.law.body is Body.ALL_LINKS), None)
     if every is None or chosen.stays(every):
         return chosen
-    single = [c for c in given.candidates if c.law.physics in ("inertial_parameters", "payload") and c is not every]
+    single = [c for c in given.candidates if c.law.body and c is not every]
     rest, left = chosen.without(every), Beside(given, chosen).left
     apart = Beside(given, rest).with_each(single) - left
     best = int(np.argmin(apart.sum(axis=1)))
@@ -437,8 +438,8 @@ def shows_beside(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool
 
 def replaces(term: EffortCandidate, other: EffortCandidate) -> bool:
     """Return whether a term takes another one's place: it is the same thing, told richer."""
-    if isinstance(term.law, AllLinks):
-        return other.law.physics in ("inertial_parameters", "payload")
+    if term.law.body is Body.ALL_LINKS:
+        return other.law.body is not None
     same = term.law.family == other.law.family != "" and term.place.name == other.place.name
     return same and _key(term) != _key(other)
 
@@ -468,11 +469,9 @@ def can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
 
 def excluded(term: EffortCandidate, other: EffortCandidate) -> bool:
     """Return whether one is the other with other values, or told plainer."""
-    if _key(term) == _key(other):
+    if _key(term) == _key(other) or (term.name == other.name and term.law.told_by_values):
         return term.law.is_same(term.values, other.values)
-    if term.name == other.name and term.law.physics == "cogging":
-        return term.law.is_same(term.values, other.values)
-    if isinstance(term.law, AllLinks) and other.law.physics in ("inertial_parameters", "payload"):
+    if term.law.body is Body.ALL_LINKS and other.law.body:
         return True
     if term.law.family == other.law.family != "" and term.place.name == other.place.name:
         return other.size < term.size  # a richer one may take its place

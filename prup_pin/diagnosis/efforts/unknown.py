@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...laws.efforts.free_curve import FreeCurve
 from ...numbers import number
 from ...spatial import Array
 from ..diagnosis import Finding
@@ -30,16 +29,13 @@ __all__ = [
 
 def curve_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
     """Return the finding of a curve of no law."""
-    law = term.law
-    assert isinstance(law, FreeCurve)
     without = held_out(outcome.given, outcome.chosen.without(term))
     whole = held_out(outcome.given, outcome.chosen)
     share = float(np.clip(1 - whole.sum() / max(without.sum(), np.finfo(float).tiny), 0.0, 1.0))
     return unknown_at(
         term.place.name,
         f"structure is left over at {term.place.name} that no law of the library takes away; "
-        f"{'friction' if law.friction else 'an effort'} that follows the joint's {law.variable} by a curve of its "
-        f"own would take away {100 * share:.0f} % of what is left"
+        f"{term.law.summary} by a curve of its own would take away {100 * share:.0f} % of what is left"
         + ("" if term.is_of_time else ", and the corrected model follows it"),
         share,
     )

@@ -174,4 +174,4 @@ def _worse(
 def _doubtful(outcome: Outcome, unknown: Sequence[Finding]) -> list[EffortCandidate]:
     """Return laws by a joint's position beside which structure is left: beyond its travel they say nothing."""
     places = {finding.location for finding in unknown} & set(outcome.at.driven)
-    return [term for term in outcome.named.terms if term.law.family == "counterbalance" and term.place.name in places]
+    return [term for term in outcome.named.terms if term.law.within_travel and term.place.name in places]

@@ -9,9 +9,10 @@ from .cogging import Cogging, CoggingOfFewPeriods
 from .coulomb_friction import ColdFriction, LoadedFriction, SlidingFriction
 from .counterbalance import Counterbalance, CounterbalanceSpring
 from .effort_filter import EffortFilter, EffortsFilter
-from .effort_law import EFFORT, EffortLaw
+from .effort_law import EFFORT, Body, EffortLaw
 from .effort_sensor import EffortDelay, EffortGain, EffortOffset, EffortsDelay, EffortUnit
 from .encoder import DelayedEncoder, DelayedEncoders, OffsetEncoder
+from .free_curve import CURVES, ROUGH_CURVES, curve_by_position
 from .inertial_parameters import InertialParameters, ScaledInertia
 from .joint_compliance import YieldingGear
 from .joint_coupling import FeltMotion, FeltPosition, SpringAcross
@@ -56,4 +57,4 @@ EFFORT_LAWS: tuple[EffortLaw, ...] = (
     LostLoad(),
 )
 
-__all__ = ["EFFORT", "EFFORT_LAWS", "EffortLaw"]
+__all__ = ["CURVES", "EFFORT", "EFFORT_LAWS", "ROUGH_CURVES", "Body", "EffortLaw", "curve_by_position"]

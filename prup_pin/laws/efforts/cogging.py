@@ -33,12 +33,15 @@ class Periodic(MovingEffortLaw):
     """tau = c cos(2 pi q / p) + s sin(2 pi q / p); the period p is looked for."""
 
     physics = "cogging"
+    called = "torque ripple, detent"
     remedy = (
         "compensate this ripple of {place} by a table over its position; where it is new, look for a "
         "damaged tooth or ball"
     )
     of_motion = True  # postures would be taken for any period
     linear = ("cosine", "sine")
+    against = "position"
+    told_by_values = True
     settled = ("period",)
     quantities = (
         Quantity("cosine", "N m", "amplitude of the cosine", 1.0, positive=False, lower=-1e6),
@@ -110,6 +113,7 @@ class CoggingOfFewPeriods(Periodic):
     family = "counterbalance"
     least_gain = _SURELY
     by_shape = True
+    within_travel = True
     fewest = 0.3
 
     def unlike(self, place: Place) -> Sequence[tuple[str, str]]:

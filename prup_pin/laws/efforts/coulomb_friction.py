@@ -48,6 +48,8 @@ class SlidingFriction(JointEffortLaw):
     everywhere = True
     family = "dry friction"
     linear = ("limit",)
+    resists = linear
+    against = "speed"
     settled = ("presliding", "smoothing")
     optional = ("smoothing",)
     one_sided = True
@@ -86,6 +88,8 @@ class LoadedFriction(MovingEffortLaw):
     variant = f"{EFFORT} by load"
     of_motion = True
     linear = ("limit", "share_of_load")
+    resists = linear
+    against = "speed"
     settled = ("presliding", "smoothing")
     optional = ("smoothing",)
     one_sided = True
@@ -129,6 +133,8 @@ class ColdFriction(MovingEffortLaw):
     variant = f"{EFFORT} while it warms up"
     of_motion = True
     linear = ("limit", "cold")
+    resists = linear
+    against = "speed"
     settled = ("time", "presliding")
     one_sided = True
     quantities = (

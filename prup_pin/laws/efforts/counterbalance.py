@@ -21,12 +21,15 @@ class Counterbalance(DrivenEffortLaw):
 
     physics = "counterbalance"
     summary = "a counterbalance, by the sine of the joint's angle"
+    called = "gravity compensation, balancer"
     remedy = (
         "enter the counterbalance of {place} in the controller's model; where it should be another, "
         "check its pressure or spring"
     )
     family = "counterbalance"
     linear = ("cosine", "sine")
+    against = "position"
+    within_travel = True
     quantities = tuple(
         Quantity(
             name, "N m", f"effort in proportion to the {name} of the joint's angle", 1.0, positive=False, lower=-1e6
@@ -56,6 +59,8 @@ class CounterbalanceSpring(DrivenEffortLaw):
     family = "counterbalance"
     variant = f"{EFFORT} of a spring"
     linear = ("stiffness", "preload")
+    against = "position"
+    within_travel = True
     quantities = (
         Quantity("stiffness", "N m/rad", "effort per position", 1.0, positive=False, lower=-1e9),
         Quantity("preload", "N m", "effort at zero", 1.0, positive=False, lower=-1e6),

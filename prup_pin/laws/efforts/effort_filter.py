@@ -50,6 +50,7 @@ class Filter(Lagging):
     """
 
     physics = "effort_filter"
+    called = "bandwidth, smoothing"
     remedy = "undo this filter in the log, or record efforts before it"
     source = "Oppenheim and Willsky, Signals and Systems, ch. 6"
     linear = ("time_constant",)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from enum import Enum
 from typing import ClassVar
 
 import numpy as np
@@ -12,14 +14,21 @@ from ...dynamics import InMotion
 from ...mechanism import Mechanism
 from ...parameters import Quantity
 from ...spatial import Array
-from ..deeds import Deed
 from ..law import Law, Place
-from ..setup import Setup
 
-__all__ = ["EFFORT", "EffortLaw", "driven_places", "moving_places"]
+__all__ = ["EFFORT", "Body", "EffortLaw", "driven_places", "motor_pairs", "moving_places"]
 
 #: Aspect of the places of these laws, which tells them from those of the pose channel.
 EFFORT = "effort"
+
+
+class Body(Enum):
+    """Whose inertial parameters a law changes."""
+
+    LINK = "those of one link, each for itself"
+    SCALED_LINK = "those of one link, in proportion"
+    HELD = "those of what the tool holds"
+    ALL_LINKS = "those of all links, each for itself"
 
 
 class EffortLaw(Law):
@@ -34,6 +43,8 @@ class EffortLaw(Law):
     linear: ClassVar[tuple[str, ...]]
     #: True where none of them can be negative.
     one_sided: ClassVar[bool] = False
+    #: Those of them that take power from the motion: friction.
+    resists: ClassVar[tuple[str, ...]] = ()
     #: Share of the held-out squares that it must save, where that is more than of any law.
     least_gain: ClassVar[float] = 0.0
     #: False where it is told before any law competes.
@@ -54,6 +65,22 @@ class EffortLaw(Law):
     everywhere: ClassVar[bool] = False
     #: Scanned parameters that are settled between scanned values, by their logarithms.
     settled: ClassVar[tuple[str, ...]] = ()
+    #: Whose inertial parameters it changes, where it does.
+    body: ClassVar[Body | None] = None
+    #: True of a curve through free knots, which stands for what no law explains.
+    is_curve: ClassVar[bool] = False
+    #: True of a gain of the reported effort: gains of all drives together are asked for before laws compete.
+    of_gain: ClassVar[bool] = False
+    #: The one of `variables.VARIABLES` that drives it, against which it is drawn.
+    against: ClassVar[str] = ""
+    #: True where it was seen within the joint's travel alone: beyond it it says nothing while structure is left.
+    within_travel: ClassVar[bool] = False
+    #: True where all laws of its word at a place are one thing, told apart by their values (`is_same`).
+    told_by_values: ClassVar[bool] = False
+    #: True where it would pass for noise before other laws are known.
+    told_from_noise: ClassVar[bool] = False
+    #: The kind of tolerance that says by how much its first parameter is off anyway.
+    tolerance: ClassVar[str] = ""
 
     @abstractmethod
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
@@ -103,6 +130,22 @@ class EffortLaw(Law):
         """
         return np.zeros(len(self.linear))
 
+    def covariance_inverse(self, place: Place, mechanism: Mechanism) -> Array | None:
+        """Return the same as a matrix (p, p), where the coefficients are not off one by one."""
+        return None
+
+    def impossible(self, place: Place, change: Array, reach: Array, mechanism: Mechanism) -> bool:
+        """Return whether nothing has coefficients `change` (p,) of a fit, each of which may be off by `reach` (p,)."""
+        return False
+
+    def together(self, places: Sequence[Place]) -> EffortLaw | None:
+        """Return the law that it is at all those places at once, its columns side by side; most are at single ones."""
+        return None
+
+    def parts(self, place: Place, values: Mapping[str, float]) -> Sequence[tuple[Law, Place, Mapping[str, float]]]:
+        """Return the laws, places and values as which a corrected model holds it."""
+        return [(self, place, values)]
+
     def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
         """Return by joint what each coefficient adds to its body's inertial parameters (10, p), about its frame."""
         return {}
@@ -123,9 +166,6 @@ class EffortLaw(Law):
     def acts(self, place: Place, at: InMotion) -> bool:
         """Return whether this motion can show it at all: the joint is driven, or moves."""
         return True
-
-    def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        return ()
 
 
 #: Shares of a joint's travel on which its friction may turn round; the first is where a search begins.
@@ -188,6 +228,20 @@ def driven_places(mechanism: Mechanism, variant: str) -> list[Place]:
     return [Place(name, variant) for name in mechanism.actuated if mechanism.joint(name).nv == 1]
 
 
+def motor_pairs(mechanism: Mechanism) -> list[tuple[str, str]]:
+    """Return joints that turn with another one whose motor may turn with both: each with that other one."""
+    turning = [place.name for place in driven_places(mechanism, "") if mechanism.joint(place.name).turns]
+    if mechanism.loops:  # drives of a loop may share a gearbox wherever they stand
+        return [(a, b) for a in turning for b in turning if a != b]
+    pairs = []
+    for name in turning:
+        parent = int(mechanism.model.parents[mechanism.joint_id(name)])
+        before = next((other for other in turning if mechanism.joint_id(other) == parent), None)
+        if before is not None:
+            pairs += [(name, before), (before, name)]
+    return pairs
+
+
 def effort_unit(place: Place, mechanism: Mechanism) -> str:
     """Return the unit of the effort of a joint."""
     return "N" if mechanism.joint(place.name).slides else "N m"
@@ -234,6 +288,4 @@ class MovingEffortLaw(DrivenEffortLaw):
 
 def in_units(quantities: Sequence[Quantity], units: Sequence[str]) -> tuple[Quantity, ...]:
     """Return quantities with the units that fit a joint."""
-    from dataclasses import replace
-
     return tuple(replace(quantity, unit=unit) for quantity, unit in zip(quantities, units, strict=True))

@@ -25,6 +25,7 @@ class EffortOffset(DrivenEffortLaw):
     remedy = "zero the effort of {place} with the drive off"
     everywhere = True
     linear = ("offset",)
+    tolerance = "effort_bias"
     quantities = (Quantity("offset", "N m", "reported less true effort", 1.0, positive=False, lower=-1e6),)
     neutral: ClassVar = {"offset": 0.0}
 
@@ -50,8 +51,12 @@ class EffortGain(DrivenEffortLaw):
     physics = "effort_gain"
     of_what_is_known = True
     summary = "a gain of the reported effort"
+    called = "torque constant, current, scale"
     remedy = "calibrate the torque constant of {place} with a known load"
     linear = ("gain",)
+    against = "load"
+    of_gain = True
+    tolerance = "effort_gain"
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-0.99),)
     neutral: ClassVar = {"gain": 0.0}
 
@@ -69,6 +74,7 @@ class EffortUnit(EffortGain):
 
     variant = f"{EFFORT} in a unit of its own"
     competes = False
+    tolerance = ""
     summary = "efforts in a unit of their own"
     remedy = "enter the torque constant of {place}, so that it reports N m or N"
     quantities = (Quantity("gain", "", "reported per true effort, less one", 0.05, positive=False, lower=-1e6),)
@@ -86,6 +92,7 @@ class EffortDelay(Delay, DrivenEffortLaw):
 
     physics = "effort_delay"
     summary = "efforts that are reported late"
+    called = "latency, lag"
     remedy = "stamp efforts and positions of {place} by one clock, or shift the efforts by this delay"
 
     def efforts(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:

@@ -25,6 +25,7 @@ class OffsetEncoder(DrivenEffortLaw):
     summary = "an encoder with an offset"
     remedy = "set the zero of the encoder at {place} anew, by the offset found here"
     linear = ("offset",)
+    tolerance = "encoder_offset"
     quantities = (Quantity("offset", "rad", "true position less the reported one", 1e-2, False, -0.25, 0.25),)
     neutral: ClassVar = {"offset": 0.0}
 
@@ -49,6 +50,7 @@ class DelayedEncoder(Delay, DrivenEffortLaw):
     summary = "an encoder that reports late"
     remedy = "stamp efforts and positions of {place} by one clock, or shift the positions by this delay"
     quantities = (Quantity("delay", "s", "age of the reported position", 1e-3, upper=0.2),)
+    told_from_noise = True
 
     def acts(self, place: Place, at: InMotion) -> bool:
         return place.name in at.motion.names and at.moves(place.name)

@@ -14,44 +14,14 @@ from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw, effort_unit, usual_way
+from .variables import SINCE_TURNING, VARIABLES, variable_of
 
-__all__ = ["CURVES", "VARIABLES", "FreeCurve", "variable_of"]
+__all__ = ["CURVES", "ROUGH_CURVES", "FreeCurve", "curve_by_position"]
 
-#: What an effort may follow, and the SI unit of a turning and of a sliding joint.
-VARIABLES = {
-    "speed": ("rad/s", "m/s"),
-    "position": ("rad", "m"),
-    "load": ("N m", "N"),
-    "time": ("s", "s"),
-    "way since it turned round": ("rad", "m"),
-}
-#: The last of them: friction that builds up on its way, of cables, seals and gears that give (Dahl's, of several ways).
-_TURN = "way since it turned round"
-#: Shares of a joint's travel on which such friction turns round.
+#: Shares of a joint's travel on which friction that builds up on its way turns round.
 _WAYS = (0.01, 0.03, 0.1, 0.3, 1.0)
 #: Knots of a curve, and of one of friction along the way: a rail that pinches does so in places.
 _KNOTS, _FINE = 9, 25
-
-
-def variable_of(at: InMotion, joint: str, variable: str) -> Array:
-    """Return what an effort is drawn against, (N,)."""
-    if variable == "speed":
-        return at.speed(joint)
-    if variable == "position":
-        return at.position(joint)
-    if variable == "load":
-        return at.effort_of(joint, at.rigid)
-    if variable == _TURN:
-        return _since_turning(at, joint)
-    return at.motion.time - at.motion.time[0]
-
-
-def _since_turning(at: InMotion, joint: str) -> Array:
-    """Return how far a joint is from where it turned round last, (N,); what is smaller than friction's way is none."""
-    position, way = at.position(joint), at.dragged(joint, usual_way(at, joint)) > 0
-    turned = np.flatnonzero(way[1:] != way[:-1]) + 1
-    last = np.concatenate(([0], turned))[np.searchsorted(turned, np.arange(len(position)), side="right")]
-    return np.abs(position - position[last])
 
 
 @dataclass(frozen=True)
@@ -65,8 +35,28 @@ class FreeCurve(EffortLaw):
     variable: str
     friction: bool = False
     physics: ClassVar[str] = "unknown"
-    summary: ClassVar[str] = "an effort that no law of the library gives"
+    is_curve: ClassVar[bool] = True
     quantities = ()
+
+    @property
+    def summary(self) -> str:  # type: ignore[override]
+        """What it is."""
+        return f"{'friction' if self.friction else 'an effort'} that follows the joint's {self.variable}"
+
+    @property
+    def against(self) -> str:  # type: ignore[override]
+        """What it is drawn against."""
+        return self.variable
+
+    @property
+    def lasts(self) -> bool:  # type: ignore[override]
+        """Not so of a curve over this recording's time, which another one does not have."""
+        return self.variable != "time"
+
+    @property
+    def of_motion(self) -> bool:  # type: ignore[override]
+        """What follows friction, speed or time says nothing of a robot at rest."""
+        return self.friction or self.variable in ("speed", "time")
 
     @property
     def variant(self) -> str:  # type: ignore[override]
@@ -81,7 +71,7 @@ class FreeCurve(EffortLaw):
     @property
     def count(self) -> int:
         """Knots of the curve."""
-        if self.variable == _TURN:
+        if self.variable == SINCE_TURNING:
             return len(_WAYS)
         return _FINE if self.friction else _KNOTS
 
@@ -118,7 +108,7 @@ class FreeCurve(EffortLaw):
 
     def scanned(self, place: Place, at: InMotion) -> Sequence[Mapping[str, float]]:
         """Return where its knots stand: as many samples between any two of them; or the ways of friction."""
-        if self.variable == _TURN:
+        if self.variable == SINCE_TURNING:
             travel = float(np.ptp(at.position(place.name)))
             return [{f"at {index}": share * travel for index, share in enumerate(_WAYS)}]
         x, shares = variable_of(at, place.name, self.variable), np.linspace(0, 1, self.count)
@@ -130,7 +120,7 @@ class FreeCurve(EffortLaw):
     def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
         x = variable_of(at, place.name, self.variable)
         knots = np.array([values[f"at {index}"] for index in range(self.count)])
-        if self.variable == _TURN:
+        if self.variable == SINCE_TURNING:
             return np.stack([at.along(place.name, at.dragged(place.name, way)) for way in knots.tolist()], axis=-1)
         hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
         turning = at.dragged(place.name, usual_way(at, place.name))
@@ -143,6 +133,19 @@ class FreeCurve(EffortLaw):
 
 #: All curves that are tried.
 CURVES = (
-    *(FreeCurve(variable, friction=variable == _TURN) for variable in VARIABLES),
+    *(FreeCurve(variable, friction=variable == SINCE_TURNING) for variable in VARIABLES),
     FreeCurve("position", friction=True),
 )
+#: Those of friction alone, which stand for what no law explains when noise is told from it.
+ROUGH_CURVES = tuple(curve for curve in CURVES if curve.friction)
+
+
+def curve_by_position(joint: str, efforts: Array, at: InMotion) -> tuple[FreeCurve, Place, Mapping[str, float]]:
+    """Return efforts (N, k) that follow a joint's position as a curve through knots: beyond its travel it stays."""
+    law = FreeCurve("position")
+    place = Place(joint, law.variant)
+    knots = law.scanned(place, at)[0]
+    columns = law.efforts_per(place, knots, at)[:, :, : law.count]
+    heights = np.zeros(len(law.linear))
+    heights[: law.count] = np.linalg.lstsq(columns.reshape(-1, law.count), efforts.ravel(), rcond=None)[0]
+    return law, place, dict(law.fitted(place, heights, knots))

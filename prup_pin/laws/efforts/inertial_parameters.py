@@ -1,24 +1,22 @@
-"""A link whose mass is not that of the robot file."""
+"""Links whose masses are not those of the robot file: one, or all of a robot that is of another make."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from ...dynamics import INERTIAL, InMotion
-from ...dynamics.inertial import pseudo_inertia
+from ...dynamics.inertial import near_body
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
-from ..law import Place
-from .effort_law import EFFORT, EffortLaw
+from ..law import Law, Place
+from .effort_law import EFFORT, Body, EffortLaw
 
-#: By which share a link's mass and moments are off where nothing is declared, a standard deviation; and the share of
-#: the robot that every link may hold beyond what is drawn: where nothing is drawn, that is all.
-BODIES_OFF, SOME_BODY = 1.0, 2e-3
 _UNITS = ("kg", *3 * ("kg m",), *6 * ("kg m^2",))
 
 
@@ -46,26 +44,6 @@ def usual_inertia(mechanism: Mechanism) -> Array:
     return 1 / np.array([mass, *3 * [mass * lever], *6 * [mass * lever**2]]) ** 2
 
 
-def near_body(joint: int, mechanism: Mechanism) -> Array:
-    """Return the inverse covariance (10, 10) of a body's inertial parameters about the drawn ones.
-
-    To second order that of the entropic divergence of pseudo-inertias, tr((P^-1 dP)^2) / (2 w^2): the same in all
-    frames and units, and growing without bound towards a body that cannot be (Lee, Wensing and Park 2019, Eq. 17).
-    """
-    drawn = pseudo_inertia(mechanism.model.inertias[joint].toDynamicParameters())
-    inverse = np.linalg.inv(drawn + SOME_BODY * some_body(mechanism))
-    units = [inverse @ pseudo_inertia(unit) for unit in np.eye(10)]
-    return np.array([[np.trace(a @ b) for a in units] for b in units]) / (2 * BODIES_OFF**2)
-
-
-def some_body(mechanism: Mechanism) -> Array:
-    """Return the pseudo-inertia (4, 4) of a body as heavy as the robot and as large as a link, at its joint."""
-    mass = sum(float(inertia.mass) for inertia in mechanism.model.inertias) or 1.0
-    reach = sum(float(np.linalg.norm(place.translation)) for place in mechanism.model.jointPlacements) or 1.0
-    radius = 0.3 * reach / max(mechanism.model.njoints - 1, 1)
-    return mass * np.diag([*3 * [radius**2], 1.0])
-
-
 class InertialParameters(EffortLaw):
     """Another mass, other first moments and moments of inertia of one link, added about its joint's frame."""
 
@@ -75,6 +53,7 @@ class InertialParameters(EffortLaw):
     of_bodies = True
     family = "link"
     linear = INERTIAL
+    body = Body.LINK
     quantities = tuple(
         Quantity(
             name, unit, "beyond the robot file, about the joint's frame", 0.0, positive=False, lower=-1e6, upper=1e6
@@ -102,6 +81,26 @@ class InertialParameters(EffortLaw):
     def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
         return {body_of(place, mechanism) + 1: np.eye(10)}
 
+    def impossible(self, place: Place, change: Array, reach: Array, mechanism: Mechanism) -> bool:
+        return is_impossible(place.name, change, reach, mechanism)
+
+    def together(self, places: Sequence[Place]) -> AllLinks:
+        return AllLinks(tuple(places))
+
+    def told(
+        self,
+        place: Place,
+        values: Mapping[str, float],
+        intervals: Mapping[str, tuple[float, float]],
+        mechanism: Mechanism,
+    ) -> str:
+        low, high = intervals["mass"]
+        if not low <= 0 <= high:
+            return self.statement(place, values, mechanism)
+        return (
+            f"{place.name} has another centre or inertia than in the robot file; of its mass this motion tells nothing"
+        )
+
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         return (
             f"{place.name} has another mass, centre or inertia than in the robot file "
@@ -109,31 +108,18 @@ class InertialParameters(EffortLaw):
         )
 
 
-def is_impossible(link: str, change: Array, reach: Array, mechanism: Mechanism) -> bool:
-    """Return whether no body has the parameters of a link (10,), changed, that weighs no more than the whole robot.
-
-    reach (10,): by how much each change may be off. Mass moved off an axis turns about it with at least h^2 / m.
-    """
-    drawn = mechanism.model.inertias[mechanism.frame(link).joint].toDynamicParameters()
-    whole = drawn + change
-    mass = min(float(whole[0] + reach[0]), sum(float(inertia.mass) for inertia in mechanism.model.inertias))
-    about = (whole + reach)[[INERTIAL.index(name) for name in ("Ixx", "Iyy", "Izz")]]
-    if not (mass > 0 and (about > 0).all()):
-        return True
-    first = np.maximum(np.abs(whole[1:4]) - reach[1:4], 0.0) ** 2
-    return bool((about < (first.sum() - first) / mass).any())
-
-
 class ScaledInertia(EffortLaw):
     """All of a link's inertial parameters in proportion: it is heavier or lighter than drawn."""
 
     physics = "inertial_parameters"
     summary = "the mass of a link"
+    called = "mass, centre of gravity"
     remedy = "weigh {place}, or enter this mass in the robot file; look for what was bolted to it"
     of_bodies = True
     family = "link"
     variant = f"{EFFORT} in proportion"
     linear = ("share",)
+    body = Body.SCALED_LINK
     quantities = (Quantity("share", "", "of the drawn mass and inertia, beyond it", 0.1, positive=False, lower=-1.0),)
     neutral: ClassVar = {"share": 0.0}
 
@@ -159,3 +145,65 @@ class ScaledInertia(EffortLaw):
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         mass = float(mechanism.model.inertias[body_of(place, mechanism) + 1].mass)
         return f"{place.name} weighs {number((1 + values['share']) * mass, 4)} kg instead of {number(mass, 4)} kg"
+
+
+@dataclass(frozen=True)
+class AllLinks(EffortLaw):
+    """The inertial parameters of `links`, side by side: what a corrected model holds link by link."""
+
+    links: tuple[Place, ...]
+    physics: ClassVar[str] = "inertial_parameters"
+    summary: ClassVar[str] = "the masses of all links, their centres and their inertia"
+    remedy: ClassVar[str] = (
+        "take the masses of the corrected model for feedforward; ask the maker for those of the robot file"
+    )
+    variant: ClassVar[str] = f"{EFFORT} of all links"
+    of_bodies: ClassVar[bool] = True
+    body: ClassVar[Body] = Body.ALL_LINKS
+    everywhere: ClassVar[bool] = True
+    quantities = ()
+    neutral: ClassVar = {}
+
+    @property
+    def linear(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the parameters, link by link."""
+        return tuple(f"{link.name}.{name}" for link in self.links for name in INERTIAL)
+
+    def places(self, mechanism: Mechanism) -> Sequence[Place]:
+        return [Place("robot", self.variant)]
+
+    def efforts_per(self, place: Place, values: Mapping[str, float], at: InMotion) -> Array:
+        return np.concatenate([InertialParameters().efforts_per(link, {}, at) for link in self.links], axis=-1)
+
+    def of_body(self, place: Place, mechanism: Mechanism) -> Mapping[int, Array]:
+        out = {}
+        for index, link in enumerate(self.links):
+            for joint, own in InertialParameters().of_body(link, mechanism).items():
+                out[joint] = np.zeros((10, len(self.linear)))
+                out[joint][:, 10 * index : 10 * index + 10] = own
+        return out
+
+    def same_places(self, place: Place, mechanism: Mechanism) -> Sequence[str]:
+        return [link.name for link in self.links]
+
+    def parts(self, place: Place, values: Mapping[str, float]) -> Sequence[tuple[Law, Place, Mapping[str, float]]]:
+        law = InertialParameters()
+        return [(law, link, {name: values[f"{link.name}.{name}"] for name in INERTIAL}) for link in self.links]
+
+    def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
+        return True  # most combinations of them are told by nothing: each alone may be anything
+
+
+def is_impossible(link: str, change: Array, reach: Array, mechanism: Mechanism) -> bool:
+    """Return whether no body has the parameters of a link (10,), changed, that weighs no more than the whole robot.
+
+    reach (10,): by how much each change may be off. Mass moved off an axis turns about it with at least h^2 / m.
+    """
+    drawn = mechanism.model.inertias[mechanism.frame(link).joint].toDynamicParameters()
+    whole = drawn + change
+    mass = min(float(whole[0] + reach[0]), sum(float(inertia.mass) for inertia in mechanism.model.inertias))
+    about = (whole + reach)[[INERTIAL.index(name) for name in ("Ixx", "Iyy", "Izz")]]
+    if not (mass > 0 and (about > 0).all()):
+        return True
+    first = np.maximum(np.abs(whole[1:4]) - reach[1:4], 0.0) ** 2
+    return bool((about < (first.sum() - first) / mass).any())

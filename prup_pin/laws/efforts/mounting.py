@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...dynamics import InMotion
+from ...dynamics import InMotion, could_be_gravity
 from ...mechanism import Mechanism
 from ...numbers import number
 from ...parameters import Quantity
@@ -15,8 +15,8 @@ from ...spatial import Array
 from ..law import Place
 from .effort_law import EffortLaw
 
-#: Gravity in another direction differs by about its own size [m/s^2], and keeps that size.
-_USUAL, _ROUGHLY = 10.0, 0.05
+#: Gravity in another direction differs by about its own size [m/s^2].
+_USUAL = 10.0
 
 
 class Mounting(EffortLaw):
@@ -43,9 +43,7 @@ class Mounting(EffortLaw):
         return np.full(3, 1 / _USUAL**2)
 
     def plausible(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> bool:
-        size = float(np.linalg.norm(mechanism.gravity))
-        true = mechanism.gravity + np.array([values[name] for name in self.linear])
-        return bool(abs(np.linalg.norm(true) - size) < _ROUGHLY * size)
+        return could_be_gravity(mechanism.gravity + np.array([values[name] for name in self.linear]), mechanism)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         down = mechanism.gravity / np.linalg.norm(mechanism.gravity)

@@ -13,7 +13,7 @@ from ...numbers import number
 from ...parameters import Quantity
 from ...spatial import Array
 from ..law import Place
-from .effort_law import EffortLaw
+from .effort_law import Body, EffortLaw
 from .inertial_parameters import parts_of, usual_inertia
 
 _CENTRE = ("x", "y", "z")
@@ -30,6 +30,7 @@ class HeldBody(EffortLaw):
     remedy = "enter this mass and its centre in the controller's tool data, or take off what is held"
     of_bodies = True
     linear = INERTIAL
+    body = Body.HELD
     quantities = (
         Quantity("mass", "kg", "of the body", 1.0, positive=False, lower=-1e4, upper=1e4),
         *(

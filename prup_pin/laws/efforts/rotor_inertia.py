@@ -19,6 +19,7 @@ class RotorInertia(MovingEffortLaw):
 
     physics = "rotor_inertia"
     summary = "the inertia of rotor and gears"
+    called = "armature, reflected inertia, motor inertia"
     remedy = "enter the inertia of rotor and gears of {place} in the controller's feedforward"
     everywhere = True
     of_motion = True

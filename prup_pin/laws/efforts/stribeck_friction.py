@@ -33,10 +33,13 @@ class StribeckFriction(JointEffortLaw):
 
     physics = "stribeck_friction"
     summary = "friction that falls as the joint gets faster"
+    called = "stiction, breakaway, stick-slip"
     remedy = "feed the friction at {place} forward in the controller; where it sticks and slips, check its lubricant"
     family = "dry friction"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit (1994)"
     linear = ("limit", "extra")
+    resists = linear
+    against = "speed"
     settled = ("speed", "presliding")
     one_sided = True
     quantities = (

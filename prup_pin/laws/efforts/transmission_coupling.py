@@ -18,7 +18,7 @@ from .effort_law import (
     PRESLIDING,
     SMOOTHING,
     EffortLaw,
-    driven_places,
+    motor_pairs,
     other_ways,
     turning,
 )
@@ -40,6 +40,7 @@ class TransmissionCoupling(EffortLaw):
     settled = ("presliding", "smoothing")
     optional = ("smoothing",)
     linear = ("limit", "damping", "inertia")
+    resists = ("limit", "damping")
     one_sided = True
     quantities = (
         Quantity("limit", "N m", "dry friction of the motor, seen at the joint", 1.0, positive=False, upper=1e6),
@@ -54,16 +55,7 @@ class TransmissionCoupling(EffortLaw):
     neutral: ClassVar = {"limit": 0.0, "damping": 0.0, "inertia": 0.0}
 
     def places(self, mechanism: Mechanism) -> Sequence[Place]:
-        turning = [place.name for place in driven_places(mechanism, "") if mechanism.joint(place.name).turns]
-        pairs = []
-        if mechanism.loops:  # drives of a loop may share a gearbox wherever they stand
-            return [Place(a, _WITH + b) for a in turning for b in turning if a != b]
-        for name in turning:
-            parent = int(mechanism.model.parents[mechanism.joint_id(name)])
-            before = next((other for other in turning if mechanism.joint_id(other) == parent), None)
-            if before is not None:
-                pairs += [Place(name, _WITH + before), Place(before, _WITH + name)]
-        return pairs
+        return [Place(name, _WITH + other) for name, other in motor_pairs(mechanism)]
 
     def is_named(self, place: Place) -> bool:
         return place.aspect.startswith(_WITH)

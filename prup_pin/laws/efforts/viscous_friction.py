@@ -27,6 +27,8 @@ class Damping(JointEffortLaw):
     everywhere = True
     family = "viscous friction"
     linear = ("damping",)
+    resists = linear
+    against = "speed"
     one_sided = True
     quantities = (Quantity("damping", "N m s/rad", "effort per speed", 1.0, upper=1e9),)
     neutral: ClassVar = {"damping": 0.0}
@@ -50,6 +52,8 @@ class DirectedViscousFriction(JointEffortLaw):
     family = "viscous friction"
     variant = f"{EFFORT} by direction"
     linear = ("damping_forwards", "damping_backwards")
+    resists = linear
+    against = "speed"
     one_sided = True
     quantities = (
         Quantity("damping_forwards", "N m s/rad", "effort per speed towards larger positions", 1.0, upper=1e9),

@@ -23,36 +23,6 @@ __all__ = ["laws_named", "print_laws"]
 
 #: Both channels', poses' first.
 _ALL: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
-#: What else a law is called by whoever looks for it.
-_CALLED = {
-    "backlash": "play, clearance, slack, lost motion, a loose fit",
-    "base_compliance": "foundation, floor, table, stand",
-    "cogging": "torque ripple, detent",
-    "coulomb_friction": "dry friction, stick-slip, hysteresis, drag, stiction",
-    "counterbalance": "gravity compensation, balancer",
-    "creep": "relaxation, viscoelastic",
-    "eccentric_encoder": "runout",
-    "effort_delay": "latency, lag",
-    "effort_filter": "bandwidth, smoothing",
-    "effort_gain": "torque constant, current, scale",
-    "encoder_delay": "latency, lag",
-    "encoder_offset": "zero, homing",
-    "external_spring": "dress pack",
-    "geometric_offset": "calibration, kinematic error, Denavit-Hartenberg, misalignment",
-    "hertzian_contact": "preload, nonlinear stiffness",
-    "inertial_parameters": "mass, centre of gravity",
-    "joint_compliance": "elastic joint, flexible gear, harmonic drive, strain wave",
-    "lead_error": "pitch error, scale",
-    "payload": "gripper, tool mass",
-    "pose_sensor_misalignment": "tracker, camera",
-    "rotor_inertia": "armature, reflected inertia, motor inertia",
-    "stiffness_changed": "soft, weak, worn, loose, flexibility",
-    "stribeck_friction": "stiction, breakaway, stick-slip",
-    "thermal_growth": "heat, expansion",
-    "viscous_friction": "damping, grease",
-    "wrench_sensor_bias": "force sensor, load cell, tare",
-}
-
 _NEEDS = {
     "temperature": "the column temperature",
     "speed": "columns qd.<joint>",
@@ -81,7 +51,7 @@ def laws_named(word: str | None, mechanism: Mechanism) -> list[Law]:
 
 def _spoken(law: Law, mechanism: Mechanism) -> str:
     """Return a law's name, what it is, what else it is called, and what a verdict says of it."""
-    text = f"{law.physics.replace('_', ' ')}; {law.summary}; {_CALLED.get(law.physics, '')}"
+    text = f"{law.physics.replace('_', ' ')}; {law.summary}; {law.called}"
     place = next(iter(law.places(mechanism)), None)
     return text if place is None else f"{text}; {law.statement(place, law.starts(place, mechanism)[0], mechanism)}"
 

@@ -1,0 +1,111 @@
+"""Laws of poses that are wrong: each check of their contract refuses one that is wrong in nothing else."""
+
+import numpy as np
+import pytest
+
+from prup_pin.laws import Place
+from prup_pin.laws.deeds import ExtraStrain, Strain
+from prup_pin.laws.encoder import EncoderOffset
+from prup_pin.laws.payload import Payload
+
+from .pose_contract import (
+    check_derivatives,
+    check_leaves_alone,
+    check_neutral,
+    check_quantities,
+    check_refit,
+    check_shows,
+)
+
+
+class Stretch(EncoderOffset):
+    """A rod that stretches by the square of its load, as it should be: no law of the library."""
+
+    slope = 2.0
+
+    def deeds(self, place, values, setup):
+        yield ExtraStrain("leg1/linear_rod", Strain(self.strain, (np.full(len(setup.inputs), values["offset"]),)))
+
+    def strain(self, load, size):
+        value, slopes = np.zeros_like(load), np.zeros((*load.shape, load.shape[1]))
+        value[:, 2], slopes[:, 2, 2] = 1e-3 * size * load[:, 2] ** 2, self.slope * 1e-3 * size * load[:, 2]
+        return value, slopes
+
+
+class SteepStretch(Stretch):
+    """Its derivative is another function's."""
+
+    slope = 3.0
+
+
+class RestlessOffset(EncoderOffset):
+    """Five is said to be nothing."""
+
+    neutral = {"offset": 0.05}  # noqa: RUF012
+
+
+class MuteOffset(EncoderOffset):
+    """It does nothing."""
+
+    def deeds(self, place, values, setup):
+        return ()
+
+
+class MeddlingOffset(EncoderOffset):
+    """It changes what its caller gave it."""
+
+    def deeds(self, place, values, setup):
+        values["offset"] *= 2
+        yield from super().deeds(place, values, setup)
+
+
+class UnboundedOffset(EncoderOffset):
+    """Where a fit starts lies beyond its bounds."""
+
+    def starts(self, place, mechanism):
+        return [{"offset": 5.0}]
+
+
+class RandomOffset(EncoderOffset):
+    """What it does is no function of its values."""
+
+    random = np.random.default_rng(1)
+
+    def deeds(self, place, values, setup):
+        yield from super().deeds(place, {"offset": values["offset"] * self.random.uniform(0.5, 1.5)}, setup)
+
+
+class HeavyPayload(Payload):
+    """Twice as much of it is said to do four times as much, as if its effect were not in proportion."""
+
+    def magnified(self, value, times):
+        return value * times**2 + 0.1
+
+
+ROBOT, PLACE = "3prup", Place("leg1/motor")
+CHECKS = [check_neutral, check_shows, check_leaves_alone, check_derivatives, check_quantities, check_refit]
+REFUSED = {
+    check_neutral: [(RestlessOffset(), PLACE)],
+    check_shows: [(MuteOffset(), PLACE)],
+    check_leaves_alone: [(MeddlingOffset(), PLACE)],
+    check_derivatives: [(SteepStretch(), PLACE)],
+    check_quantities: [(UnboundedOffset(), PLACE), (HeavyPayload(), Place("moving_star"))],
+    check_refit: [(RandomOffset(), PLACE)],
+}
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_a_right_law_passes_every_check(check):
+    check(ROBOT, EncoderOffset(), PLACE)
+    check(ROBOT, Stretch(), PLACE)
+
+
+@pytest.mark.parametrize(
+    ("check", "law", "place"),
+    [(check, *wrong) for check, laws in REFUSED.items() for wrong in laws],
+    ids=lambda given: getattr(given, "__name__", type(given).__name__),
+)
+def test_wrong_laws_are_refused(check, law, place):
+    assert set(REFUSED) == set(CHECKS)
+    with pytest.raises((AssertionError, ValueError)):
+        check(ROBOT, law, place)
