@@ -24,7 +24,8 @@ from prup_pin.diagnosis.conventions import logs_read
 from prup_pin.errors import PrupPinError
 from prup_pin.recordings import Recording, read_recording
 from prup_pin.spatial import rotation_exp, turn_between
-from tests.reference.concealed import delta, draw, efforts, misread, scattered
+from tests.reference.concealed import delta_by_energy as delta
+from tests.reference.concealed import draw, efforts, misread, scattered
 from tests.reference.concealed.misread import Misreading
 
 #: Robots, and the faults that may be beside.

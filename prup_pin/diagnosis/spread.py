@@ -16,8 +16,9 @@ left out.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -50,6 +51,7 @@ from .criteria import (
     MOST_APART,
     MOST_OUTLIERS,
     MOST_TERMS,
+    NOISE_LIKE,
     OUTLIER,
     SPREAD_ROUNDS,
     SPREAD_SETTLED,
@@ -65,6 +67,8 @@ _NONE = 1e-6
 #: Part of its own, of a number in a fit, below which all that it says is what the fit makes of it.
 _LEAST_PART = 1e-6
 _ITERATIONS, _AGREED = 60, 1e-2
+#: Logarithm of the factor by which kinds scatter about what is usual.
+_FACTOR = float(np.log(2.0))
 
 
 @dataclass(frozen=True)
@@ -225,8 +229,9 @@ class _Parameters:
         )
 
     def clipped(self, x: Array) -> Array:
-        """Return x (p,) without compliances below zero."""
+        """Return x (p,) without compliances below zero, and without parts that fail."""
         out, count = x.copy(), len(self.toleranced)
+        out[:count] = np.clip(out[:count], -self.toleranced.reach, self.toleranced.reach)
         out[count:] = nearest_yielding(self.joints, self.units * x[count:])
         out[count:] /= self.units
         return out
@@ -250,15 +255,25 @@ _STEP = 1e-3
 _FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "direction", "position", f"{_YIELDS}{OWN}")
 
 
+#: What a robot is usually off by, its sensors too where nobody has calibrated them: one standard deviation a kind.
+USUAL: Mapping[str, float] = {
+    **{kind: size for kind, size in ARM.declared.items() if kind != "mass"},
+    "bending": 0.05,
+    "wrench_gain": 0.02,
+    "wrench_rotation": 0.01,
+}
+
+
 def _parameters(
     recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool
 ) -> _Parameters:
-    """Return all that may be off on an arm or torso, in units of what is usual there."""
+    """Return all that may be off on a robot, in units of what is usual there."""
     tool = mechanism.need_tool().name
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
     deviations = deviations_of(mechanism, markers, kinds)
-    usual = {kind: size for kind, size in ARM.declared.items() if kind != "mass"}
+    idle = () if recording.has_wrench else SENSORS["wrench_sensor"]
+    usual = {kind: size for kind, size in USUAL.items() if kind not in idle}
     loose = [replace(item, group=None) for item in deviations]
     toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, usual))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
@@ -298,10 +313,33 @@ class _Fit:
     cost: float
 
 
-def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floors: Array, least: float) -> _Fit:
+def _no_matter(variance: float) -> tuple[float, float]:
+    """Return nothing: any variance is as likely as another."""
+    return 0.0, 0.0
+
+
+def _unusual(variance: float) -> tuple[float, float]:
+    """Return -2 log of how likely it is that a kind is off by so much more than is usual, and its slope.
+
+    By the logarithm of the variance: the factor is log-normal, and what is less than usual costs nothing.
+    """
+    beyond = max(float(np.log(variance)), 0.0)
+    return (beyond / (2 * _FACTOR)) ** 2, beyond / (2 * _FACTOR**2)
+
+
+def _fitted(
+    data: _Linear,
+    start: Array,
+    noise: float,
+    labels: np.ndarray,
+    floors: Array,
+    least: float,
+    unusual: Callable[[float], tuple[float, float]] = _no_matter,
+) -> _Fit:
     """Return the largest likelihood over one variance for each label, at least the floors, and the noise's.
 
-    What is labelled '' stays at its floor; least: of the noise's variance.
+    What is labelled '' stays at its floor; least: of the noise's variance; `unusual(variance)`: what one costs
+    beside the likelihood, and that by the logarithm.
     """
     variances, noise = np.maximum(start, floors), max(noise, least)
     names = [name for name in np.unique(labels) if name]
@@ -311,7 +349,8 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
         new = floors.copy()
         for name in names:
             here = labels == name
-            size = float((found.mean[here] ** 2).sum()) / max(float(told[here].sum()), 1e-9)
+            held = float(told[here].sum()) + unusual(variances[here][0])[1]
+            size = float((found.mean[here] ** 2).sum()) / max(held, 1e-9)
             new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
         quiet = max(data.left(found.mean) / max(data.count - float(told.sum()), 1.0), least, 1e-300)
         moved = max(np.abs(np.log(new / variances)).max(initial=0.0), abs(np.log(quiet / noise)))
@@ -319,7 +358,8 @@ def _fitted(data: _Linear, start: Array, noise: float, labels: np.ndarray, floor
         found = _posterior(data, variances, noise)
         if moved < _AGREED:
             break
-    return found
+    beside = sum(unusual(variances[labels == name][0])[0] for name in names)
+    return replace(found, cost=found.cost + beside)
 
 
 def _left(data: _Linear, fit: _Fit) -> float:
@@ -362,29 +402,41 @@ def _without_kinds(
             if any(name == f"{_YIELDS}{one}" and f"{_YIELDS}{other}" in names for one, other in _BEFORE):
                 continue
             fewer = np.where(labels == name, "", labels)
-            trials.append((_fitted(data, fit.variances, fit.noise, fewer, floors, least), fewer))
+            trials.append((_fitted(data, fit.variances, fit.noise, fewer, floors, least, _unusual), fewer))
         trials = [each for each in trials if each[0].cost - fit.cost < most]
         if not trials:
             return fit, labels
         fit, labels = min(trials, key=lambda each: each[0].cost)
-        again = _fitted(data, np.ones(len(labels)), fit.noise, labels, floors, least)
+        again = _fitted(data, np.ones(len(labels)), fit.noise, labels, floors, least, _unusual)
         fit = min(fit, again, key=lambda each: each.cost)
 
 
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 
-def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) -> Spread | None:
-    """Return what is off by how much on a tree that is seen by a pose sensor; None where too little was measured.
+def spread_of(
+    problem: Problem, together: Together, weights: Sequence[Sequence[Effect]], library: Sequence[Candidate]
+) -> Spread | None:
+    """Return what is off by how much on a robot that is seen by a pose sensor; None where too little was measured.
 
-    problem: at the robot file; weight: that acts.
+    None too of a robot on which loads act, where one look from the robot file does not show that it is off all over.
+    problem: at the robot file; weights: the ways in which weight may act, of which the likeliest at that look does;
+    library: laws, of which a few might explain as much.
     """
     simulator = problem.simulator
-    parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
-    asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
-    seen = asked.told_by(problem.stack.exists)
-    if seen is None:
-        return None
+    least = 0.0 if problem.noise.source == "assumed" else 1.0
+    ways = []
+    for weight in weights:
+        parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
+        seen = _Seen(problem, parameters, tuple(weight), least).told_by(problem.stack.exists)
+        if seen is None:
+            return None
+        ways.append(seen)
+    seen = ways[0]
+    if not simulator.inputs.weight_alone:
+        seen, looked = min(((each, each.look()) for each in ways), key=lambda item: item[1].fit.cost)
+        if not (_is_all_over(looked.data, looked.fit, seen) and not looked.by_few(library)):
+            return None
     labels = seen.parameters.kinds
     x = np.zeros(len(labels))
     exists = problem.stack.exists
@@ -401,12 +453,10 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
-    drawn = _fitted(data, seen.floors, fit.noise, np.full(len(labels), "", object), seen.floors, seen.least)
-    explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
-    if explains and not _are_few(data, fit, seen):
+    if _is_all_over(data, fit, seen):
         for name in names:
-            if name in ARM.declared:
-                kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * ARM.declared[name]
+            if name in USUAL:
+                kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * USUAL[name]
         # further off than a drawing can be: it is something else, for the laws to name
         if any(kinds.get(kind.name, 0.0) > kind.largest for kind in KINDS_OF_TOLERANCE):
             kinds = {}
@@ -414,6 +464,19 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     own = seen.parameters.toleranced.law.deviations
     silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}
     return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists)
+
+
+def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
+    """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not.
+
+    On a robot that nothing loads they need not explain most of it where the rest may be noise: it shows its geometry.
+    """
+    drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
+    explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
+    told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
+    if told_nothing and seen.problem.simulator.inputs.weight_alone:
+        explains |= seen.least == 0 or fit.noise < NOISE_LIKE**2
+    return explains and not _are_few(data, fit, seen.parameters.places, seen.stands, seen.floors, seen.least)
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -436,6 +499,24 @@ class _Seen:
     def floors(self) -> Array:
         return np.maximum(self.parameters.floors, _NONE) ** 2
 
+    @property
+    def stands(self) -> np.ndarray:
+        """Kinds of the parameters that say where the pose sensor stands, (p,); '' of all others."""
+        kinds = self.parameters.kinds
+        return np.where(np.isin(kinds, SENSORS["pose_sensor"]), kinds, "").astype(object)
+
+    def look(self) -> _Look:
+        """Return what the robot file's own first order says."""
+        problem, parameters = self.problem, self.parameters
+        run = problem.simulator.run(self.weight, problem.nominal.run)
+        influence = Influence(problem.simulator, run, problem.stack)
+        white = np.where(problem.stack.exists[run.samples], 1.0, 0.0) / problem.stack.deviation(problem.noise)
+        residual = problem.stack.residual(run)[run.samples] * white
+        columns = parameters.columns(problem.simulator, influence, np.zeros(len(self.floors)), self.weight)
+        good = np.isfinite(residual).all(axis=1) & np.isfinite(columns).all(axis=(1, 2))
+        white[~good] = 0.0
+        return _Look(self, influence, np.where(good[:, None], residual, 0.0), white, columns)
+
     def told_by(self, exists: np.ndarray) -> _Seen | None:
         """Return the question with as many kinds as what was measured can tell, the finest left out first; or None."""
         parameters = self.parameters
@@ -445,7 +526,9 @@ class _Seen:
                 return replace(self, parameters=parameters)
         return None
 
-    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
+    def settled(
+        self, x: Array, exists: np.ndarray, robust: bool, rounds: int = SPREAD_ROUNDS
+    ) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
         """Return x (p,), the fit about it, its data, distances (N, channels) of what was measured, what is left (N, K).
 
         None where it leads to parameters of which no sample can be simulated.
@@ -454,7 +537,7 @@ class _Seen:
         noise, variances = 1e6, np.ones(len(x))
         known: Array | None = None
         run: Run | None = None
-        for _ in range(SPREAD_ROUNDS):
+        for _ in range(rounds):
             acting = [*parameters.effects(x), *self.weight]
             run = problem.simulator.run(acting, run)
             influence = Influence(problem.simulator, run, problem.stack)
@@ -495,7 +578,7 @@ class _Seen:
         """
         begins = ((variances, noise), (np.ones(len(variances)), data.square / max(data.count, 1)))
         kinds = self.parameters.kinds
-        fits = [_fitted(data, *begin, kinds, self.floors, self.least) for begin in begins]
+        fits = [_fitted(data, *begin, kinds, self.floors, self.least, _unusual) for begin in begins]
         return min(fits, key=lambda fit: fit.cost)
 
     def outliers(self, distances: Array, rest: Array, fit: _Fit) -> list[Outlier]:
@@ -516,6 +599,65 @@ class _Seen:
                 by = float(np.sqrt(here[sample]))
                 found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
         return _exchanged(found, rest / np.sqrt(fit.noise), stack)
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What is left (n, K) at the robot file, in multiples of the noise, and what parameters change (n, K, p).
+
+    white (n, K): one over the noise, zero where nothing was measured or simulated.
+    """
+
+    seen: _Seen
+    influence: Influence
+    residual: Array
+    white: Array
+    columns: Array
+
+    @cached_property
+    def data(self) -> _Linear:
+        return self._data(self.columns)
+
+    @cached_property
+    def fit(self) -> _Fit:
+        seen = self.seen
+        return seen.fitted(self.data, np.ones(len(seen.floors)), 1e6)
+
+    def _data(self, columns: Array) -> _Linear:
+        seen = np.where(self.white[..., None] > 0, columns, 0.0) * self.white[..., None]
+        return _linear(self.residual, seen, self.white, None, self.seen.problem.stack)
+
+    def by_few(self, library: Sequence[Candidate]) -> bool:
+        """Return True where a few laws explain as much as kinds do, those too that are of no kind."""
+        seen, own = self.seen, self.seen.parameters.toleranced.law.deviations
+        others = [item for item in library if item.law.physics not in {each.physics for each in own}]
+        columns, places = [self.columns], [seen.parameters.places]
+        for item in others:
+            change = self._of_law(item)
+            size = np.sqrt(np.mean((change[self.white > 0] * self.white[self.white > 0][:, None]) ** 2, axis=0))
+            if np.isfinite(size).all():
+                columns.append(change / np.maximum(size, 1e-300))
+                places.append(np.full(change.shape[2], f"{item.law.physics} {item.place}"))
+        every = np.concatenate(places)
+        more = len(every) - len(seen.floors)
+        stands = np.append(seen.stands, np.full(more, "", object))
+        floors = np.append(seen.floors, np.full(more, _NONE**2))
+        return _are_few(self._data(np.concatenate(columns, axis=2)), self.fit, every, stands, floors, seen.least)
+
+    def _of_law(self, item: Candidate) -> Array:
+        """Return what a law changes (n, K, ...) where fits of it start, and per coordinate about the first start."""
+        simulator, weight = self.seen.problem.simulator, self.seen.weight
+
+        def change(coordinates: Array) -> Array:
+            return self.influence.change(simulator.setup([*weight, item.effect(coordinates)]))
+
+        starts, steps = item.starts(), _STEP * item.scales()
+        begin = change(starts[0])
+        slopes = [
+            (change(starts[0] + step * unit) - begin) / step
+            for step, unit in zip(steps, np.eye(item.size), strict=True)
+        ]
+        return np.stack([begin, *map(change, starts[1:]), *slopes[: item.size if item.size > 1 else 0]], axis=-1)
 
 
 def _stand_apart(squares: Array, far: np.ndarray) -> bool:
@@ -580,14 +722,15 @@ def _less(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.n
     return out
 
 
-def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
-    """Return True where a few laws at single places explain as much as whole kinds do: then these are named."""
-    parameters = seen.parameters
-    floors = seen.floors
-    stands = np.isin(parameters.kinds, SENSORS["pose_sensor"])  # which is told apart, wherever it stands
-    labels = np.where(stands, parameters.kinds, "").astype(object)
+def _are_few(data: _Linear, fit: _Fit, places: np.ndarray, stands: np.ndarray, floors: Array, least: float) -> bool:
+    """Return True where a few laws at single places explain as much as whole kinds do: then these are named.
+
+    places (q,): what one law would move; stands (q,): kinds of where the pose sensor stands, which is told apart
+    anywhere, else ''.
+    """
+    labels = stands.copy()
     chosen: list[str] = []
-    now = _fitted(data, np.where(stands, 1.0, floors), fit.noise, labels, floors, seen.least)
+    now = _fitted(data, np.where(stands != "", 1.0, floors), fit.noise, labels, floors, least)
     most = chi2_isf(FALSE_ALARM, 1)
     while now.cost - fit.cost > most:
         if len(chosen) == MOST_TERMS:
@@ -596,14 +739,14 @@ def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
         inside = data.normal / now.noise
         spread = inside - inside @ now.covariance @ inside
         gains = {}
-        for name in np.unique(parameters.places):
-            here = parameters.places == name
-            if name not in chosen and not stands[here].any():
+        for name in np.unique(places):
+            here = places == name
+            if name not in chosen and not (stands[here] != "").any():
                 part = left[here] / now.noise
                 gains[name] = float(part @ np.linalg.lstsq(spread[np.ix_(here, here)], part, rcond=1e-9)[0])
         best = max(gains, key=lambda name: gains[name])
         chosen.append(best)
-        labels[parameters.places == best] = best
+        labels[places == best] = best
         start = np.where(labels == "", floors, np.maximum(now.variances, 1.0))
-        now = _fitted(data, start, now.noise, labels, floors, seen.least)
+        now = _fitted(data, start, now.noise, labels, floors, least)
     return True

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.build import delta as packaged_delta
 from prup_pin.laws import Inputs
 from prup_pin.laws.deeds import (
     Along,
     ChangedValue,
     ExtraStrain,
     MovedJoint,
+    MovedLoopEnd,
     PoseReport,
     ScaledMass,
     Strain,
@@ -25,7 +27,7 @@ from prup_pin.laws.deeds import (
 )
 from prup_pin.simulation import Simulator
 from prup_pin.spatial import WRENCH_NAMES, rotation_exp, rotation_log
-from tests.reference.concealed import arm, platform
+from tests.reference.concealed import arm, delta, platform
 from tests.reference.concealed.scatter import ORDINARY, draw_scatter
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -116,6 +118,58 @@ def test_a_scattered_platform(seed):
     scatter = {name: amount for name, amount in scatter.items() if "seat" not in name}
     assert PLATFORM.apart([], scatter=scatter) > 50
     assert PLATFORM.apart(platform_deeds(scatter), scatter=scatter) < 1e-4
+
+
+DELTA = Bench(delta.Delta, delta.poses, 60.0, prup_pin.load(ROBOTS / "clavel_delta/clavel_delta.urdf"))
+#: A rod bends a little under its own weight in the package, and is a line in the machine.
+BENT = 0.05
+
+
+def delta_deeds(scatter):
+    """Motors, tops and masses: seats and lengths are no joints of the robot file."""
+    yield from drives(DELTA, scatter)
+    moved = {}
+    for name, amount in scatter.items():
+        place, _, what = name.rpartition(".")
+        if place.endswith(("_motor", "_top")) and what[-1] in "xyz" and len(what) < 3:
+            joint = place.replace("_top", "_u1")
+            moved.setdefault(joint, np.zeros(6))["xyz".find(what[-1]) + 3 * (len(what) > 1)] += amount
+        elif what == "mass":
+            yield ScaledMass(place, 1 + amount)
+    for joint, displacement in moved.items():
+        axis = DELTA.robot.mechanism.joint(joint).axis
+        displacement[3:] -= (displacement[3:] @ axis) * axis
+        yield MovedJoint(joint, tuple(displacement))
+    yield from sensors(scatter)
+
+
+def test_the_nominal_delta():
+    assert DELTA.apart([], weight=False) < 1e-3
+    assert DELTA.apart([]) < BENT
+    assert DELTA.apart([Weight(-1.0)]) > 5
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_scattered_delta(seed):
+    scatter = draw_scatter(np.random.default_rng(seed), delta.Delta.PARAMETERS, ORDINARY)
+    scatter = {name: amount for name, amount in scatter.items() if "seat" not in name and "length" not in name}
+    assert DELTA.apart([], scatter=scatter) > 50
+    assert DELTA.apart(delta_deeds(scatter), scatter=scatter) < BENT
+
+
+def test_a_longer_rod_of_the_delta():
+    longer = {"leg2b_rod.length": 1e-4}
+    way = DELTA.robot.mechanism.frame("leg2b_bottom").placement[:3, 3]
+    moved = MovedLoopEnd("leg2b", 1, (*(1e-4 * way / np.linalg.norm(way)), 0.0, 0.0, 0.0))
+    assert DELTA.apart([], scatter=longer) > 5
+    assert DELTA.apart([moved], scatter=longer) < BENT
+
+
+def test_the_delta_is_that_of_the_builder():
+    built, read = packaged_delta(**delta.DRAWING), DELTA.robot
+    pose = dict.fromkeys(delta.Delta.ACTUATED, 0.1)
+    one, other = (robot.compliance(robot.pose_from_actuators(pose)).C for robot in (built, read))
+    assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
 
 
 ARM = Bench(arm.Arm, arm.poses, 150.0, prup_pin.load(ROBOTS / "elastic_arm/elastic_arm.urdf"))

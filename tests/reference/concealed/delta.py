@@ -1,122 +1,167 @@
-"""A Delta robot on a bench, by the balance of its energy: motors that yield, rods that stretch, a platform that turns.
+"""A Delta that is not quite the nominal one, from the balance of each rod, each arm and the platform as deformed.
 
-Unknown are the platform's pose and the three arms' angles; each rod carries force along itself, k = E A / l, and each
-motor holds its arm by a spring. At rest the gradient of energy less the work of the load is zero.
+Each of three arms turns about its motor and carries two rods between ball joints, so that a rod pulls along itself
+alone and bears half its weight at either end. The platform's pose, the six rods' pulls and the three arms' angles are
+the fifteen unknowns; that each rod is as long as its pull makes it, each arm where its yielding motor holds it, and
+the platform's balance, are the equations.
+
+SI units and radians; gravity along -z. Legs count from 1 in names such as "leg1/motor", rods are "leg1a" and "leg1b".
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .draw import LEVELS, seal, unit, write_csv
-from .rotations import matrix, vector
+from .machine import SENSOR_PARAMETERS, G, Machine, newton
+from .rotations import matrix
 
-#: Sizes [m], of the robot file that `prup_pin.build.delta` draws, and the stiffness of its parts.
-SIZES = {"base_radius": 0.2, "platform_radius": 0.06, "arm": 0.25, "rod": 0.55, "rod_spacing": 0.09, "height": 0.5}
-MOTOR_STIFFNESS, ROD_DIAMETER, MODULUS = 900.0, 0.008, 2.1e11  # N m/rad, m, Pa
-MOTORS = tuple(f"leg{leg}_motor" for leg in (1, 2, 3))
-NOISE = {"position": 3e-6, "rotation": 1.5e-5, "force": 0.05, "moment": 0.004}
-_ANGLES = np.radians([0.0, 120.0, 240.0])
-_OUT = np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(3)))
-_SIDE = np.column_stack((-np.sin(_ANGLES), np.cos(_ANGLES), np.zeros(3)))
-
-
-def _home_angle() -> float:
-    """The arm's angle above the horizon at home, elbow outwards: where its end is a rod's length from the platform."""
-    s = SIZES
-    across, distance = s["base_radius"] - s["platform_radius"], np.hypot(s["base_radius"] - s["platform_radius"],
-                                                                         s["height"])  # fmt: skip
-    to_seat = np.arctan2(-s["height"], -across)
-    inner = np.arccos((s["arm"] ** 2 + distance**2 - s["rod"] ** 2) / (2 * s["arm"] * distance))
-    return float(to_seat + inner)
-
-
-HOME = _home_angle()
-
-
-class Delta:
-    """A device: `offsets` (3,) of its encoders [rad], `softer` (3,) motors that yield so many times as much."""
-
-    def __init__(self, offsets=(0.0, 0.0, 0.0), softer=(1.0, 1.0, 1.0)):
-        self.offsets, self.stiffness = np.array(offsets, float), MOTOR_STIFFNESS / np.array(softer, float)
-        self.along = MODULUS * np.pi / 4 * ROD_DIAMETER**2 / SIZES["rod"]
-
-    def pose(self, q: np.ndarray, wrench: np.ndarray, start=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position (3,), orientation (3, 3) and arms' angles (3,) at motors' positions q under a wrench about it."""
-        drive = q + self.offsets
-        p, r, th = start if start is not None else (np.array([0.0, 0.0, -SIZES["height"]]), np.eye(3), drive.copy())
-        for _ in range(200):
-            pull, hessian = -np.r_[wrench, np.zeros(3)], np.zeros((9, 9))
-            for leg in range(3):
-                angle = HOME + th[leg]
-                elbow = (SIZES["base_radius"] + SIZES["arm"] * np.cos(angle)) * _OUT[leg]
-                elbow = elbow + SIZES["arm"] * np.sin(angle) * np.array([0.0, 0.0, 1.0])
-                swing = SIZES["arm"] * (np.cos(angle) * np.array([0.0, 0.0, 1.0]) - np.sin(angle) * _OUT[leg])
-                for sign in (0.5, -0.5):
-                    aside = sign * SIZES["rod_spacing"] * _SIDE[leg]
-                    lever = r @ (SIZES["platform_radius"] * _OUT[leg] + aside)
-                    line = p + lever - elbow - aside
-                    length = np.linalg.norm(line)
-                    way = line / length
-                    by = np.zeros(9)
-                    by[:3], by[3:6], by[6 + leg] = way, np.cross(lever, way), -way @ swing
-                    pull += self.along * (length - SIZES["rod"]) * by
-                    hessian += self.along * np.outer(by, by)
-                pull[6 + leg] += self.stiffness[leg] * (th[leg] - drive[leg])
-                hessian[6 + leg, 6 + leg] += self.stiffness[leg]
-            step = -np.linalg.solve(hessian, pull)
-            size = np.linalg.norm(step)
-            step *= min(1.0, 0.1 / max(size, 1e-300))
-            p, r, th = p + step[:3], matrix(step[3:6]) @ r, th + step[6:]
-            if size < 1e-12:
-                return p, r, th
-        raise RuntimeError(f"no balance at {q} under {wrench}")
+LEGS = (1, 2, 3)
+RODS = tuple(f"leg{i}{side}" for i in LEGS for side in "ab")
+LEG_OF = np.repeat(np.arange(3), 2)
+#: What the packaged builder of such robots is told (`DRAWING` of prup_pin.build.delta).
+DRAWING: dict[str, float] = {
+    "base_radius": 0.20,
+    "platform_radius": 0.06,
+    "arm": 0.24,
+    "rod": 0.54,
+    "rod_spacing": 0.12,
+    "height": 0.50,
+    "motor_stiffness": 4e4,
+    "rod_diameter": 0.012,
+    "platform_mass": 2.0,
+}
+MODULUS, DENSITY = 206e9, 7850.0  # Pa, kg/m^3
+_AREA = np.pi / 4 * DRAWING["rod_diameter"] ** 2
+ROD_MASS = DENSITY * _AREA * DRAWING["rod"]
+REACH = 0.42  # rad, of the motors to either side of home
+#: Pulls are counted in this many newtons, so that all unknowns are of one size.
+_PULL = 1e5
 
 
-def _measured(rng, device: Delta, poses: int) -> dict[str, np.ndarray]:
-    q = np.repeat(rng.uniform(-0.45, 0.45, (poses, 3)), len(LEVELS) * 2, axis=0)
-    w = []
-    for _ in range(2 * poses):
-        size = 40.0 * rng.uniform(0.4, 1.4, 2) * [1.0, 0.06]
-        w.append(np.outer(LEVELS, np.r_[size[0] * unit(rng), size[1] * unit(rng)]))
-    w = np.vstack(w)
-    p, r, last = np.empty((len(q), 3)), np.empty((len(q), 3)), None
-    for row in range(len(q)):
-        fresh = row == 0 or (q[row] != q[row - 1]).any()
-        last = device.pose(q[row], w[row], None if fresh else last)
-        p[row], r[row] = last[0], vector(last[1])
-    noise = {key: NOISE[key] * rng.normal(size=(len(q), 3)) for key in NOISE}
-    w = w + np.concatenate((noise["force"], noise["moment"]), axis=1)
-    return {"time": np.arange(len(q), dtype=float), "q": q, "w": w, "p": p + noise["position"],
-            "r": r + noise["rotation"]}  # fmt: skip
+def _drawn():
+    """Motor axes and places (3, 3), rods' ends on arms and on the platform at home (6, 3), all in base axes."""
+    angles = np.radians([0.0, 120.0, 240.0])
+    outwards = np.stack([np.cos(angles), np.sin(angles), 0 * angles], -1)
+    sideways = np.stack([-np.sin(angles), np.cos(angles), 0 * angles], -1)
+    across, down = DRAWING["base_radius"] - DRAWING["platform_radius"], DRAWING["height"]
+    # seen from the side the elbow is off the line from motor to platform, on its outer side
+    apart = np.hypot(across, down)
+    along = (apart**2 + DRAWING["arm"] ** 2 - DRAWING["rod"] ** 2) / (2 * apart)
+    off = np.sqrt(DRAWING["arm"] ** 2 - along**2)
+    out = (-along * across + off * down) / apart
+    up = (-along * down - off * across) / apart
+    elbow = out * outwards + np.array([0.0, 0.0, up])
+    beside = np.tile([0.5, -0.5], 3)[:, None] * DRAWING["rod_spacing"] * sideways[LEG_OF]
+    seats = DRAWING["platform_radius"] * outwards[LEG_OF] + beside
+    return -sideways, DRAWING["base_radius"] * outwards, elbow[LEG_OF] + beside, seats
 
 
-def draw_delta(seed: int, effects=(), poses=(12, 5)) -> dict[str, Any]:
-    """A Delta and its bench test: its tables, and the truth. effects: encoder_offset, stiffness_changed."""
-    rng = np.random.default_rng([seed, 61])
-    offsets, softer, truths = np.zeros(3), np.ones(3), []
-    for name in effects:
-        leg = int(rng.integers(3))
-        if name == "encoder_offset":
-            offsets[leg] = float(rng.choice([-1, 1]) * np.exp(rng.uniform(np.log(2e-4), np.log(2e-3))))
-            places = [MOTORS[leg], f"leg{leg + 1}/motor"]
+AXES, MOTORS, TOPS, SEATS = _drawn()
+HOME = np.array([0.0, 0.0, -DRAWING["height"]])
+
+
+class Delta(Machine):
+    """The Delta of tests/robots/clavel_delta/clavel_delta.urdf."""
+
+    DRIVES: ClassVar = tuple(f"leg{i}/motor" for i in LEGS)
+    ACTUATED: ClassVar = tuple(f"leg{i}_motor" for i in LEGS)
+    STIFFNESS: ClassVar = np.full(3, DRAWING["motor_stiffness"])  # N m/rad
+    HOME: ClassVar = np.zeros(3)
+    PARAMETERS: ClassVar = {
+        **{f"leg{i}/motor.stiffness": "stiffness" for i in LEGS},
+        **{f"leg{i}_motor.{axis}": "position" for i in LEGS for axis in "xyz"},
+        **{f"leg{i}_motor.{axis}": "direction" for i in LEGS for axis in ("rx", "ry", "rz")},
+        **{f"{rod}_top.{axis}": "position" for rod in RODS for axis in "xyz"},
+        **{f"{rod}_seat.{axis}": "position" for rod in RODS for axis in "xyz"},
+        **{f"{rod}_rod.length": "position" for rod in RODS},
+        **{f"leg{i}_motor.{name}": name for i in LEGS for name in ("encoder_offset", "encoder_slope")},
+        **{f"{body}.mass": "mass" for body in ("platform", *(f"{rod}_rod" for rod in RODS))},
+        **SENSOR_PARAMETERS,
+    }  # fmt: skip
+
+    def __init__(self, effects: Any = (), scatter=None):
+        self.motors, self.tops, self.seats = MOTORS.copy(), TOPS.copy(), SEATS.copy()
+        self.tilts = np.zeros((3, 3))
+        self.lengths = np.full(6, DRAWING["rod"])
+        super().__init__(effects, scatter)
+
+    def _misplace(self, place, turned, axis, amount):
+        """motor: along or about the base's axes; top: along the arm's at home; seat: along the platform's; a rod's
+        length."""
+        leg = int(place[3]) - 1
+        if place.endswith("_motor"):
+            (self.tilts if turned else self.motors)[leg, axis] += amount
+        elif turned:
+            raise ValueError("a ball joint points nowhere")
+        elif place.endswith("_rod"):
+            self.lengths[RODS.index(place.removesuffix("_rod"))] += amount
         else:
-            softer[leg] = float(rng.uniform(1.3, 2.5))
-            places = [f"leg{leg + 1}/motor", MOTORS[leg]]
-        truths.append({"physics": name, "location": places[0], "places": places})
-    device = Delta(offsets, softer)
-    return {"fit": _measured(rng, device, poses[0]), "heldout": _measured(rng, device, poses[1]),
-            "truth": {"seed": seed, "robot": "delta", "effects": truths}}  # fmt: skip
+            what = self.tops if place.endswith("_top") else self.seats
+            what[RODS.index(place.rpartition("_")[0]), axis] += amount
+
+    def _held_length(self, q):
+        """A motor holds no length that grows."""
+        return np.zeros_like(q)
+
+    def _ends(self, angle):
+        """Rods' upper ends (..., 6, 3) in base axes, and the motors' axes (3, 3)."""
+        tilted = matrix(self.tilts - (self.tilts * AXES).sum(-1, keepdims=True) * AXES)
+        axes = (tilted @ AXES[..., None])[..., 0]
+        turned = matrix(angle[..., None] * AXES)  # (..., 3, 3, 3)
+        arms = (tilted @ turned)[..., LEG_OF, :, :] @ self.tops[:, :, None]
+        return self.motors[LEG_OF] + arms[..., 0], arms[..., 0], axes
+
+    def _equilibrium(self, standing, w):
+        own = np.array([self._factor(f"{rod}_rod") * ROD_MASS * self.weighs for rod in RODS])
+        halves = 0.5 * own[:, None] * np.array([0.0, 0.0, -G])
+        down = np.r_[0.0, 0.0, -G * self._factor("platform") * DRAWING["platform_mass"] * self.weighs, 0.0, 0.0, 0.0]
+
+        def left(x):
+            """x (..., N, 15): position, rotation vector, pulls / _PULL, angles."""
+            p, rot, pull, angle = x[..., :3], matrix(x[..., 3:6]), _PULL * x[..., 6:12], x[..., 12:]
+            tops, arms, axes = self._ends(angle)
+            levers = np.einsum("...jk,ik->...ij", rot, self.seats)
+            lines = tops - p[..., None, :] - levers
+            length = np.sqrt((lines * lines).sum(-1))
+            force = pull[..., None] * lines / length[..., None]  # on the platform
+            total = self._on_tool(w, p, rot) + down
+            total[..., :3] += (force + halves).sum(-2)
+            total[..., 3:] += np.cross(levers, force + halves).sum(-2)
+            about = np.cross(arms, halves - force)
+            torque = ((about[..., 0::2, :] + about[..., 1::2, :]) * axes).sum(-1)
+            stretched = self.lengths * (1 + pull / (MODULUS * _AREA))
+            return np.concatenate([length - stretched, total / _PULL, angle - standing - self._yields(torque)], -1)
+
+        start = np.zeros((len(w), 15))
+        start[:, :6] = self.rigid(standing)
+        start[:, 12:] = standing
+        x, residual = newton(left, start, np.r_[np.full(12, 1e-6), np.full(3, 1e-7)])
+        return x[:, :3], matrix(x[:, 3:6]), residual
+
+    @staticmethod
+    def rigid(q):
+        """Pose (N, 6), position and rotation vector, of the nominal Delta that does not yield."""
+        nominal = Delta()
+        tops, _, _ = nominal._ends(q)
+
+        def left(x):
+            seats = np.einsum("...jk,ik->...ij", matrix(x[..., 3:]), SEATS)
+            return np.linalg.norm(x[..., None, :3] + seats - tops, axis=-1) - DRAWING["rod"]
+
+        x, _ = newton(left, np.tile(np.r_[HOME, 0.0, 0.0, 0.0], (len(q), 1)), np.full(6, 1e-6))
+        return x
+
+    def _weights(self, standing):
+        pose = self.rigid(standing)
+        seats = pose[:, None, :3] + np.einsum("njk,ik->nij", matrix(pose[:, 3:]), SEATS)
+        tops, _, _ = Delta()._ends(standing)
+        bodies = [("platform", DRAWING["platform_mass"], pose[:, :3])]
+        bodies += [(f"{rod}_rod", ROD_MASS, 0.5 * (seats + tops)[:, i]) for i, rod in enumerate(RODS)]
+        return [(np.array([0.0, 0.0, -G * mass * self._factor(name)]), centre) for name, mass, centre in bodies]
 
 
-def write(drawn: Mapping[str, Any], out: Path, sealed: Path, name: str, robot_file: str) -> None:
-    """Recordings into `out`, the answer into `sealed`."""
-    about = {"robot": robot_file, **{f"{key}_noise": value for key, value in NOISE.items()}}
-    seal(out, sealed, name, json.loads(json.dumps(about)), drawn["truth"])
-    write_csv(out / f"{name}.csv", drawn["fit"], False, MOTORS)
-    write_csv(out / f"{name}.heldout.csv", drawn["heldout"], False, MOTORS)
+def poses(rng, count: int) -> np.ndarray:
+    """Encoder readings (count, 3) of random poses."""
+    return rng.uniform(-REACH, REACH, (count, 3))

@@ -1,0 +1,99 @@
+"""Robots with loops of which everything is off, told nothing: what is off by how much, and what they do elsewhere."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+import prup_pin
+from prup_pin.diagnosis import diagnose, spread
+from prup_pin.recordings import read_recording
+from prup_pin.simulation import simulate
+
+from ..reference.concealed import draw as bench
+from ..reference.concealed.rotations import matrix
+from ..reference.concealed.uncalibrated import KINDS, Oracle, apart, draw_uncalibrated, write
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+#: Where the tracker stands is no error of the robot.
+FRAME = {"frame_position", "frame_rotation"}
+
+
+def read(drawn, folder):
+    """Return the robot and its two recordings."""
+    name = KINDS[drawn["robot"]].file
+    robot = prup_pin.load(name if name == drawn["robot"] else ROBOTS / name)
+    write(drawn, folder / "out", folder / "sealed", "device")
+    return robot, *(read_recording(folder / "out" / f"device{part}.csv") for part in ("", ".heldout"))
+
+
+def asked(robot, recording):
+    with threadpool_limits(1, user_api="blas"):
+        return importlib.import_module("prup_pin.diagnosis.asked").asked(robot, recording, lambda stage, share: None)
+
+
+def left(drawn, robot, heldout, effects) -> float:
+    """Return what is left of the held-out poses, in multiples of the noise."""
+    told = simulate(robot, heldout, effects)
+    record = {"p": told.position, "R": matrix(told.rotation)}
+    return float(np.sqrt(np.mean(np.square(apart(drawn["heldout"], record, drawn["noise"], drawn["turns"])))))
+
+
+def test_a_hexapod_that_nobody_has_calibrated(tmp_path):
+    drawn = draw_uncalibrated(2, "six_ups")
+    robot, recording, heldout = read(drawn, tmp_path)
+    given = asked(robot, recording)
+    actual, kinds = drawn["actual"], given.spread.kinds
+    assert set(kinds) - FRAME <= set(actual)
+    for kind in ("encoder_offset", "position"):
+        assert kinds[kind] == pytest.approx(actual[kind], rel=0.6)
+    assert given.problem.noise.source == "estimated"
+    assert given.problem.noise.position == pytest.approx(drawn["noise"]["position"], rel=0.25)
+    problem = given.within_tolerances(given.problem)
+    effects = [*problem.tolerances.at(problem.first.x), *given.placed.every]
+    assert left(drawn, robot, heldout, effects) < 1.3 < 1000 < left(drawn, robot, heldout, [])
+
+
+def test_what_one_law_explains_is_no_matter_of_kinds(tmp_path):
+    """A screw that warms up, which no kind of parameter is, and which zeros and places nearly imitate."""
+    drawn = bench.draw(3, ["thermal_growth"], (30.0, 40.0), poses=(6, 1))
+    bench.write(drawn, tmp_path / "out", tmp_path / "sealed", "device")
+    assert asked(prup_pin.load("3prup"), read_recording(tmp_path / "out/device.csv")).spread is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "seed"), [("delta", 3), ("3prup", 2)])
+def test_a_loaded_robot_is_predicted_as_well_as_its_data_allow(robot, seed, tmp_path):
+    drawn = draw_uncalibrated(seed, robot)
+    assert drawn["loaded"]
+    loaded, recording, heldout = read(drawn, tmp_path)
+    found = diagnose(loaded, recording)
+    assert found.verdict == "explained"
+    assert left(drawn, loaded, heldout, found.effects) < 1.1 * Oracle(drawn).left_over()
+
+
+# -- the equations -----------------------------------------------------------------------------------------------------
+
+
+def test_of_two_kinds_that_do_the_same_the_usual_one_is_off():
+    draw = np.random.default_rng(5)
+    matrix_ = draw.standard_normal((60, 6))
+    both = np.concatenate((matrix_, 0.03 * matrix_), axis=1)  # the second must be off by thirty times what is usual
+    right = matrix_ @ draw.standard_normal(6) + 0.1 * draw.standard_normal(60)
+    data = spread._Linear(both.T @ both, both.T @ right, float(right @ right), len(right))
+    labels, floors = np.repeat(["usual", "unusual"], 6).astype(object), np.full(12, 1e-12)
+    costs = {}
+    for kind in ("usual", "unusual"):
+        alone = np.where(labels == kind, labels, "")
+        costs[kind] = spread._fitted(data, np.ones(12), 1.0, alone, floors, 0.0, spread._unusual).cost
+    plain = [spread._fitted(data, np.ones(12), 1.0, np.where(labels == kind, labels, ""), floors, 0.0).cost
+             for kind in ("usual", "unusual")]  # fmt: skip
+    assert plain[0] == pytest.approx(plain[1], abs=0.1)
+    assert costs["unusual"] - costs["usual"] > 10
+    slope = (spread._unusual(np.exp(2.01))[0] - spread._unusual(np.exp(1.99))[0]) / 0.02
+    assert spread._unusual(np.exp(2.0))[1] == pytest.approx(slope, rel=1e-6)
+    assert spread._unusual(0.5) == (0.0, 0.0)
