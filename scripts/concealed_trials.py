@@ -450,6 +450,7 @@ def main() -> None:
     if options.uncalibrated:
         devices = _turns(_uncalibrated.KINDS, options.uncalibrated, first)
         jobs = {(robot, seed): (_uncalibrated.trial, seed, robot) for robot, seed in devices}
+        jobs = {key: job for key, job in jobs.items() if not _uncalibrated.is_loaded(*job[1:])}
         done = run(jobs, options.out / "uncalibrated.jsonl", options.workers, _uncalibrated.told)
         command = f"python scripts/concealed_trials.py --count 0 --uncalibrated {len(devices)}"
         text = counted(partial(_uncalibrated.summary, share=wilson), done, jobs)

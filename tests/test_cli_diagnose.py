@@ -352,7 +352,7 @@ def test_a_log_in_another_convention_is_read_so_and_told_first(
             np.array([float(row[names.index(name)]) for row in cells])
             for names, cells in ((head, rows), (predicted, told))
         )
-        np.testing.assert_allclose(measured, wanted, atol=1e-3 * np.ptp(measured))
+        np.testing.assert_allclose(measured, wanted, atol=2e-3 * np.ptp(measured))  # five times the noise
 
 
 def test_a_convention_that_is_typed_is_told_no_more(clean_bench, run, tmp_path):

@@ -24,7 +24,7 @@ def subclasses(cls):
 
 
 WORDS = {law.physics for law in (*LAWS, *EFFORT_LAWS)} | {law.family for law in EFFORT_LAWS} - {""}
-CLASSES = {cls.__name__ for cls in subclasses(Law) - ANY}
+CLASSES = {cls.__name__ for cls in subclasses(Law) - ANY if cls.__module__.startswith("prup_pin.")}
 
 
 def named(text):

@@ -145,12 +145,13 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
 
 
 def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
-    """Return what is off all over a robot that is seen by a pose sensor; of a loaded one, where it looks like that."""
-    heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
-    weights = [] if heavy is None else [[heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
+    """Return what is off all over a robot that is seen by a pose sensor and that nothing loads but its weight."""
     if not problem.simulator.inputs.weight_alone:
-        weights.append([])  # a robot may have been weighed out before it was loaded
-    return spread_of(problem, together, weights or [[]], library)
+        return None
+    heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
+    return spread_of(
+        problem, together, [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
+    )
 
 
 def _inputs(robot: Robot, together: Together) -> Inputs:

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -51,7 +50,6 @@ from .criteria import (
     MOST_APART,
     MOST_OUTLIERS,
     MOST_TERMS,
-    NOISE_LIKE,
     OUTLIER,
     SPREAD_ROUNDS,
     SPREAD_SETTLED,
@@ -414,29 +412,17 @@ def _without_kinds(
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 
-def spread_of(
-    problem: Problem, together: Together, weights: Sequence[Sequence[Effect]], library: Sequence[Candidate]
-) -> Spread | None:
-    """Return what is off by how much on a robot that is seen by a pose sensor; None where too little was measured.
+def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) -> Spread | None:
+    """Return what is off by how much on a robot that is seen by a pose sensor and that nothing loads but its weight.
 
-    None too of a robot on which loads act, where one look from the robot file does not show that it is off all over.
-    problem: at the robot file; weights: the ways in which weight may act, of which the likeliest at that look does;
-    library: laws, of which a few might explain as much.
+    None where too little was measured. problem: at the robot file; weight: that acts.
     """
     simulator = problem.simulator
-    least = 0.0 if problem.noise.source == "assumed" else 1.0
-    ways = []
-    for weight in weights:
-        parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
-        seen = _Seen(problem, parameters, tuple(weight), least).told_by(problem.stack.exists)
-        if seen is None:
-            return None
-        ways.append(seen)
-    seen = ways[0]
-    if not simulator.inputs.weight_alone:
-        seen, looked = min(((each, each.look()) for each in ways), key=lambda item: item[1].fit.cost)
-        if not (_is_all_over(looked.data, looked.fit, seen) and not looked.by_few(library)):
-            return None
+    parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
+    asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
+    seen = asked.told_by(problem.stack.exists)
+    if seen is None:
+        return None
     labels = seen.parameters.kinds
     x = np.zeros(len(labels))
     exists = problem.stack.exists
@@ -469,13 +455,12 @@ def spread_of(
 def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not.
 
-    On a robot that nothing loads they need not explain most of it where the rest may be noise: it shows its geometry.
+    They need not explain most of it where nothing is declared and all of the rest may be noise.
     """
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
     explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
     told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
-    if told_nothing and seen.problem.simulator.inputs.weight_alone:
-        explains |= seen.least == 0 or fit.noise < NOISE_LIKE**2
+    explains |= told_nothing and seen.least == 0
     return explains and not _are_few(data, fit, seen.parameters.places, seen.stands, seen.floors, seen.least)
 
 
@@ -505,18 +490,6 @@ class _Seen:
         kinds = self.parameters.kinds
         return np.where(np.isin(kinds, SENSORS["pose_sensor"]), kinds, "").astype(object)
 
-    def look(self) -> _Look:
-        """Return what the robot file's own first order says."""
-        problem, parameters = self.problem, self.parameters
-        run = problem.simulator.run(self.weight, problem.nominal.run)
-        influence = Influence(problem.simulator, run, problem.stack)
-        white = np.where(problem.stack.exists[run.samples], 1.0, 0.0) / problem.stack.deviation(problem.noise)
-        residual = problem.stack.residual(run)[run.samples] * white
-        columns = parameters.columns(problem.simulator, influence, np.zeros(len(self.floors)), self.weight)
-        good = np.isfinite(residual).all(axis=1) & np.isfinite(columns).all(axis=(1, 2))
-        white[~good] = 0.0
-        return _Look(self, influence, np.where(good[:, None], residual, 0.0), white, columns)
-
     def told_by(self, exists: np.ndarray) -> _Seen | None:
         """Return the question with as many kinds as what was measured can tell, the finest left out first; or None."""
         parameters = self.parameters
@@ -526,9 +499,7 @@ class _Seen:
                 return replace(self, parameters=parameters)
         return None
 
-    def settled(
-        self, x: Array, exists: np.ndarray, robust: bool, rounds: int = SPREAD_ROUNDS
-    ) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
+    def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
         """Return x (p,), the fit about it, its data, distances (N, channels) of what was measured, what is left (N, K).
 
         None where it leads to parameters of which no sample can be simulated.
@@ -537,7 +508,7 @@ class _Seen:
         noise, variances = 1e6, np.ones(len(x))
         known: Array | None = None
         run: Run | None = None
-        for _ in range(rounds):
+        for _ in range(SPREAD_ROUNDS):
             acting = [*parameters.effects(x), *self.weight]
             run = problem.simulator.run(acting, run)
             influence = Influence(problem.simulator, run, problem.stack)
@@ -599,65 +570,6 @@ class _Seen:
                 by = float(np.sqrt(here[sample]))
                 found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
         return _exchanged(found, rest / np.sqrt(fit.noise), stack)
-
-
-@dataclass(frozen=True, eq=False)
-class _Look:
-    """What is left (n, K) at the robot file, in multiples of the noise, and what parameters change (n, K, p).
-
-    white (n, K): one over the noise, zero where nothing was measured or simulated.
-    """
-
-    seen: _Seen
-    influence: Influence
-    residual: Array
-    white: Array
-    columns: Array
-
-    @cached_property
-    def data(self) -> _Linear:
-        return self._data(self.columns)
-
-    @cached_property
-    def fit(self) -> _Fit:
-        seen = self.seen
-        return seen.fitted(self.data, np.ones(len(seen.floors)), 1e6)
-
-    def _data(self, columns: Array) -> _Linear:
-        seen = np.where(self.white[..., None] > 0, columns, 0.0) * self.white[..., None]
-        return _linear(self.residual, seen, self.white, None, self.seen.problem.stack)
-
-    def by_few(self, library: Sequence[Candidate]) -> bool:
-        """Return True where a few laws explain as much as kinds do, those too that are of no kind."""
-        seen, own = self.seen, self.seen.parameters.toleranced.law.deviations
-        others = [item for item in library if item.law.physics not in {each.physics for each in own}]
-        columns, places = [self.columns], [seen.parameters.places]
-        for item in others:
-            change = self._of_law(item)
-            size = np.sqrt(np.mean((change[self.white > 0] * self.white[self.white > 0][:, None]) ** 2, axis=0))
-            if np.isfinite(size).all():
-                columns.append(change / np.maximum(size, 1e-300))
-                places.append(np.full(change.shape[2], f"{item.law.physics} {item.place}"))
-        every = np.concatenate(places)
-        more = len(every) - len(seen.floors)
-        stands = np.append(seen.stands, np.full(more, "", object))
-        floors = np.append(seen.floors, np.full(more, _NONE**2))
-        return _are_few(self._data(np.concatenate(columns, axis=2)), self.fit, every, stands, floors, seen.least)
-
-    def _of_law(self, item: Candidate) -> Array:
-        """Return what a law changes (n, K, ...) where fits of it start, and per coordinate about the first start."""
-        simulator, weight = self.seen.problem.simulator, self.seen.weight
-
-        def change(coordinates: Array) -> Array:
-            return self.influence.change(simulator.setup([*weight, item.effect(coordinates)]))
-
-        starts, steps = item.starts(), _STEP * item.scales()
-        begin = change(starts[0])
-        slopes = [
-            (change(starts[0] + step * unit) - begin) / step
-            for step, unit in zip(steps, np.eye(item.size), strict=True)
-        ]
-        return np.stack([begin, *map(change, starts[1:]), *slopes[: item.size if item.size > 1 else 0]], axis=-1)
 
 
 def _stand_apart(squares: Array, far: np.ndarray) -> bool:
