@@ -43,6 +43,7 @@ def test_each_is_one_file_of_the_package_and_a_line_or_two(page, things):
     assert len({what.partition(",")[0] for what, _ in blocks if what.startswith("line: prup_pin/")}) == things
 
 
+@pytest.mark.slow
 def test_a_law_of_either_channel_is_told_and_found(extended):
     folder, printed = extended
     poses, efforts = printed["add_a_law.md"]
@@ -52,20 +53,24 @@ def test_a_law_of_either_channel_is_told_and_found(extended):
     assert "quadratic_drag, in efforts" in python(folder, "-m", "prup_pin", "laws", "windage")
 
 
+@pytest.mark.slow
 def test_a_module_is_one_file_and_one_line(extended):
     assert extended[1]["add_a_module.md"][0].split()[0] == "50.000"
 
 
+@pytest.mark.slow
 def test_a_log_format_is_read_and_refused(extended):
     said = extended[1]["add_a_log_format.md"][0]
     assert said.startswith("time joint_position[0] joint_effort[0]")
     assert "line 2" in said
 
 
+@pytest.mark.slow
 def test_a_channel_tells_what_no_other_does(extended):
     assert extended[1]["add_a_channel.md"][0].split()[:3] == ["nothing_missing", "explained", "stiffness_changed"]
 
 
+@pytest.mark.slow
 def test_they_keep_the_contracts(extended):
     folder, _ = extended
     files = "tests/laws/test_contract.py", "tests/diagnosis/test_influence.py", "tests/modules/test_contract.py"
