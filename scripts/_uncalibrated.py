@@ -68,11 +68,6 @@ def how(seed: int, robot: str) -> dict[str, Any]:
     return {"seed": seed, "robot": robot, "effects": effects}
 
 
-def is_loaded(seed: int, robot: str) -> bool:
-    """Return whether a robot is drawn with loads."""
-    return bool(draw_uncalibrated(**how(seed, robot))["loaded"])
-
-
 def robot_file(robot: str) -> Path:
     """Return where the robot file lies."""
     name = KINDS[robot].file

@@ -1,13 +1,21 @@
-"""What speaks for a log being written otherwise than it says."""
+"""What is tried where a log may be written otherwise than it says, and what speaks for it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
-from ..recordings import Convention
+from ..recordings import WORDS, Convention
 
-__all__ = ["Evidence", "merged"]
+__all__ = ["GEARS", "POSITION_UNITS", "Evidence", "exchanged", "merged"]
+
+#: Ratios of gears that are tried [turns of the motor for one of the joint].
+GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
+#: Words for units of joints' positions.
+POSITION_UNITS = tuple(
+    word for word in WORDS if "q" in word.groups and word.factor is not None and word.name != "reversed"
+)
 
 
 @dataclass(frozen=True)
@@ -25,6 +33,14 @@ class Evidence:
     read: float
     held: float
     others: tuple[tuple[Convention, ...], ...] = ()
+
+
+def exchanged(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Yield orders of columns with any two of them exchanged."""
+    for a, b in combinations(range(len(names)), 2):
+        other = list(names)
+        other[a], other[b] = other[b], other[a]
+        yield tuple(other)
 
 
 def merged(conventions: Sequence[Convention], q: Sequence[str], tau: Sequence[str]) -> tuple[Convention, ...]:

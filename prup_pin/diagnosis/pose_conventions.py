@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise, permutations, product
+from itertools import pairwise, permutations, product
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from .criteria import (
     CONVENTION_SOFTEST,
     LEAST_REACH,
 )
-from .evidence import Evidence
+from .evidence import GEARS, POSITION_UNITS, Evidence, exchanged
 
 __all__ = ["conventions_of_loads", "conventions_of_poses"]
 
@@ -43,8 +43,12 @@ _POSTURES, _OF_TREES, _MOST = 12, 40, 6
 _ROUNDS = 8
 #: Samples by which loads are judged, and the fewest that tell anything.
 _SAMPLES, _FEWEST = 400, 12
-#: Ratios of gears that are tried [turns of the motor for one of the joint].
-_GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
+#: Axes that x, y, z of a log may stand for, but for themselves.
+_AXES = [
+    tuple(f"{'-' if sign < 0 else ''}{axis}" for axis, sign in zip(order, signs, strict=True))
+    for order in permutations("xyz")
+    for signs in product((1, -1), repeat=3)
+][1:]
 
 
 # -- where the tool is ---------------------------------------------------------------------------------------------
@@ -337,21 +341,16 @@ def _forward(
 
 def _of_measured(recording: Recording) -> Iterator[Convention]:
     """Yield how positions and orientations may be written, the commonest first."""
-    axes = [
-        tuple(f"{'-' if sign < 0 else ''}{axis}" for axis, sign in zip(order, signs, strict=True))
-        for order in permutations("xyz")
-        for signs in product((1, -1), repeat=3)
-    ][1:]
     if recording.position is not None or recording.markers:
         for word in WORDS:
             if "p" in word.groups and not word.takes and word.name != "reversed":
                 yield Convention("p", word.name)
-        yield from (Convention("p", "axes", item) for item in axes)
+        yield from (Convention("p", "axes", item) for item in _AXES)
     if recording.rotation is not None or recording.marker_rotations:
         for word in WORDS:
             if "r" in word.groups and not word.takes:
                 yield Convention("r", word.name)
-        for item in axes:
+        for item in _AXES:
             yield Convention("r", "axes", item)
             if np.prod([-1 if text[0] == "-" else 1 for text in item]) * _parity(item) > 0:
                 yield Convention("r", "base_axes", item)
@@ -366,14 +365,13 @@ def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Conventio
     """Yield how positions of joints may be written, the commonest first."""
     names = [name for name in recording.positions if name in mechanism.actuated]
     slides = {name: mechanism.joint(name).slides for name in names}
-    units = [word for word in WORDS if "q" in word.groups and word.factor is not None and word.name != "reversed"]
     yield Convention("q", "reversed")
-    for word in units:
+    for word in POSITION_UNITS:
         if any(slides[name] == word.slide for name in names):
             yield Convention("q", word.name)
     for name in names if len(names) > 1 else ():
         yield Convention(f"q.{name}", "reversed")
-        yield from (Convention(f"q.{name}", word.name) for word in units if word.slide == slides[name])
+        yield from (Convention(f"q.{name}", word.name) for word in POSITION_UNITS if word.slide == slides[name])
     if list(recording.positions) == names and len(names) > 1:
         yield from (Convention("q", "order", order) for order in _orders(names))
     if mechanism.loops:
@@ -384,7 +382,7 @@ def _of_joints(mechanism: Mechanism, recording: Recording) -> Iterator[Conventio
                 yield Convention(f"q.{own}", "plus", (other,))
                 yield Convention(f"q.{own}", "minus", (other,))
     if max(float(np.nanmax(np.abs(recording.positions[name]))) for name in names) > 2 * np.pi:
-        yield from (Convention("q", "gear", (ratio,)) for ratio in _GEARS)
+        yield from (Convention("q", "gear", (ratio,)) for ratio in GEARS)
 
 
 def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -395,10 +393,7 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     yield tuple(reversed(names))
     for places in range(1, len(names)):
         yield (*names[places:], *names[:places])
-    for a, b in combinations(range(len(names)), 2):
-        other = list(names)
-        other[a], other[b] = other[b], other[a]
-        yield tuple(other)
+    yield from exchanged(names)
 
 
 # -- how loads move it ---------------------------------------------------------------------------------------------
@@ -571,11 +566,7 @@ def _of_wrench() -> Iterator[Convention]:
 
 
 def _of_wrench_axes() -> Iterator[Convention]:
-    for order in permutations("xyz"):
-        for signs in product((1, -1), repeat=3):
-            item = tuple(f"{'-' if sign < 0 else ''}{axis}" for axis, sign in zip(order, signs, strict=True))
-            if item not in (("x", "y", "z"), ("-x", "-y", "-z")):
-                yield Convention("wrench", "axes", item)
+    yield from (Convention("wrench", "axes", item) for item in _AXES if item != ("-x", "-y", "-z"))  # a reaction
 
 
 def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[Convention]:

@@ -253,13 +253,8 @@ _STEP = 1e-3
 _FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "direction", "position", f"{_YIELDS}{OWN}")
 
 
-#: What a robot is usually off by, its sensors too where nobody has calibrated them: one standard deviation a kind.
-USUAL: Mapping[str, float] = {
-    **{kind: size for kind, size in ARM.declared.items() if kind != "mass"},
-    "bending": 0.05,
-    "wrench_gain": 0.02,
-    "wrench_rotation": 0.01,
-}
+#: What a robot that nobody has calibrated is usually off by: one standard deviation a kind.
+USUAL: Mapping[str, float] = {**{kind: size for kind, size in ARM.declared.items() if kind != "mass"}, "bending": 0.05}
 
 
 def _parameters(
@@ -270,10 +265,8 @@ def _parameters(
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
     deviations = deviations_of(mechanism, markers, kinds)
-    idle = () if recording.has_wrench else SENSORS["wrench_sensor"]
-    usual = {kind: size for kind, size in USUAL.items() if kind not in idle}
     loose = [replace(item, group=None) for item in deviations]
-    toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, usual))
+    toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, USUAL))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
     joints = yielding_parts(mechanism) if weight else ()
     units = [item.unit for item in joints]
@@ -461,7 +454,7 @@ def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
     told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
     explains |= told_nothing and seen.least == 0
-    return explains and not _are_few(data, fit, seen.parameters.places, seen.stands, seen.floors, seen.least)
+    return explains and not _are_few(data, fit, seen)
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -634,15 +627,12 @@ def _less(exists: np.ndarray, outliers: Sequence[Outlier], stack: Stack) -> np.n
     return out
 
 
-def _are_few(data: _Linear, fit: _Fit, places: np.ndarray, stands: np.ndarray, floors: Array, least: float) -> bool:
-    """Return True where a few laws at single places explain as much as whole kinds do: then these are named.
-
-    places (q,): what one law would move; stands (q,): kinds of where the pose sensor stands, which is told apart
-    anywhere, else ''.
-    """
+def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
+    """Return True where a few laws at single places explain as much as whole kinds do: then these are named."""
+    places, stands, floors = seen.parameters.places, seen.stands, seen.floors
     labels = stands.copy()
     chosen: list[str] = []
-    now = _fitted(data, np.where(stands != "", 1.0, floors), fit.noise, labels, floors, least)
+    now = _fitted(data, np.where(stands != "", 1.0, floors), fit.noise, labels, floors, seen.least)
     most = chi2_isf(FALSE_ALARM, 1)
     while now.cost - fit.cost > most:
         if len(chosen) == MOST_TERMS:
@@ -660,5 +650,5 @@ def _are_few(data: _Linear, fit: _Fit, places: np.ndarray, stands: np.ndarray, f
         chosen.append(best)
         labels[places == best] = best
         start = np.where(labels == "", floors, np.maximum(now.variances, 1.0))
-        now = _fitted(data, start, now.noise, labels, floors, least)
+        now = _fitted(data, start, now.noise, labels, floors, seen.least)
     return True

@@ -343,7 +343,7 @@ def convention_of(columns: str, said: str, joints: Mapping[str, Sequence[str]]) 
     word = _BY_NAME.get((group, name))
     if word is None:
         raise UnknownNameError(f"convention of {columns}", name, [known for of, known in _BY_NAME if of == group])
-    if (word.name in ("order",) and dot) or (word.name in ("plus", "minus", "wrapped") and not dot):
+    if (word.name == "order" and dot) or (word.name in ("plus", "minus", "wrapped") and not dot):
         raise InputError(f"{columns}={said}: expected {'all of ' + group if dot else group + '.<joint>, one joint'}")
     return Convention(columns, name, _argument(word, colon, text, f"{columns}={said}", own))
 

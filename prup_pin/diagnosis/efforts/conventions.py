@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from ..criteria import (
     EFFORT_UNIT,
     EFFORT_UNIT_SHARE,
 )
-from ..evidence import Evidence, merged
+from ..evidence import GEARS, POSITION_UNITS, Evidence, exchanged, merged
 
 __all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of_efforts", "sampled"]
 
@@ -40,8 +40,6 @@ __all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of
 _SAMPLES, _SCANNED = 600, 80
 #: Conventions one after the other, and joints of which some would show what one thing does to all.
 _MOST, _FEWEST = 6, 3
-#: Ratios of gears that are tried [turns of the motor for one of the joint].
-_GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
 #: Ratios that come nearest, which are looked at more closely.
 _RATIOS = 12
 #: Units of a clock by its median step: s below the first, then ms, us, ns.
@@ -234,18 +232,17 @@ class _Search:
         if self.mechanism.loops:
             return  # whose positions would not close
         slides = {name: self.mechanism.joint(name).slides for name in names}
-        units = [word for word in WORDS if "q" in word.groups and word.factor is not None and word.name != "reversed"]
         if len(names) > 1:
             yield (Convention("q", "reversed"),)
             yield (Convention("q", "reversed"), Convention("tau", "reversed"))
-        for word in units:
+        for word in POSITION_UNITS:
             if any(slides[name] == word.slide for name in names):
                 yield (Convention("q", word.name),)
         for name in names:
             yield (Convention(f"q.{name}", "reversed"),)
             if name in driven:
                 yield Convention(f"q.{name}", "reversed"), Convention(f"tau.{name}", "reversed")
-            yield from ((Convention(f"q.{name}", word.name),) for word in units if word.slide == slides[name])
+            yield from ((Convention(f"q.{name}", word.name),) for word in POSITION_UNITS if word.slide == slides[name])
         if len(names) > 1 and self.whole:
             yield from ((Convention("q", "order", order),) for order in _orders(names))
             if names == driven:
@@ -288,7 +285,7 @@ class _Search:
         part = self.written.select(few)
         motion, rows = self.motion, self.motion.select(few)
         tried = []
-        for ratio in _GEARS:
+        for ratio in GEARS:
             read = read_as(part, [Convention("q", "gear", (ratio,))], self.drawn)
             moved = rows.with_motion(*(
                 np.column_stack([columns[name] for name in motion.names])
@@ -351,10 +348,7 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Yield orders of columns: the opposite one, and any two exchanged."""
     if len(names) > 2:
         yield tuple(reversed(names))
-    for a, b in combinations(range(len(names)), 2):
-        other = list(names)
-        other[a], other[b] = other[b], other[a]
-        yield tuple(other)
+    yield from exchanged(names)
 
 
 def left_of_efforts(motion: Motion, efforts: Array, rigid: Array) -> float:

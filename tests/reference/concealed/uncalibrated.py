@@ -200,14 +200,23 @@ class Oracle:
         return apart(record, other, self.drawn["noise"], self.drawn["turns"])
 
 
+def is_loaded(seed: int, robot: str, effects: Sequence[str] = ()) -> bool:
+    """Whether a robot is drawn with loads on it."""
+    return bool(_draws(seed, robot).random() < LOADED) or bool(set(effects) - set(ANY_LOAD))
+
+
+def _draws(seed: int, robot: str) -> np.random.Generator:
+    return np.random.default_rng([seed, 61, *robot.encode()])
+
+
 def draw_uncalibrated(seed: int, robot: str, effects: Sequence[str] = (), multiple=(6.0, 60.0)) -> dict[str, Any]:
     """A robot that nobody has calibrated: what is seen of it in two tests, and the truth.
 
     `effects`: words of `ANY_LOAD`, or of `UNDER_LOAD`, which then is loaded; `multiple`: the range of each one's size.
     """
     kind = KINDS[robot]
-    rng = np.random.default_rng([seed, 61, *robot.encode()])
-    loaded = bool(rng.random() < LOADED) or bool(set(effects) - set(ANY_LOAD))
+    loaded, rng = is_loaded(seed, robot, effects), _draws(seed, robot)
+    rng.random()  # that decides `loaded`
     declared, turns = bool(rng.random() < DECLARED), bool(rng.random() < TURNS_SEEN)
     noise = {name: float(f"{np.exp(rng.uniform(*np.log(ends))):.2g}") for name, ends in TRACKERS.items()} | FORCE_NOISE
     names = [name for name in ROUGH[robot] if loaded or not name.startswith("wrench")]
