@@ -54,10 +54,9 @@ class Finding:
     `heldout_gain`: by which share the held-out squared residual falls as this finding comes to all the others; `effect`
     is None for `finite_deflection` and for what no law explains; then `curve` is what was recovered, or None where it
     has no place.
-    `recovered` is what the samples ask for, to be drawn. `conventions`: of `log_convention`, how a log is written,
-    and `evidence`: of what the drawing leaves how much as written, and as read.
-    `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places without one effect.
-    `advice`: what to do about it, where its physics does not say.
+    `conventions`: of `log_convention`, how a log is written, and `evidence`: of what the drawing leaves how much as
+    written, and as read. `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places
+    without one effect; `advice`: what to do about it, where its physics does not say.
     """
 
     physics: str
