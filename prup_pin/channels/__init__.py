@@ -9,5 +9,6 @@ from .linear import Linear
 from .noise import Noise
 from .pose import PoseChannel
 from .stack import Stack, channels_of, whitening
+from .stations import Placing
 
-__all__ = ["Channel", "Columns", "Linear", "Noise", "PoseChannel", "Stack", "channels_of", "whitening"]
+__all__ = ["Channel", "Columns", "Linear", "Noise", "Placing", "PoseChannel", "Stack", "channels_of", "whitening"]

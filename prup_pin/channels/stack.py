@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,11 +14,12 @@ from ..loaded import FirstOrder
 from ..mechanism import Frame, Mechanism
 from ..recordings import Recording
 from ..simulation import Run
-from ..spatial import Array
+from ..spatial import Array, rotation_exp
 from .channel import Channel, Columns
 from .linear import Linear
 from .noise import Noise
 from .pose import PoseChannel
+from .stations import Placing, motions_of_stations
 
 __all__ = ["Stack", "channels_of", "whitening"]
 
@@ -33,9 +34,13 @@ def channels_of(recording: Recording, mechanism: Mechanism) -> tuple[Channel, ..
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Channels side by side: N samples of K columns."""
+    """Channels side by side: N samples of K columns.
+
+    stations (N,): for each sample where the pose sensor stood, by labels; None: in one place.
+    """
 
     channels: tuple[Channel, ...]
+    stations: np.ndarray | None = None
 
     @cached_property
     def exists(self) -> np.ndarray:
@@ -68,12 +73,52 @@ class Stack:
         return np.split(watched, ends, axis=1)
 
     def residual(self, run: Run) -> Array:
-        """Return measured less simulated, (N, K); zero where nothing was measured or simulated."""
-        return _joined([channel.residual(run) for channel in self.channels])
+        """Return measured less simulated, (N, K); zero where nothing was measured or simulated.
+
+        What was seen from stations is put where it fits best.
+        """
+        placing, stack = self.placing(run, np.flatnonzero(run.solved)), self
+        left = _joined([channel.residual(run) for channel in self.channels])
+        if placing is None:
+            return left
+        for _ in range(_PLACED):
+            stack = stack.moved(placing.best(left[run.solved]), run.solved)
+            left = _joined([channel.residual(run) for channel in stack.channels])
+        left[run.solved] = placing.without(left[run.solved])
+        return left
 
     def residual_of_start(self, linear: Linear) -> Array:
-        """Return the same against the simulation that a user starts from."""
+        """Return the same against the simulation that a user starts from, with stations where they were registered."""
         return _joined([channel.residual_of_start(linear) for channel in self.channels])
+
+    def placing(self, run: Run, samples: np.ndarray) -> Placing | None:
+        """Return what motions of the stations do at samples (n,) of a run; None where the sensor stood in one place."""
+        if self.stations is None:
+            return None
+        parts = [
+            motions_of_stations(run.pose_of(channel.frame)[0][samples])
+            if isinstance(channel, PoseChannel)
+            else np.zeros((len(samples), channel.size, 6))
+            for channel in self.channels
+        ]
+        angles = np.zeros(self.size, bool)
+        for group in self.groups():
+            angles[group.where] = group.unit == "rad"
+        return Placing(self.stations[samples], _joined(parts) * self.exists[samples][..., None], angles)
+
+    def moved(self, motion: Array, rows: np.ndarray) -> Stack:
+        """Return what was measured at samples `rows` (N,) as seen from stations turned and shifted back by (n, 6)."""
+        turn = rotation_exp(motion[:, :3]).mT
+
+        def seen(channel: Channel) -> Channel:
+            if not isinstance(channel, PoseChannel):
+                return channel
+            position, rotation = channel.position.copy(), channel.rotation.copy()
+            position[rows] = (turn @ (position[rows] - motion[:, 3:])[..., None])[..., 0]
+            rotation[rows] = turn @ rotation[rows]
+            return replace(channel, position=position, rotation=rotation)
+
+        return replace(self, channels=tuple(seen(channel) for channel in self.channels))
 
     def seen(self, watched: Array) -> Array:
         """Return what all columns see of small motions of `frames` (n, 6 frames, …): (n, K, …)."""
@@ -111,6 +156,10 @@ class Stack:
                 found.append(Columns(full, unit, slice(start + where.start, start + where.stop)))
             start += channel.size
         return tuple(found)
+
+
+#: Steps in which stations are placed: each leaves the square of the turn that the last one found.
+_PLACED = 3
 
 
 def _joined(parts: Sequence[Array]) -> Array:

@@ -78,11 +78,22 @@ class Asked:
         return within_tolerances(problem, self.toleranced, self.library, reach)
 
 
-def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, with_outliers: bool = False) -> Asked:
-    """Return what recordings ask of a robot, gross errors left out or not. Raises as `diagnose` does."""
+def asked(
+    robot: Robot,
+    recordings: Recording | Sequence[Recording],
+    tell: Tell,
+    with_outliers: bool = False,
+    stations: bool = False,
+) -> Asked:
+    """Return what recordings ask of a robot, gross errors left out or not. Raises as `diagnose` does.
+
+    stations: the pose sensor stands elsewhere in each run, whether that is declared or not.
+    """
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
     together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
+    if stations:
+        together = together.with_runs_of("pose_sensor")
     unused: list[str] = []
     remarks = [*adapted.remarks, *(together.recording.remarks if together.several else ())]
     for source in together.sources:
@@ -101,7 +112,8 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     placed = registered(measured, linear, together, robot.mechanism, allowed)
     if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
         together, placed = apart
-        recording = together.recording
+        recording, inputs = together.recording, _inputs(robot, together)
+        simulator = Simulator(robot, inputs)
     stack = placed.stack
     allowed = allowed[0] + placed.beside, allowed[1]
     remarks += placed.remarks
@@ -159,10 +171,11 @@ def _inputs(robot: Robot, together: Together) -> Inputs:
     inputs = inputs_of(together.recording, robot)
     every = all(name in together.recording.velocities for name in robot.mechanism.actuated)
     inputs = replace(inputs, speeds=inputs.speeds if every else None)
+    inputs = replace(inputs, sources=together.setups if together.several or together.by_run else None)
     if not together.several:
         return inputs
     began = np.array([inputs.time[here].min(initial=np.inf) for _, here in together.each()])
-    return replace(inputs, sources=together.which, began=began[together.which])
+    return replace(inputs, began=began[together.which])
 
 
 def _thinned(together: Together, remarks: list[str]) -> Together:

@@ -110,12 +110,11 @@ class Spread:
         """Return what was measured without outliers."""
         ends = np.cumsum([channel.size for channel in stack.channels])[:-1]
         parts = np.split(self.exists, ends, axis=1)
-        return Stack(
-            tuple(
-                replace(channel, exists=exists) if isinstance(channel, PoseChannel) else channel
-                for channel, exists in zip(stack.channels, parts, strict=True)
-            )
+        channels = tuple(
+            replace(channel, exists=exists) if isinstance(channel, PoseChannel) else channel
+            for channel, exists in zip(stack.channels, parts, strict=True)
         )
+        return replace(stack, channels=channels)
 
     def repeated(self, blocks: np.ndarray) -> bool:
         """Return True where most outliers came again while nothing moved: no slip of a sensor does. blocks (N,)."""
