@@ -19,7 +19,7 @@ from .channel import Channel, Columns
 from .linear import Linear
 from .noise import Noise
 from .pose import PoseChannel
-from .stations import Placing, motions_of_stations
+from .stations import Placing, Stations, motions_of_stations
 
 __all__ = ["Stack", "channels_of", "whitening"]
 
@@ -36,11 +36,11 @@ def channels_of(recording: Recording, mechanism: Mechanism) -> tuple[Channel, ..
 class Stack:
     """Channels side by side: N samples of K columns.
 
-    stations (N,): for each sample where the pose sensor stood, by labels; None: in one place.
+    stations: from which the pose sensor saw the samples, where it was set up anew between them.
     """
 
     channels: tuple[Channel, ...]
-    stations: np.ndarray | None = None
+    stations: Stations | None = None
 
     @cached_property
     def exists(self) -> np.ndarray:
@@ -75,16 +75,18 @@ class Stack:
     def residual(self, run: Run) -> Array:
         """Return measured less simulated, (N, K); zero where nothing was measured or simulated.
 
-        What was seen from stations is put where it fits best.
+        Less what may be the stations' own: the best motion of each is found by turns as large as they are.
         """
-        placing, stack = self.placing(run, np.flatnonzero(run.solved)), self
         left = _joined([channel.residual(run) for channel in self.channels])
+        placing = self.placing(run, np.flatnonzero(run.solved))
         if placing is None:
             return left
+        stack, motion = self, np.zeros((int(run.solved.sum()), 6))
         for _ in range(_PLACED):
-            stack = stack.moved(placing.best(left[run.solved]), run.solved)
+            step = placing.best(left[run.solved])
+            stack, motion = stack.moved(step, run.solved), motion + step
             left = _joined([channel.residual(run) for channel in stack.channels])
-        left[run.solved] = placing.without(left[run.solved])
+        left[run.solved] = placing.without(placing.moved(left[run.solved], motion))
         return left
 
     def residual_of_start(self, linear: Linear) -> Array:
@@ -95,16 +97,25 @@ class Stack:
         """Return what motions of the stations do at samples (n,) of a run; None where the sensor stood in one place."""
         if self.stations is None:
             return None
+        return self.stations.placing(samples, self.by_station(run, samples), self.angles)
+
+    def by_station(self, run: Run, samples: np.ndarray) -> Array:
+        """Return the change of the columns at samples (n,) per turn and shift of their station, (n, K, 6)."""
         parts = [
             motions_of_stations(run.pose_of(channel.frame)[0][samples])
             if isinstance(channel, PoseChannel)
             else np.zeros((len(samples), channel.size, 6))
             for channel in self.channels
         ]
+        return _joined(parts) * self.exists[samples][..., None]
+
+    @cached_property
+    def angles(self) -> np.ndarray:
+        """Which columns are angles, (K,)."""
         angles = np.zeros(self.size, bool)
         for group in self.groups():
             angles[group.where] = group.unit == "rad"
-        return Placing(self.stations[samples], _joined(parts) * self.exists[samples][..., None], angles)
+        return angles
 
     def moved(self, motion: Array, rows: np.ndarray) -> Stack:
         """Return what was measured at samples `rows` (N,) as seen from stations turned and shifted back by (n, 6)."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..channels import Channel, Linear, PoseChannel, Stack
+from ..channels import Channel, Linear, PoseChannel, Stack, Stations
 from ..laws import Effect, Sharing, stands_elsewhere
 from ..mechanism import Mechanism
 from ..numbers import number
@@ -97,7 +97,7 @@ def registered(
     a single rigid motion explains that: then it is a finding. Of stations of their own for each run neither is told.
     """
     stations = together.stations
-    out = Registered(replace(stack, stations=together.recording.run) if stations else stack)
+    out = Registered(replace(stack, stations=Stations(together.recording.run)) if stations else stack)
     groups: Sequence[Sharing | None] = stations or together.groups.get("pose_sensor") or (None,)
     for group in groups:
         here = np.ones(len(together.which), bool) if group is None else np.isin(together.setups, group.sources)
