@@ -113,4 +113,5 @@ def motions_of_stations(position: Array) -> Array:
     out = np.zeros((len(position), 6, 6))
     out[:, :3, :3] = -skew(np.nan_to_num(position))
     out[:, :3, 3:] = out[:, 3:, :3] = np.eye(3)
-    return out * np.isfinite(position).all(axis=1)[:, None, None]
+    known = np.asarray(np.isfinite(position).all(axis=1), float)
+    return out * known[:, None, None]

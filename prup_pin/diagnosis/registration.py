@@ -1,9 +1,8 @@
 """Where the pose sensor stands: the rigid motion between its frame and the robot's base, in closed form.
 
-Calibration steps from what is nearly right; a tracker may stand anywhere. With simulated positions a_i and measured
-ones b_i the motion b = M a + t of least squares follows from the singular values of sum (b - mean b)(a - mean a)^T
-(Arun, Huang and Blostein, IEEE Trans. Pattern Anal. Mach. Intell. 9, 1987). Where a marker sits beside its frame is
-looked for in turns with it, where its tolerance leaves that open or nothing else fits. Points far off weigh little.
+Calibration steps from what is nearly right; a tracker may stand anywhere: `spatial.rigid_motion` tells where. Where a
+marker sits beside its frame is looked for in turns with it, where its tolerance leaves that open or nothing else fits.
+Points far off weigh little.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from ..laws import Effect, Sharing, stands_elsewhere
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import ARM, Recording, Together
-from ..spatial import Array, skew, turn_between
+from ..spatial import Array, rigid_motion, skew, turn_between
 from .chances import chi2_median
 from .criteria import (
     FEWEST_REGISTERED,
@@ -122,7 +121,7 @@ def registered(
         if motion is None:
             continue
         if stations:
-            out = replace(out, stack=stack)
+            out = replace(out, stack=stack, beside=max(out.beside, motion.beside))
             continue
         effect = stands_elsewhere(motion.turn, motion.shift, group, mechanism)
         label = f"{group.label}: " if group is not None and group.label else ""
@@ -216,7 +215,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
     turn, shift, weights = np.eye(3), np.zeros(3), np.ones(points)
     for _ in range(_ROUNDS):
         own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
-        fit = _rigid(own, measured, weights)
+        fit = rigid_motion(own, measured, weights)
         if fit is None:
             return None
         moved = max(np.abs(fit[0] - turn).max(), np.abs(fit[1] - shift).max())
@@ -242,16 +241,6 @@ def _trust(distances: Array) -> Array:
     """Return weights (n,) of points so far from where they should be: gross ones weigh little (Student's t)."""
     size = max(float(np.median(distances**2)) / chi2_median(3), _NEAREST**2)
     return trusted(distances**2 / size)
-
-
-def _rigid(points: Array, measured: Array, weights: Array) -> tuple[Array, Array] | None:
-    """Return rotation (3, 3) and shift (3,) that take points (n, 3) to measured ones; None where they are on a line."""
-    middle, aim = np.average(points, axis=0, weights=weights), np.average(measured, axis=0, weights=weights)
-    left, sizes, right = np.linalg.svd((weights[:, None] * (measured - aim)).T @ (points - middle))
-    if sizes[1] < 1e-6 * max(float(sizes[0]), 1e-300):
-        return None
-    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-    return turn, aim - turn @ middle
 
 
 def _seen_from_base(stack: Stack, motion: _Motion, here: np.ndarray) -> Stack:

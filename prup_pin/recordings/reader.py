@@ -660,9 +660,9 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
             tolerances = tolerances_value(value, problems, beside.name, f"{key}.")
         elif key == "own_sensors":
             if isinstance(value, dict) and set(value) <= {"by_run"}:
-                by_run = _own_sensors(value.get("by_run"), problems, beside.name, f"{key}.by_run")
+                by_run = own_sensors_value(value.get("by_run"), problems, beside.name, f"{key}.by_run")
             else:
-                own = _own_sensors(value, problems, beside.name, key)
+                own = own_sensors_value(value, problems, beside.name, key)
         elif key == "conventions":
             conventions = conventions_value(value, _joints(header), problems, beside.name) if header else ()
         elif key == "frame" and value == "base":
@@ -688,7 +688,7 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
     )
 
 
-def _own_sensors(value: object, problems: Problems, file: str, key: str) -> tuple[str, ...]:
+def own_sensors_value(value: object, problems: Problems, file: str, key: str) -> tuple[str, ...]:
     """Return the sensors that a recording has for itself, or each run; what is wrong is added, and left out."""
     if value is None or value is False:
         return ()
