@@ -64,7 +64,8 @@ dynamics, no code of the package) draws device, motion and log; the answer is se
   the noise; what no rigid robot has, on faultless devices too.
 - *Left, missed*: another motion of the same device, efforts as they would be logged without noise; RMS of what a
   prediction leaves of them below 8 Hz, where all joints move, each joint by its spread; missed: over what the drawing
-  leaves.
+  leaves. By spread, a wrist whose efforts are a tenth of their noise counts as much as a shoulder, though no log tells
+  what it needs; so both are told by noise as well.
 
 `{command}` makes such a page again.
 
@@ -205,17 +206,24 @@ def _intervals(truth: Mapping[str, Any], named: Sequence[Mapping[str, Any]]) -> 
 
 
 def left(true: Mapping[str, np.ndarray], predicted: Mapping[str, np.ndarray], truth: Mapping[str, Any]) -> dict:
-    """Return what drawing and prediction leave of the held-out efforts: by joint, all joints, and their ratio."""
+    """Return what drawing and prediction leave of the held-out efforts: by joint, all joints, and their ratio.
+
+    Each joint by the spread of its efforts; and by their noise, beside which efforts that no log shows count little.
+    """
     joints = truth["joints"]
     q, tau = (np.column_stack([true[f"{key}.{name}"] for name in joints]) for key in ("q", "tau"))
     none = np.full(len(tau), np.nan)
     guess = np.column_stack([predicted.get(f"tau.{name}", none) for name in joints])
     after, before = left_by_joint(true["time"], q, tau, guess), np.array(truth["left_by_the_file"])
-    whole_before, whole_after = (float(np.sqrt(np.mean(part**2))) for part in (before, after))
+    after_noise = left_by_joint(true["time"], q, tau, guess, truth["noise"])
+    whole_before, whole_after, noise_before, noise_after = (
+        float(np.sqrt(np.mean(np.square(part)))) for part in (before, after, truth["left_by_noise"], after_noise)
+    )
     return {
         "before": whole_before,
         "after": whole_after,
         "missed": whole_after / whole_before,
+        "missed_by_noise": noise_after / noise_before,
         "by_joint": {"before": before.tolist(), "after": after.tolist()},
     }
 
@@ -246,8 +254,9 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
         for of, kind in [("", None), *((f", {kind}", kind) for kind in told)]
     ]
     for group in ("faultless", "one", "everywhere"):
-        for name, key in (("the drawing leaves", "before"), ("the prediction leaves", "after"), ("missed", "missed")):
-            if (group, key) != ("faultless", "missed"):
+        for name, key in (("the drawing leaves", "before"), ("the prediction leaves", "after"), ("missed", "missed"),
+                          ("missed, each joint by its noise", "missed_by_noise")):  # fmt: skip
+            if group != "faultless" or not key.startswith("missed"):
                 rows.append(
                     (
                         f"held out, {group}: {name}, median (90th percentile)",

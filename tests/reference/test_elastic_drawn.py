@@ -301,6 +301,7 @@ def test_what_is_left_is_told_by_joint_and_not_of_standstills():
     wrong[100:103] = np.nan
     assert left_by_joint(t, q, tau, wrong) == pytest.approx([0.1, 0.3], rel=0.1)
     assert left_by_joint(t, q, tau, tau * 0.99)[0] == pytest.approx(0.01, rel=0.05)
+    assert left_by_joint(t, q, tau, tau * 0.99, [2.0, 2.0])[0] == pytest.approx(0.08 / np.sqrt(2) / 2, rel=0.05)
     fast = tau + 0.5 * np.sin(2 * np.pi * 40 * t)[:, None]
     assert left_by_joint(t, q, tau, fast).max() < 2e-3
     assert np.isnan(left_by_joint(t, q, tau, np.full_like(tau, np.nan))).all()
@@ -319,7 +320,8 @@ def truth(group="one", effects=(), **more):
     device = {"shake": [1.0, 2.5], "order": 1, "jitter": 0.0, "velocity": None, "counts": None}
     return {"seed": 1, "robot": "ur5", "group": group, "declared": True, "late": False,
             "everywhere": group == "everywhere", "joints": ["a", "b"], "effects": list(effects), "values": {},
-            "yielding": [0.2, 0.4], "device": device, "left_by_the_file": [0.4, 0.2]} | more  # fmt: skip
+            "yielding": [0.2, 0.4], "device": device, "left_by_the_file": [0.4, 0.2],
+            "left_by_noise": [4.0, 0.1], "noise": [0.1, 2.0]} | more  # fmt: skip
 
 
 def finding(physics, location, parameters=None, candidates=(), **more):
@@ -384,12 +386,14 @@ def test_what_is_missed_is_over_what_the_drawing_leaves(elastic):
     predicted = {"tau.a": 0.96 * true["tau.a"], "tau.b": 0.98 * true["tau.b"]}
     found = elastic.left(true, predicted, truth())
     assert found["missed"] == pytest.approx(0.1, rel=0.02)
+    left = np.array([0.04 * 3 / 0.1, 0.02 / 2.0]) / np.sqrt(2)
+    assert found["missed_by_noise"] == pytest.approx(np.hypot(*left) / np.hypot(4.0, 0.1), rel=0.02)
     assert found["by_joint"]["after"] == pytest.approx([0.04, 0.02], rel=0.02)
     assert np.isnan(elastic.left(true, {"tau.a": predicted["tau.a"]}, truth())["missed"])
 
 
 def test_the_page_counts_what_was_right_and_lists_what_was_not(elastic, tmp_path):
-    more = {"before": 0.4, "after": 0.02, "missed": 0.05, "seconds": 12.0}
+    more = {"before": 0.4, "after": 0.02, "missed": 0.05, "missed_by_noise": 0.03, "seconds": 12.0}
     cases = [
         (answer(verdict="nothing_missing"), truth("faultless")),
         (answer(finding("cogging", "a")), truth("faultless", seed=2)),

@@ -303,11 +303,11 @@ class Log:
         return self.noise * (np.sqrt(self.white) * rng.normal(size=slow.shape) + np.sqrt(1 - self.white) * slow)
 
 
-def left_by_joint(time, q, true, predicted) -> np.ndarray:
-    """Return RMS (n,) of what a prediction leaves of efforts below `CUT`, over their spread, where all joints move.
+def left_by_joint(time, q, true, predicted, over=None) -> np.ndarray:
+    """Return RMS (n,) of what a prediction leaves of efforts below `CUT`, where all joints move.
 
-    time (N,), all others (N, n); without noise. What is not predicted is drawn through its neighbours; a joint that is
-    nowhere predicted is nan.
+    time (N,), all others (N, n); without noise; over (n,): what it is divided by, else the spread of the efforts.
+    What is not predicted is drawn through its neighbours; a joint that is nowhere predicted is nan.
     """
     rate = 1 / float(np.median(np.diff(time)))
     even = np.arange(time[0], time[-1], 1 / rate)
@@ -319,13 +319,14 @@ def left_by_joint(time, q, true, predicted) -> np.ndarray:
     speeds = [np.gradient(slow(column), even) for column in q.T]
     moves = (np.abs(speeds) > STANDING).all(axis=0)
     out = []
-    for mine, other in zip(np.transpose(true), np.transpose(predicted), strict=True):
+    units = over if over is not None else [max(slow(mine)[moves].std(), 1e-12) for mine in np.transpose(true)]
+    for mine, other, unit in zip(np.transpose(true), np.transpose(predicted), units, strict=True):
         known = np.isfinite(other)
         if not known.any():
             out.append(np.nan)
             continue
         left = slow(mine - np.interp(time, time[known], other[known]))
-        out.append(np.sqrt(np.mean(left[moves] ** 2)) / max(slow(mine)[moves].std(), 1e-12))
+        out.append(np.sqrt(np.mean(left[moves] ** 2)) / unit)
     return np.array(out)
 
 
@@ -477,7 +478,9 @@ def draw_elastic(seed: int, robot: str, what: str | None = None, longest: float 
     known = beside[1]
     at = np.clip(known["time"], 0.0, None)
     nominal = Moving(chain, kind.tool).rigid(chain.closed(*held.at(at)))
-    before = left_by_joint(known["time"], known["q"], known["tau"], nominal)
+    before, by_noise = (
+        left_by_joint(known["time"], known["q"], known["tau"], nominal, over) for over in (None, log.spread)
+    )
     about = {
         **{key: getattr(log, key) for key in Log.__dataclass_fields__},
         "shake": ripple.size,
@@ -509,6 +512,8 @@ def draw_elastic(seed: int, robot: str, what: str | None = None, longest: float 
             "what is left after the best fit of masses within 5 %, in the strongest joint (size); yielding: by how "
             "much rigid bodies at the motors' positions need other efforts than at the links', by joint",
             "left_by_the_file": before.tolist(),
+            "left_by_noise": by_noise.tolist(),
+            "noise": log.spread.tolist(),
             "yielding": _yielding(arm, fit, duration, log.spread).tolist(),
             "scatter": scatter,
             "device": {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in about.items()},
