@@ -1,4 +1,4 @@
-"""A pose sensor that is set up anew for each run: found, left out of what is compared, and predicted from first points."""
+"""A pose sensor set up anew for each run: found, left out of what is compared, and predicted from first points."""
 
 from __future__ import annotations
 
