@@ -94,7 +94,8 @@ def changing_unknown(efforts: Efforts, left: Array, measured: Array, noise: Arra
         text = (
             f"what is left at {change.joint} follows {followed} by an amount that changes with time, which "
             f"would take away {number(100 * change.share, 2)} % of it beyond chance and is "
-            f"{number(100 * change.size, 2)} % of the joint's effort: it is no noise, and no law of the library takes it away"
+            f"{number(100 * change.size, 2)} % of the joint's effort: it is no noise, and no law of the library "
+            "takes it away"
         )
         yield unknown_at(change.joint, text, change.share)
 
