@@ -402,6 +402,8 @@ EFFORT_CURVE_GAIN, EFFORT_CURVE_OWN = 0.05, 0.3
 EFFORT_ALONE = 0.5
 #: ... and the share of what the laws take away there: less is what every real joint has beyond any law.
 EFFORT_MATERIAL = 0.005
+#: Of one sample's noise, what a law must add to some joint's effort to be told: gears that yield add a part of it.
+EFFORT_MATTERS = 0.5
 #: A law at the same joint imitates such a curve where the curve saves more than this share of what the law does.
 EFFORT_IMITATED = 0.03
 #: Multiple of the declared noise beyond which what is left is not noise.

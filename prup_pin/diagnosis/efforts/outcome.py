@@ -15,13 +15,14 @@ from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_ppf, student_sf
-from ..criteria import EFFORT_IMITATED, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
+from ..criteria import EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .combinations import Combinations
 from .consistent import consistent_fit
 from .gains import Gains
 from .gather import Efforts
+from .noise import EffortNoise, noise_of_efforts
 from .normal import Normal
 from .relief import squared_strain
 from .search import held_out, surely, worth
@@ -74,6 +75,7 @@ class Outcome:
         kept = [term for term in surely(given, self.named).terms if not term.law.is_curve]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, self._apart, self.matrix_named = self._coefficients()
+        self.laws = [term for term in self.laws if self.named.stays(term) or self._matters(term)]
         # what cannot be negative may be nothing in the end, and what every drive has is told where it surely is
         self.laws = [
             term
@@ -137,6 +139,24 @@ class Outcome:
         count = self.given.columns.count
         degrees = max(count - 1, 1)
         return white, white @ middle @ white * count / degrees + white + np.outer(self._apart, self._apart), degrees
+
+    def _matters(self, term: EffortCandidate) -> bool:
+        """Return whether a law adds to the effort of some joint what one sample could show, or more.
+
+        Gears yield, filters have other shapes: thousands of samples tell of a rigid robot that it is none.
+        """
+        own = self.named.own(term)
+        added = self.efforts.columns_of(self.given, self.named)[:, :, own] @ self.x_named[own]
+        size = np.sqrt(np.mean(added**2, axis=0)) * self.scale
+        return bool((size > EFFORT_MATTERS * np.array([noise.size for noise in self.noise.values()])).any())
+
+    @cached_property
+    def noise(self) -> Mapping[str, EffortNoise]:
+        """The noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
+        declared = self.recording.noise.effort
+        if declared:
+            return dict.fromkeys(self.at.driven, EffortNoise(declared, "declared", self.motion.rate))
+        return noise_of_efforts(self.recording, self.at.driven)
 
     def may_be_nothing(self, term: EffortCandidate) -> float:
         """Return the chance of coefficients as large as a law's where it does not act."""

@@ -6,18 +6,9 @@ import numpy as np
 
 from ...spatial import Array
 from .chosen import saved
-from .noise import EffortNoise, noise_of_efforts
 from .outcome import Outcome
 
-__all__ = ["noise_of", "residuals_of", "rms_of", "shares_of"]
-
-
-def noise_of(outcome: Outcome) -> dict[str, EffortNoise]:
-    """Return the noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
-    declared = outcome.recording.noise.effort
-    if declared:
-        return dict.fromkeys(outcome.at.driven, EffortNoise(declared, "declared", outcome.motion.rate))
-    return noise_of_efforts(outcome.recording, outcome.at.driven)
+__all__ = ["residuals_of", "rms_of", "shares_of"]
 
 
 def residuals_of(

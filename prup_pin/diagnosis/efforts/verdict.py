@@ -25,7 +25,7 @@ from .effects import effects_of
 from .findings import beyond_found, gains_found, laws_found
 from .noise import EffortNoise
 from .outcome import Outcome
-from .residuals import noise_of, residuals_of, rms_of, shares_of
+from .residuals import residuals_of, rms_of, shares_of
 from .search import worth
 from .unknown import (
     body_unknown,
@@ -47,7 +47,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     every = efforts.every
     measured, rigid = efforts.measured[every] * outcome.scale, efforts.rigid[every]
     predicted = (rigid + efforts.filter(added)[every]) * outcome.scale
-    told = noise_of(outcome)
+    told = outcome.noise
     declared = bool(outcome.recording.noise.effort)
     noise = np.array([told[name].size for name in outcome.at.driven]) / outcome.scale
     before, after, by_joint = residuals_of(outcome, added, noise)
