@@ -151,21 +151,6 @@ class Candidate:
                     found.append(moved)
         return found
 
-    def around(self, coordinates: Array) -> list[Array]:
-        """Return coordinates, and others from which a fit that stands still may go on.
-
-        A joint that never slides says nothing of the load at which it would; nor does a gap that never closes.
-        """
-        found = [coordinates]
-        if self.logarithmic[0] and self.size > 1:
-            low, high = self.bounds
-            for factor in (0.05, 0.1, 0.2, 0.4, 0.7, 2.0):
-                moved = coordinates.copy()
-                moved[0] += np.log(factor)
-                if low[0] < moved[0] < high[0]:
-                    found.append(moved)
-        return found
-
     def _coordinates(self, values: Mapping[str, float]) -> Array:
         return self.coordinates_of(np.array([values[quantity.name] for quantity in self.quantities]))
 

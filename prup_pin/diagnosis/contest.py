@@ -17,16 +17,13 @@ from .criteria import (
     FAR_RIVAL,
     FEW_ROUNDS,
     FEW_SIMULATED,
-    FIRST_STEPS,
     INDISTINCT,
     LARGE_MISJUDGED,
-    LAST_STEPS,
     MERGE_ROUNDS,
     MERGES_TRIED,
     MORE_SIMULATED,
     MOST_PAIRS,
     MOST_TERMS,
-    NEAR_RIVAL,
     NEEDED,
     PAIRED,
     PARALLEL,
@@ -39,7 +36,7 @@ from .criteria import (
     WORTH_SEPARATING,
 )
 from .fit import Beside, Fit, Problem, Term, without
-from .screening import Least, brought_to_end
+from .screening import Least
 from .selection import Rival, Search, cost_of, penalty, scale_of
 
 __all__ = [
@@ -85,18 +82,15 @@ class _Outlook:
         beside = problem.beside(bare, range(len(kept)))
         return cls(bare, kept, beside, 0.0 * bare.residual, Least(problem, bare, kept, problem.target(bare), beside))
 
-    def rival(self, search: Search, candidate: Candidate, worst: float, finished: float, scale: float) -> Rival | None:
-        """Return a candidate as a rival, fitted to the end below `finished`; None where it leaves more than `worst`."""
+    def rival(self, search: Search, candidate: Candidate, worst: float, scale: float) -> Rival | None:
+        """Return a candidate as a rival; None where it leaves more than `worst`."""
         if self.least(candidate) > worst:
             return None
-        chi2, term, change = search.quick(self.fit, self.kept, candidate, limit=FIRST_STEPS, beside=self.beside)
+        chi2, term, change = search.quick(self.fit, self.kept, candidate, beside=self.beside)
         self.least.heard(candidate, chi2)
         if chi2 > worst:
             return None
-        rival = Rival(term, chi2, change)
-        if chi2 < finished:
-            rival = brought_to_end(search, self.fit, self.kept, rival, self.beside)
-        return Rival(rival.term, rival.chi2, rival.change - self.begun, scale)
+        return Rival(term, chi2, change - self.begun, scale)
 
 
 def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
@@ -108,7 +102,6 @@ def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidat
     misjudged = _misjudged(problem, fit, index)
     margin = max(RIVAL_MARGIN * INDISTINCT, misjudged)
     worst = fit.chi2 + max(FAR_RIVAL * weight, margin)
-    finished = fit.chi2 + max(NEAR_RIVAL * weight, margin)
     outlooks = [here]
     if _loads_alone(problem, own):
         # Without it nothing yields: what its rivals do is not what they do to the loaded robot.
@@ -119,7 +112,7 @@ def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidat
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
         if candidate.name not in present:
-            seen = (outlook.rival(search, candidate, worst, finished, scale) for outlook in outlooks)
+            seen = (outlook.rival(search, candidate, worst, scale) for outlook in outlooks)
             rivals += sorted((rival for rival in seen if rival is not None), key=lambda rival: rival.chi2)[:1]
     return sorted(rivals, key=lambda rival: rival.score)
 
@@ -253,7 +246,7 @@ def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit
             for rival in _others(rivals[other], fit.terms[other])[:PAIRED] if weighs else ():
                 candidate = rival.term.candidate
                 if "gravity" in candidate.law.needs and candidate.name not in {term.candidate.name for term in rest}:
-                    chi2, term, _ = search.quick(start, rest, candidate, limit=LAST_STEPS, beside=beside)
+                    chi2, term, _ = search.quick(start, rest, candidate, beside=beside)
                     better([*rest, term], chi2, start)
     return best
 

@@ -117,13 +117,6 @@ MOST_TERMS: Final = 4
 DETOURS: Final = 2
 #: Share of what is left that one module's deformation must take away to be all of it: no detour explains that.
 ONE_PLACE: Final = 0.9
-#: Steps of a fit, to first order: for all candidates; for those in front of them.
-FIRST_STEPS: Final = 4
-LAST_STEPS: Final = 20
-#: Candidates that get the latter: the others are far behind, or twins of these.
-FRONT: Final = 24
-#: ... if they gain more chi squared than this, which chance gives to anything.
-FRONT_GAIN: Final = 4.0
 #: A candidate is left out where it cannot come nearer to the best one than this share of what that removes ...
 HOPELESS: Final = 0.2
 #: ... and that is more than this: where little is left, all are tried.
@@ -147,11 +140,9 @@ SWAP_LEAD: Final = 0.5
 PAIRED: Final = 3
 #: Rounds of challenges after a law has come in.
 CHALLENGES: Final = 2
-#: Rivals are heard whose chi squared exceeds the fit's by at most this share of the term's effect ...
+#: Rivals are heard whose chi squared exceeds the fit's by at most this share of the term's effect,
 FAR_RIVAL: Final = 0.5
-#: ... and fitted to the end within this one,
-NEAR_RIVAL: Final = 0.1
-#: or within so many times INDISTINCT.
+#: or by so many times INDISTINCT.
 RIVAL_MARGIN: Final = 4
 #: Rivals that change the pose in directions this close to parallel, and chi squared alike, are tried once.
 PARALLEL: Final = 1e-6

@@ -220,8 +220,6 @@ class Problem:
         fit: Fit,
         kept: Sequence[Term],
         candidate: Candidate,
-        starts: Sequence[Array] | None = None,
-        limit: int = 25,
         beside: Beside | None = None,
     ) -> tuple[float, Term, Array]:
         """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
@@ -262,7 +260,7 @@ class Problem:
                 columns.append((left(moved) - here) / step)
             return np.array(columns).T
 
-        begins = [np.clip(start, low, high) for start in (starts if starts is not None else candidate.scan())]
+        begins = [np.clip(start, low, high) for start in candidate.scan()]
         if len(begins) > 1:
             begins.sort(key=lambda start: float((left(start) ** 2).sum()))
         found = least_squares(
@@ -271,7 +269,7 @@ class Problem:
             slope,
             bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
             x_scale=candidate.scales(),
-            max_nfev=limit,
+            max_nfev=_MOST_EVALUATIONS,
             ftol=1e-6,
             xtol=1e-6,
             gtol=1e-10,
@@ -419,6 +417,8 @@ def _stepped(
     return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
 
 
+#: Evaluations in which nearly all first-order fits have ended.
+_MOST_EVALUATIONS = 25
 #: Step of a logarithm that a slope is trusted for.
 _WIDEST_STEP = 2.0
 

@@ -10,11 +10,7 @@ from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
     BENT,
-    FIRST_STEPS,
-    FRONT,
-    FRONT_GAIN,
     HOPELESS,
-    LAST_STEPS,
     MODEST,
     PARAMETER_COST,
 )
@@ -24,7 +20,6 @@ from .selection import Rival, Search
 
 __all__ = [
     "Least",
-    "brought_to_end",
     "screen",
 ]
 
@@ -34,7 +29,7 @@ def screen(
 ) -> list[Rival]:
     """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
-    All get a few steps of their fit, those in front the rest of it; those that cannot come near the best are left out.
+    Those that cannot come near the best are left out.
     """
     problem = search.problem
     rivals = []
@@ -51,17 +46,11 @@ def screen(
             near = min(HOPELESS * (fit.chi2 - best), fit.chi2 - best - PARAMETER_COST - candidate.law.cost)
         if candidate.name in present or least(candidate) > best + near:
             continue
-        chi2, term, change = search.quick(fit, kept, candidate, limit=FIRST_STEPS, beside=beside)
+        chi2, term, change = search.quick(fit, kept, candidate, beside=beside)
         least.heard(candidate, chi2)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
-    rivals.sort(key=lambda rival: rival.score)
-    front = [
-        brought_to_end(search, fit, kept, rival, beside)
-        for rival in rivals[:FRONT]
-        if rival.chi2 < fit.chi2 - FRONT_GAIN
-    ]
-    return sorted([*front, *rivals[len(front) :]], key=lambda rival: rival.score)
+    return sorted(rivals, key=lambda rival: rival.score)
 
 
 class Least:
@@ -117,10 +106,3 @@ class Least:
             return max(max(float(direction(start) @ self.left), 0.0) ** 2 for start in candidate.starts())
         columns = np.stack([direction(step) for step in np.diag(candidate.scales())], axis=1)
         return float(self.left @ columns @ np.linalg.lstsq(columns, self.left, rcond=1e-9)[0])
-
-
-def brought_to_end(search: Search, fit: Fit, kept: Sequence[Term], rival: Rival, beside: Beside | None) -> Rival:
-    """Return a rival of which the quick fit has come to its end."""
-    candidate, around = rival.term.candidate, rival.term.candidate.around(rival.term.coordinates)
-    chi2, new, change = search.quick(fit, kept, candidate, around, LAST_STEPS, beside)
-    return Rival(new, chi2, change) if chi2 < rival.chi2 else rival

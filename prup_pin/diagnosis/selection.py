@@ -60,13 +60,11 @@ class Search:
         fit: Fit,
         kept: Sequence[Term],
         candidate: Candidate,
-        starts: Sequence[Array] | None = None,
-        limit: int = 25,
         beside: Beside | None = None,
     ) -> tuple[float, Term, Array]:
         """Return what `Problem.quick` does."""
         self.spent += max(len(fit.samples), LEAST_COUNTED) * (MEMORY_WORK if candidate.remembers else 1.0)
-        return self.problem.quick(fit, kept, candidate, starts, limit, beside)
+        return self.problem.quick(fit, kept, candidate, beside)
 
     def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:
         """Return what `Problem.refine` does."""
