@@ -28,7 +28,6 @@ from .contest import (
 )
 from .criteria import (
     BEYOND,
-    CLEAR_LEAD,
     CLEARLY,
     DETOURS,
     LEAST_GAIN,
@@ -170,8 +169,7 @@ def _forward(
             without_it = rest or fit
             helps = helps or _relieves(without_it, trial, asked(size))
             if without_it.chi2 - trial.chi2 >= asked(size) and helps:
-                # what bends has not come to its end, and a second law would make up for that
-                taken = trial if trial.chi2 < rival.chi2 + CLEAR_LEAD else search.refine(trial.terms, trial)
+                taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
                 break
             refused.add(rival.term.candidate.name)
         if taken is None:

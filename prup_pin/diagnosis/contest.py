@@ -12,25 +12,18 @@ from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
     CHALLENGES,
-    CLEAR_LEAD,
     CURVATURE,
-    FAR_RIVAL,
     FEW_ROUNDS,
-    FEW_SIMULATED,
     INDISTINCT,
-    LARGE_MISJUDGED,
+    LEAD,
     MERGE_ROUNDS,
     MERGES_TRIED,
-    MORE_SIMULATED,
     MOST_PAIRS,
+    MOST_SIMULATED,
     MOST_TERMS,
     NEEDED,
     PAIRED,
     PARALLEL,
-    RIVAL_MARGIN,
-    SAME_CHI2,
-    SMALL_MISJUDGED,
-    SWAP_LEAD,
     TOLD_ALONE,
     WEIGHT_ACTS,
     WORTH_SEPARATING,
@@ -98,15 +91,13 @@ def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidat
     problem, own, scale = search.problem, fit.terms[index], scale_of(search.problem, fit)
     here = _Outlook.of(problem, fit, index)
     rivals = [Rival(own, fit.chi2, -here.begun, scale)]
-    weight = float((here.begun**2).sum())
     misjudged = _misjudged(problem, fit, index)
-    margin = max(RIVAL_MARGIN * INDISTINCT, misjudged)
-    worst = fit.chi2 + max(FAR_RIVAL * weight, margin)
+    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, misjudged)
     outlooks = [here]
     if _loads_alone(problem, own):
         # Without it nothing yields: what its rivals do is not what they do to the loaded robot.
         outlooks = [_Outlook.without(problem, fit, index)]
-    elif misjudged > LARGE_MISJUDGED:
+    elif misjudged > INDISTINCT:
         # A large turn is bent; one law's first order sees it from where another one's does not.
         outlooks.append(_Outlook.without(problem, fit, index))
     present = {term.candidate.name for term in fit.terms}
@@ -141,25 +132,21 @@ def judged_rivals(
     First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
     """
     found = challengers(search, fit, index, library)
-    scale = scale_of(search.problem, fit)
-    own = fit.chi2 + scale * penalty(fit.terms[index])
+    own = fit.chi2 + scale_of(search.problem, fit) * penalty(fit.terms[index])
     reach = _misjudged(search.problem, fit, index)
     judged: list[Rival] = []
-    simulated, most = 0, FEW_SIMULATED if reach < LARGE_MISJUDGED else MORE_SIMULATED
+    simulated = 0
     for rival in found:
-        close = rival.score < own + reach and (rival.score < own - CLEAR_LEAD or reach > SMALL_MISJUDGED)
         twin = any(_alike(rival, other) for other in judged)
-        if rival.term is fit.terms[index] or not close or twin or simulated == most or search.over:
+        done = simulated == MOST_SIMULATED or search.over
+        if rival.term is fit.terms[index] or rival.score >= own + reach or twin or done:
             judged.append(rival)
             continue
         simulated += 1
-        terms = list(fit.terms)
-        terms[index] = rival.term
-        trial = search.refine(terms, fit, rounds=2)
-        if trial.chi2 < max(rival.chi2, fit.chi2) + RIVAL_MARGIN * scale * INDISTINCT:
-            trial = search.refine(trial.terms, trial, rounds=FEW_ROUNDS)
+        terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
+        trial = search.refine(terms, fit, rounds=FEW_ROUNDS)
         judged.append(_simulated(rival, index, trial))
-        if leads and judged[-1].score < own - SWAP_LEAD:
+        if leads and judged[-1].score < own - LEAD:
             return judged, trial
     return sorted(judged, key=lambda rival: rival.score), None
 
@@ -169,7 +156,7 @@ def settled_rivals(search: Search, fit: Fit, index: int, rivals: Sequence[Rival]
 
     What first order misjudges would be taken for a difference that another recording shows.
     """
-    if not rivals or _misjudged(search.problem, fit, index) < SMALL_MISJUDGED:
+    if not rivals or _misjudged(search.problem, fit, index) < LEAD:
         return list(rivals)
     own, found = fit.terms[index], []
     change = next((rival for rival in rivals if rival.term is own), rivals[0])
@@ -219,7 +206,7 @@ def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit
     wrong weight, or with a small law to make up for the difference; beside the right place neither is wanted.
     """
     problem, scale = search.problem, scale_of(search.problem, fit)
-    best, found = fit, cost_of(fit, scale) - SWAP_LEAD
+    best, found = fit, cost_of(fit, scale) - LEAD
 
     def better(terms: Sequence[Term], chi2: float, start: Fit) -> None:
         nonlocal best, found
@@ -230,7 +217,7 @@ def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit
             best, found = trial, cost_of(trial, scale)
 
     for place, other in permutations(range(len(fit.terms)), 2):
-        physics, far = fit.terms[place].candidate.law.physics, fit.chi2 + RIVAL_MARGIN * scale * INDISTINCT
+        physics, far = fit.terms[place].candidate.law.physics, fit.chi2 + WORTH_SEPARATING * scale * INDISTINCT
         weighs = "gravity" in fit.terms[other].candidate.law.needs
         alike = [rival for rival in rivals[place] if rival.term.candidate.law.physics == physics and rival.chi2 < far]
         for twin in _others(alike, fit.terms[place])[:PAIRED]:
@@ -336,7 +323,7 @@ def _surety(problem: Problem, fit: Fit, index: int) -> Array:
 def _alike(one: Rival, other: Rival) -> bool:
     """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
     a, b = one.change.ravel(), other.change.ravel()
-    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < SAME_CHI2
+    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
 
 
 def pruned_terms(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:

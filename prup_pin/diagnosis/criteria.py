@@ -127,26 +127,17 @@ BENT: Final = 2.0
 TRIED_WHOLE: Final = 6
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
 CURVATURE: Final = 1.5e-3
-#: Rivals of one term that are simulated: few, and more where an effect is so large that first order misjudges by this.
-FEW_SIMULATED: Final = 3
-MORE_SIMULATED: Final = 6
-LARGE_MISJUDGED: Final = 100.0
-#: A misjudgement smaller than this is not worth a simulation, nor a lead smaller than the next ...
-SMALL_MISJUDGED: Final = 2.0
-CLEAR_LEAD: Final = 1.0
-#: ... and a rival takes a term's place with a lead of this, so that two equals do not swap for ever.
-SWAP_LEAD: Final = 0.5
+#: Rivals of one term that are simulated while laws are looked for.
+MOST_SIMULATED: Final = 4
+#: A lead in chi squared that decides nothing: a rival takes a term's place with more, so that two equals do not swap
+#: for ever, and what first order misjudges by less is not simulated.
+LEAD: Final = 1.0
 #: So many places that look alike are tried once more, beside so many other weights.
 PAIRED: Final = 3
 #: Rounds of challenges after a law has come in.
 CHALLENGES: Final = 2
-#: Rivals are heard whose chi squared exceeds the fit's by at most this share of the term's effect,
-FAR_RIVAL: Final = 0.5
-#: or by so many times INDISTINCT.
-RIVAL_MARGIN: Final = 4
 #: Rivals that change the pose in directions this close to parallel, and chi squared alike, are tried once.
 PARALLEL: Final = 1e-6
-SAME_CHI2: Final = 1.0
 #: Single laws tried in the place of two at one part.
 MERGES_TRIED: Final = 3
 #: Standard deviations from nothing at which one of many values of a law is told alone, in the place of all.
