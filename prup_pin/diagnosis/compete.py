@@ -4,7 +4,7 @@ A law enters where the chi squared that it removes passes a threshold for the wh
 residual with the signs of its blocks flipped), where it removes more than 1 % on blocks that were not used to fit it,
 and where the whole simulation confirms it. After each step every law that is in is challenged by every other one.
 
-How far it is searched is a matter of work counted, not of a clock: the same recording gets the same answer everywhere.
+How far it is searched is a matter of fits counted, not of a clock: the same recording gets the same answer everywhere.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from .criteria import (
     CLEARLY,
     DETOURS,
     LEAST_GAIN,
+    MOST_FITS,
     MOST_TERMS,
     ONE_PLACE,
     TRIED_WHOLE,
@@ -40,7 +41,7 @@ from .fit import Fit, Problem, Term
 from .held_out import cross_validated, threshold
 from .locate import yieldings
 from .screening import screen
-from .selection import Budget, Rival, Search, Selection, cost_of, is_clean
+from .selection import Rival, Search, Selection, cost_of, is_clean
 from .whiteness import compared
 
 __all__ = [
@@ -56,7 +57,7 @@ def select(
     blocks: np.ndarray,
     first: Fit,
     tell: Callable[[str, float], None] = lambda stage, share: None,
-    budget: Budget | None = None,
+    most: int = MOST_FITS,
 ) -> Selection:
     """Return the selection of laws that the recording asks for.
 
@@ -65,7 +66,7 @@ def select(
     """
     acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
     library = [candidate for candidate in library if candidate.law.physics not in acting]
-    search = Search(problem, budget or Budget())
+    search = Search(problem, most)
     best = _forward(search, library, blocks, first, tell)
     tried: set[str] = set()
     while len(tried) < DETOURS and not search.over:
@@ -85,7 +86,7 @@ def select(
         rivals = tuple(tuple(judged_rivals(search, fit, index, library)[0]) for index in range(len(fit.terms)))
     rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
     rivals = tuple(tuple(settled_rivals(search, fit, index, each)) for index, each in enumerate(rivals))
-    return replace(best, rivals=rivals, work=search.spent)
+    return replace(best, rivals=rivals, fits=search.fits)
 
 
 def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
@@ -100,7 +101,7 @@ def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
 
 def needed(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
     """Return the selection without laws that samples left out do not ask for, beside all that was calibrated."""
-    search = Search(problem, Budget())
+    search = Search(problem)
     fit, rivals = selection.last, list(selection.rivals)
     while fit.terms:
         labels = blocks[fit.samples]
@@ -145,7 +146,7 @@ def _forward(
         def told(share: float, step: int = step) -> None:
             tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
 
-        screened = screen(search, fit, library, told)
+        screened = screen(problem, fit, library, told)
         if step == MOST_TERMS or search.over:
             break
         left = _left_beside(problem, fit)
@@ -186,7 +187,7 @@ def _forward(
         if fit is not challenged:
             rivals = []
     last = search.released(fit)
-    return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.spent)
+    return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.fits)
 
 
 def _left_beside(problem: Problem, fit: Fit) -> Array:

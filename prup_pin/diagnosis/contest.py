@@ -75,20 +75,20 @@ class _Outlook:
         beside = problem.beside(bare, range(len(kept)))
         return cls(bare, kept, beside, 0.0 * bare.residual, Least(problem, bare, kept, problem.target(bare), beside))
 
-    def rival(self, search: Search, candidate: Candidate, worst: float, scale: float) -> Rival | None:
+    def rival(self, problem: Problem, candidate: Candidate, worst: float, scale: float) -> Rival | None:
         """Return a candidate as a rival; None where it leaves more than `worst`."""
         if self.least(candidate) > worst:
             return None
-        chi2, term, change = search.quick(self.fit, self.kept, candidate, beside=self.beside)
+        chi2, term, change = problem.quick(self.fit, self.kept, candidate, beside=self.beside)
         self.least.heard(candidate, chi2)
         if chi2 > worst:
             return None
         return Rival(term, chi2, change - self.begun, scale)
 
 
-def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
+def challengers(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
     """Return what could stand in the place of term `index`, the term itself included, best first."""
-    problem, own, scale = search.problem, fit.terms[index], scale_of(search.problem, fit)
+    own, scale = fit.terms[index], scale_of(problem, fit)
     here = _Outlook.of(problem, fit, index)
     rivals = [Rival(own, fit.chi2, -here.begun, scale)]
     misjudged = _misjudged(problem, fit, index)
@@ -103,7 +103,7 @@ def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidat
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
         if candidate.name not in present:
-            seen = (outlook.rival(search, candidate, worst, scale) for outlook in outlooks)
+            seen = (outlook.rival(problem, candidate, worst, scale) for outlook in outlooks)
             rivals += sorted((rival for rival in seen if rival is not None), key=lambda rival: rival.chi2)[:1]
     return sorted(rivals, key=lambda rival: rival.score)
 
@@ -131,7 +131,7 @@ def judged_rivals(
 
     First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
     """
-    found = challengers(search, fit, index, library)
+    found = challengers(search.problem, fit, index, library)
     own = fit.chi2 + scale_of(search.problem, fit) * penalty(fit.terms[index])
     reach = _misjudged(search.problem, fit, index)
     judged: list[Rival] = []
@@ -224,7 +224,7 @@ def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit
             if search.over:
                 return best
             terms = [twin.term if index == place else term for index, term in enumerate(fit.terms)]
-            start = search.settled(terms, fit)
+            start = problem.fit_at(terms, like=fit)
             kept = [index for index in range(len(terms)) if index != other]
             rest, beside = [terms[index] for index in kept], problem.beside(start, kept)
             changed = problem.target(start) - problem.change(start, [term.effect for term in rest])
@@ -233,7 +233,7 @@ def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit
             for rival in _others(rivals[other], fit.terms[other])[:PAIRED] if weighs else ():
                 candidate = rival.term.candidate
                 if "gravity" in candidate.law.needs and candidate.name not in {term.candidate.name for term in rest}:
-                    chi2, term, _ = search.quick(start, rest, candidate, beside=beside)
+                    chi2, term, _ = problem.quick(start, rest, candidate, beside=beside)
                     better([*rest, term], chi2, start)
     return best
 
@@ -257,7 +257,7 @@ def merged_terms(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
             rivals = []
             for candidate in library:
                 if candidate.parts == parts:
-                    chi2, term, change = search.quick(fit, kept, candidate, beside=beside)
+                    chi2, term, change = search.problem.quick(fit, kept, candidate, beside=beside)
                     rivals.append(Rival(term, chi2, change))
             for rival in sorted(rivals, key=lambda rival: rival.score)[:MERGES_TRIED]:
                 trial = search.refine([*kept, rival.term], fit, rounds=MERGE_ROUNDS)

@@ -149,23 +149,13 @@ FEW_ROUNDS: Final = 4
 MERGE_ROUNDS: Final = 5
 
 # -- what may a search cost? -------------------------------------------------------------------------------------------
-# Counted, never timed: the same recording is searched equally far on every machine. One unit is a candidate fitted to
-# first order on one sample, some 50 µs on one core.
+# Counted, never timed: the same recording is searched equally far on every machine.
 
-#: A candidate costs no less than on so many samples: 40 of them took as long as 400 do.
-LEAST_COUNTED: Final = 400
-#: A law with memory is followed through the samples one by one.
-MEMORY_WORK: Final = 2.0
-#: A refinement solves the whole simulation some ten times; with memory, each of them to and fro until it agrees.
-REFINE_WORK: Final = 45.0
-REFINE_MEMORY_WORK: Final = 440.0
-#: ... in so many rounds and one; fewer cost less.
-FULL_ROUNDS: Final = 5
-#: Work after which no further law is looked for: twice what two effects on a bench test of 400 samples took, so that
-#: it ends what would not end well, and nothing else.
-SEARCH_WORK: Final = 800_000.0
-#: The same for what else there is beside something unknown: a third, since most of it has been found before.
-BESIDE_WORK: Final = 250_000.0
+#: Fits through the whole simulation after which no further law is looked for: twice what two effects took, so that it
+#: ends what would not end well, and nothing else.
+MOST_FITS: Final = 60
+#: One with a law that remembers follows the samples to and fro until it agrees, and takes the time of so many.
+MEMORY_FITS: Final = 6
 
 # -- where does it sit? ------------------------------------------------------------------------------------------------
 
@@ -329,8 +319,6 @@ NOT_BEHIND: Final = 1.5
 STALE: Final = 0.5
 #: A law is in without asking what parameters do beyond their tolerance, where it leaves this share of what they would.
 CLEARLY: Final = 0.5
-#: Work of a refinement beside toleranced parameters, relative to one without: it is differentiated anew as they move.
-HELD_WORK: Final = 4.0
 #: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
 MISJUDGED_COST: Final = 9.0
 #: ... and by how many times at most: what is farther off is something else.

@@ -16,7 +16,7 @@ from .criteria import (
 )
 from .fit import Beside, Fit, Problem, Term, without
 from .locate import least_left
-from .selection import Rival, Search
+from .selection import Rival
 
 __all__ = [
     "Least",
@@ -25,13 +25,12 @@ __all__ = [
 
 
 def screen(
-    search: Search, fit: Fit, library: Sequence[Candidate], tell: Callable[[float], None] = lambda share: None
+    problem: Problem, fit: Fit, library: Sequence[Candidate], tell: Callable[[float], None] = lambda share: None
 ) -> list[Rival]:
     """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
     Those that cannot come near the best are left out.
     """
-    problem = search.problem
     rivals = []
     kept = fit.terms
     present = {term.candidate.name for term in kept}
@@ -46,7 +45,7 @@ def screen(
             near = min(HOPELESS * (fit.chi2 - best), fit.chi2 - best - PARAMETER_COST - candidate.law.cost)
         if candidate.name in present or least(candidate) > best + near:
             continue
-        chi2, term, change = search.quick(fit, kept, candidate, beside=beside)
+        chi2, term, change = problem.quick(fit, kept, candidate, beside=beside)
         least.heard(candidate, chi2)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)

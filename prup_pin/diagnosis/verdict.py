@@ -20,7 +20,6 @@ from .calibrate import (
 from .chances import chi2_sf
 from .compete import select
 from .criteria import (
-    BESIDE_WORK,
     CURVE_DEVIATIONS,
     CURVE_SHARE,
     IMITATED,
@@ -56,7 +55,7 @@ from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
 from .recovered import recovered, residuals
-from .selection import Budget, Selection, is_clean
+from .selection import Selection, is_clean
 from .whiteness import compared
 
 __all__ = ["verdict_of"]
@@ -235,7 +234,7 @@ def _with_unknown(
     # what else there is, whatever happens at that place
     freed = problem.freed(fit.influence, found.module)
     begin = freed.fit_at((), selection.first.run)
-    again = select(freed, selection.library, labels, begin, tell, Budget(BESIDE_WORK))
+    again = select(freed, selection.library, labels, begin, tell)
     beside = problem.fit_at(again.last.terms, again.last.run)
     # else what was freed has taken what the others explain, or they explain what it alone did
     stands = beside.chi2 < WORSE * fit.chi2 and _no_worse(problem, selection.first, beside, labels)

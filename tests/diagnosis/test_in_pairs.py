@@ -36,7 +36,7 @@ def searched():
     simulator = Simulator(robot, inputs_of(inputs, robot))
     problem = problem_of(simulator, effects)
     library = [found for found in candidates(robot.mechanism, simulator.inputs) if found.name in LAWS]
-    return selection.Search(problem, selection.Budget()), {found.name: found for found in library}
+    return selection.Search(problem), {found.name: found for found in library}
 
 
 @pytest.mark.parametrize("wrong", [(HINGE, PAYLOAD), (WEIGHT, HINGE, TARGET)])
@@ -44,9 +44,9 @@ def test_a_place_that_looks_alike_is_tried_with_another_weight_and_with_a_law_le
     search, library = searched
     fit = search.problem.first
     for name in wrong:
-        _, term, _ = search.quick(fit, fit.terms, library[name])
+        _, term, _ = search.problem.quick(fit, fit.terms, library[name])
         fit = search.refine([*fit.terms, term], fit)
-    rivals = [contest.challengers(search, fit, place, list(library.values())) for place in range(len(fit.terms))]
+    rivals = [contest.challengers(search.problem, fit, place, list(library.values())) for place in range(len(fit.terms))]
     found = contest.in_pairs(search, fit, rivals)
     assert {term.candidate.name for term in found.terms} == {DRIVE, WEIGHT}
     assert found.chi2 / found.residual.size == pytest.approx(1.0, abs=0.15)
