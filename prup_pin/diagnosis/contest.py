@@ -29,7 +29,7 @@ from .criteria import (
     WORTH_SEPARATING,
 )
 from .fit import Beside, Fit, Problem, Term, without
-from .screening import Least
+from .screening import Bound
 from .selection import Rival, Search, cost_of, penalty, scale_of
 
 __all__ = [
@@ -56,7 +56,7 @@ class _Outlook:
     kept: Sequence[Term]
     beside: Beside | None
     begun: Array
-    least: Least
+    bound: Bound
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
@@ -65,7 +65,7 @@ class _Outlook:
         kept, beside = [fit.terms[place] for place in others], problem.beside(fit, others)
         removed = problem.change(fit, [term.effect for term in kept])
         begun = without(removed.ravel(), beside).reshape(removed.shape)
-        return cls(fit, kept, beside, begun, Least(problem, fit, kept, problem.target(fit) - removed, beside))
+        return cls(fit, kept, beside, begun, Bound(problem, fit, problem.target(fit) - removed, beside))
 
     @classmethod
     def without(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
@@ -73,14 +73,13 @@ class _Outlook:
         kept = [term for place, term in enumerate(fit.terms) if place != index]
         bare = problem.fit_at(kept, like=fit)
         beside = problem.beside(bare, range(len(kept)))
-        return cls(bare, kept, beside, 0.0 * bare.residual, Least(problem, bare, kept, problem.target(bare), beside))
+        return cls(bare, kept, beside, 0.0 * bare.residual, Bound(problem, bare, problem.target(bare), beside))
 
     def rival(self, problem: Problem, candidate: Candidate, worst: float, scale: float) -> Rival | None:
         """Return a candidate as a rival; None where it leaves more than `worst`."""
-        if self.least(candidate) > worst:
+        if self.bound(candidate) > worst:
             return None
         chi2, term, change = problem.quick(self.fit, self.kept, candidate, beside=self.beside)
-        self.least.heard(candidate, chi2)
         if chi2 > worst:
             return None
         return Rival(term, chi2, change - self.begun, scale)
@@ -228,7 +227,7 @@ def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit
             kept = [index for index in range(len(terms)) if index != other]
             rest, beside = [terms[index] for index in kept], problem.beside(start, kept)
             changed = problem.target(start) - problem.change(start, [term.effect for term in rest])
-            left = Least(problem, start, rest, changed, beside).left
+            left = Bound(problem, start, changed, beside).left
             better(rest, float(left @ left), start)
             for rival in _others(rivals[other], fit.terms[other])[:PAIRED] if weighs else ():
                 candidate = rival.term.candidate

@@ -117,12 +117,8 @@ MOST_TERMS: Final = 4
 DETOURS: Final = 2
 #: Share of what is left that one module's deformation must take away to be all of it: no detour explains that.
 ONE_PLACE: Final = 0.9
-#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes ...
+#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes.
 HOPELESS: Final = 0.2
-#: ... and that is more than this: where little is left, all are tried.
-MODEST: Final = 300.0
-#: A law at all like places may remove so many times what it does in the direction in which its fit starts: laws bend.
-BENT: Final = 2.0
 #: Candidates of a round that are tried in the whole simulation before the round is given up.
 TRIED_WHOLE: Final = 6
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.

@@ -46,7 +46,8 @@ def test_a_place_that_looks_alike_is_tried_with_another_weight_and_with_a_law_le
     for name in wrong:
         _, term, _ = search.problem.quick(fit, fit.terms, library[name])
         fit = search.refine([*fit.terms, term], fit)
-    rivals = [contest.challengers(search.problem, fit, place, list(library.values())) for place in range(len(fit.terms))]
+    laws = list(library.values())
+    rivals = [contest.challengers(search.problem, fit, place, laws) for place in range(len(fit.terms))]
     found = contest.in_pairs(search, fit, rivals)
     assert {term.candidate.name for term in found.terms} == {DRIVE, WEIGHT}
     assert found.chi2 / found.residual.size == pytest.approx(1.0, abs=0.15)
