@@ -17,20 +17,15 @@ from .chances import normal_isf
 NOISE_LIKE: Final = 1.10
 #: Standard deviations by which a residual of noise alone exceeds 1 less than once in 10^4 recordings.
 CHANCE_DEVIATIONS: Final = 4.0
-#: The same where a curve over a module's load tells besides that something is left.
-CURVE_DEVIATIONS: Final = 2.5
-#: ... and takes away this share of it: a smaller one is no news for a builder.
-CURVE_SHARE: Final = 0.02
 #: Chance of calling pure noise a structure, over all tests of one residual.
 STRUCTURE_CHANCE: Final = 1e-4
 #: Samples that follow another one in the same pose, or poses, without which a residual larger than a declared noise is
 #: not called noise: fewer could not show that it is none.
 FEWEST_FOLLOWERS: Final = 12
 FEWEST_POSES: Final = 40
-#: Where a law takes away all but this share, a slightly rough law is still the right one ...
-ROUGH_SHARE: Final = 0.01
-#: ... or this one beside toleranced parameters, which shift the load at which a gap closes or a joint slides ...
-ROUGH_SHARE_WITHIN: Final = 0.02
+#: Where a law takes away all but this share, a slightly rough law is still the right one, beside toleranced parameters
+#: that shift the load at which a gap closes or a joint slides ...
+ROUGH_SHARE: Final = 0.02
 #: ... up to this many times the noise.
 ROUGH: Final = 1.25
 #: Declared noise this many times what repeats show hides effects, and is told.
@@ -178,14 +173,8 @@ NO_LOAD: Final = 2e-3
 
 # -- is a law an imitation? --------------------------------------------------------------------------------------------
 
-#: A law is doubtful that gains less than so many times what is left ...
-IMITATED: Final = 10.0
-#: ... all the more where what is left sits in its place.
-IMITATED_HERE: Final = 100.0
-#: What is found beside something unknown is taken where all together fit no worse than this, in chi squared ...
-WORSE: Final = 1.3
-#: ... and where it is no more laws than this: several that have to help each other stand for what is unknown.
-MOST_BESIDE: Final = 1
+#: A law is doubtful that gains less than so many times what is left.
+IMITATED: Final = 100.0
 
 # -- did equilibrium in the deformed position show? --------------------------------------------------------------------
 
