@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..spatial import Array
 from .candidates import Candidate
 from .contest import (
     challenge_each,
@@ -28,13 +27,12 @@ from .contest import (
 )
 from .criteria import (
     BEYOND,
-    CLEARLY,
     DETOURS,
     LEAST_GAIN,
     MOST_FITS,
+    MOST_SIMULATED,
     MOST_TERMS,
     ONE_PLACE,
-    TRIED_WHOLE,
     beyond_tolerance,
 )
 from .fit import Fit, Problem, Term
@@ -138,7 +136,6 @@ def _forward(
 ) -> Selection:
     problem, fit = search.problem, first
     screened: list[Rival] = []
-    refused: set[str] = set()
     rivals: list[list[Rival]] = []
     for step in range(MOST_TERMS + 1):
         labels = blocks[fit.samples]
@@ -149,30 +146,22 @@ def _forward(
         screened = screen(problem, fit, library, told)
         if step == MOST_TERMS or search.over:
             break
-        left = _left_beside(problem, fit)
-        least = asked = threshold(len(library), left, labels, screened)
-        before = cross_validated(problem, fit, labels)
-        rest: Fit | None = None
+        # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
+        rest = search.released(fit)
+        left = problem.beyond(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
+        least = threshold(len(library), left, labels, screened)
+        before = cross_validated(problem, rest, labels)
         taken = None
-        for rival in sorted(screened, key=lambda rival: rival.score)[:TRIED_WHOLE]:
-            size = rival.term.candidate.size
-            if rival.term.candidate.name in refused or fit.chi2 - rival.chi2 < least(size):
+        for rival in screened[:MOST_SIMULATED]:
+            gain = least(rival.term.candidate.size)
+            if fit.chi2 - rival.chi2 < gain:
                 continue
             tell("the whole simulation", _share(step, 0.6))
-            trial = search.refine([*fit.terms, rival.term], fit)
-            clear = trial.chi2 <= CLEARLY * float((left**2).sum())
-            trial = trial if clear else search.released(trial)
+            trial = search.released(search.refine([*fit.terms, rival.term], fit))
             helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before
-            if rest is None and not (clear and helps):
-                # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
-                rest = search.released(fit)
-                asked = threshold(len(library), _left_beside(problem, rest), labels, screened)
-            without_it = rest or fit
-            helps = helps or _relieves(without_it, trial, asked(size))
-            if without_it.chi2 - trial.chi2 >= asked(size) and helps:
+            if rest.chi2 - trial.chi2 >= gain and (helps or _relieves(rest, trial, gain)):
                 taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
                 break
-            refused.add(rival.term.candidate.name)
         if taken is None:
             break
         tell("earlier choices again", _share(step, 0.8))
@@ -188,11 +177,6 @@ def _forward(
             rivals = []
     last = search.released(fit)
     return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.fits)
-
-
-def _left_beside(problem: Problem, fit: Fit) -> Array:
-    """Return what toleranced parameters leave of a fit's residual, (n, K), in the metric of noise and tolerances."""
-    return problem.beyond(fit, problem.target(fit).ravel()).reshape(fit.residual.shape)
 
 
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:

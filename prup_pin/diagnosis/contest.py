@@ -11,20 +11,14 @@ import numpy as np
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
-    CHALLENGES,
     CURVATURE,
-    FEW_ROUNDS,
     INDISTINCT,
     LEAD,
-    MERGE_ROUNDS,
-    MERGES_TRIED,
     MOST_PAIRS,
     MOST_SIMULATED,
     MOST_TERMS,
-    NEEDED,
     PAIRED,
     PARALLEL,
-    TOLD_ALONE,
     WEIGHT_ACTS,
     WORTH_SEPARATING,
 )
@@ -143,7 +137,7 @@ def judged_rivals(
             continue
         simulated += 1
         terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
-        trial = search.refine(terms, fit, rounds=FEW_ROUNDS)
+        trial = search.refine(terms, fit)
         judged.append(_simulated(rival, index, trial))
         if leads and judged[-1].score < own - LEAD:
             return judged, trial
@@ -168,7 +162,7 @@ def settled_rivals(search: Search, fit: Fit, index: int, rivals: Sequence[Rival]
         if near and rival.whole is None and rival.term is not own and not twin and not dear:
             simulated += 1
             terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
-            rival = _simulated(rival, index, search.refine(terms, fit, rounds=FEW_ROUNDS))
+            rival = _simulated(rival, index, search.refine(terms, fit))
         found.append(rival)
     return sorted(found, key=lambda rival: rival.score)
 
@@ -185,15 +179,15 @@ def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tu
     what was wrong with the first.
     """
     rivals: dict[int, list[Rival]] = {}
-    index = replaced = 0
+    index = 0
     while len(rivals) < len(fit.terms):
-        if search.over or replaced == CHALLENGES:
+        if search.over:
             return fit, []
         judged, better = judged_rivals(search, fit, index, library, leads=True)
         if better is None:
             rivals[index] = judged
         else:
-            fit, rivals, replaced = better, {}, replaced + 1
+            fit, rivals = better, {}
         index = (index + 1) % len(fit.terms)
     return fit, [rivals[place] for place in range(len(fit.terms))]
 
@@ -211,7 +205,7 @@ def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit
         nonlocal best, found
         if chi2 + scale * sum(map(penalty, terms)) > found:
             return
-        trial = search.refine(terms, start, rounds=FEW_ROUNDS)
+        trial = search.refine(terms, start)
         if cost_of(trial, scale) < found:
             best, found = trial, cost_of(trial, scale)
 
@@ -258,8 +252,8 @@ def merged_terms(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
                 if candidate.parts == parts:
                     chi2, term, change = search.problem.quick(fit, kept, candidate, beside=beside)
                     rivals.append(Rival(term, chi2, change))
-            for rival in sorted(rivals, key=lambda rival: rival.score)[:MERGES_TRIED]:
-                trial = search.refine([*kept, rival.term], fit, rounds=MERGE_ROUNDS)
+            for rival in sorted(rivals, key=lambda rival: rival.score)[:MOST_SIMULATED]:
+                trial = search.refine([*kept, rival.term], fit)
                 if trial.chi2 + penalty(trial.terms[-1]) < both:
                     return trial
     return fit
@@ -297,13 +291,13 @@ def terms_apart(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
             continue
         sure = _surety(problem, fit, index)
         kept = [other for place, other in enumerate(fit.terms) if place != index]
-        told = [place for place in np.argsort(-sure) if sure[place] > TOLD_ALONE]
+        told = [place for place in np.argsort(-sure) if sure[place] > 1.96]
         if not told or len(told) + len(kept) > MOST_TERMS:
             continue
         for place in told:
             candidate, name = single[law.physics, places[names[place]]], names[place]
             kept.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
-        trial = search.refine(kept, fit, rounds=MERGE_ROUNDS)
+        trial = search.refine(kept, fit)
         if cost_of(trial, scale) < cost_of(fit, scale):
             return trial
     return fit
@@ -333,9 +327,9 @@ def pruned_terms(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit
             others = [place for place in range(len(fit.terms)) if place != index]
             kept = [fit.terms[place] for place in others]
             changed = problem.change(fit, [other.effect for other in kept]).ravel()
-            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > NEEDED * least(term.candidate.size):
+            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > least(term.candidate.size):
                 continue
-            smaller = search.refine(kept, fit, rounds=FEW_ROUNDS)
+            smaller = search.refine(kept, fit)
             if smaller.chi2 - fit.chi2 < least(term.candidate.size):
                 fit = smaller
                 break

@@ -114,30 +114,17 @@ DETOURS: Final = 2
 ONE_PLACE: Final = 0.9
 #: A candidate is left out where it cannot come nearer to the best one than this share of what that removes.
 HOPELESS: Final = 0.2
-#: Candidates of a round that are tried in the whole simulation before the round is given up.
-TRIED_WHOLE: Final = 6
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
 CURVATURE: Final = 1.5e-3
-#: Rivals of one term that are simulated while laws are looked for.
-MOST_SIMULATED: Final = 4
+#: Candidates that are simulated before a round, a term's place or a merger is given up.
+MOST_SIMULATED: Final = 6
 #: A lead in chi squared that decides nothing: a rival takes a term's place with more, so that two equals do not swap
 #: for ever, and what first order misjudges by less is not simulated.
 LEAD: Final = 1.0
 #: So many places that look alike are tried once more, beside so many other weights.
 PAIRED: Final = 3
-#: Rounds of challenges after a law has come in.
-CHALLENGES: Final = 2
 #: Rivals that change the pose in directions this close to parallel, and chi squared alike, are tried once.
 PARALLEL: Final = 1e-6
-#: Single laws tried in the place of two at one part.
-MERGES_TRIED: Final = 3
-#: Standard deviations from nothing at which one of many values of a law is told alone, in the place of all.
-TOLD_ALONE: Final = 1.96
-#: A term whose whole effect exceeds this many times the threshold needs no check that the others made it needless.
-NEEDED: Final = 4
-#: Steps of a refinement that starts near its end.
-FEW_ROUNDS: Final = 4
-MERGE_ROUNDS: Final = 5
 
 # -- what may a search cost? -------------------------------------------------------------------------------------------
 # Counted, never timed: the same recording is searched equally far on every machine.
@@ -302,8 +289,6 @@ FREELY: Final = 3.0
 NOT_BEHIND: Final = 1.5
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
-#: A law is in without asking what parameters do beyond their tolerance, where it leaves this share of what they would.
-CLEARLY: Final = 0.5
 #: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
 MISJUDGED_COST: Final = 9.0
 #: ... and by how many times at most: what is farther off is something else.

@@ -307,7 +307,7 @@ class Problem:
         """Return True where a parameter would go farther than laws are looked for."""
         return bool(np.abs(fit.x).max(initial=0.0) > _AT_REACH * self.farthest)
 
-    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:
+    def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return the fit of all terms and toleranced parameters together through the whole simulation.
 
         Gauss-Newton steps, shortened where they do not help; parameters within `reach` tolerances, by default the
@@ -316,7 +316,7 @@ class Problem:
         reach = self.farthest if reach is None else reach
         fit = self.fit_at(terms, start.run, start)
         taken_at = fit.x
-        for _ in range(rounds):
+        for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
                 return fit
             if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
@@ -417,8 +417,8 @@ def _stepped(
     return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
 
 
-#: Evaluations in which nearly all first-order fits have ended.
-_MOST_EVALUATIONS = 25
+#: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.
+_MOST_STEPS, _MOST_EVALUATIONS = 6, 25
 #: Step of a logarithm that a slope is trusted for.
 _WIDEST_STEP = 2.0
 

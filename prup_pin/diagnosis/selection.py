@@ -40,10 +40,10 @@ class Search:
         """True where no further law is looked for."""
         return self.fits > self.most
 
-    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:
+    def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return what `Problem.refine` does."""
         self.fits += MEMORY_FITS if any(term.candidate.remembers for term in terms) else 1
-        return self.problem.refine(terms, start, rounds, reach)
+        return self.problem.refine(terms, start, reach)
 
     def released(self, fit: Fit) -> Fit:
         """Return a fit with its toleranced parameters as far off as they would go."""
