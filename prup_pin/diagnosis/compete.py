@@ -27,20 +27,16 @@ from .contest import (
 )
 from .criteria import (
     BEYOND,
-    DETOURS,
     LEAST_GAIN,
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
-    ONE_PLACE,
     beyond_tolerance,
 )
 from .fit import Fit, Problem, Term
 from .held_out import cross_validated, threshold
-from .locate import yieldings
 from .screening import screen
-from .selection import Rival, Search, Selection, cost_of, is_clean
-from .whiteness import compared
+from .selection import Rival, Search, Selection, is_clean
 
 __all__ = [
     "needed",
@@ -57,34 +53,17 @@ def select(
     tell: Callable[[str, float], None] = lambda stage, share: None,
     most: int = MOST_FITS,
 ) -> Selection:
-    """Return the selection of laws that the recording asks for.
-
-    Where structure is left, the search is made again without one of the laws that it took: a law that came first may
-    have come for two others.
-    """
+    """Return the selection of laws that the recording asks for."""
     acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
     library = [candidate for candidate in library if candidate.law.physics not in acting]
     search = Search(problem, most)
-    best = _forward(search, library, blocks, first, tell)
-    tried: set[str] = set()
-    while len(tried) < DETOURS and not search.over:
-        if is_clean(problem, best.last) or _sits_in_one_place(problem, best.last):
-            break
-        banned = next((term.candidate.name for term in best.last.terms if term.candidate.name not in tried), None)
-        if banned is None:
-            break
-        tried.add(banned)
-        others = [candidate for candidate in library if candidate.name != banned]
-        other = _forward(search, others, blocks, first, tell)
-        if cost_of(other.last) < cost_of(best.last):
-            best = replace(other, library=library)
-    fit = best.last
-    rivals = best.rivals
-    if len(rivals) != len(fit.terms) or tried:
+    found = _forward(search, library, blocks, first, tell)
+    fit, rivals = found.last, found.rivals
+    if len(rivals) != len(fit.terms):
         rivals = tuple(tuple(judged_rivals(search, fit, index, library)[0]) for index in range(len(fit.terms)))
     rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
     rivals = tuple(tuple(settled_rivals(search, fit, index, each)) for index, each in enumerate(rivals))
-    return replace(best, rivals=rivals, fits=search.fits)
+    return replace(found, rivals=rivals, fits=search.fits)
 
 
 def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
@@ -119,12 +98,6 @@ def needed(problem: Problem, selection: Selection, blocks: np.ndarray) -> Select
 def _share(step: int, part: float) -> float:
     """Return how far the search is; how many rounds there will be is not known."""
     return 0.9 * (1 - 0.5 ** (step + part))
-
-
-def _sits_in_one_place(problem: Problem, fit: Fit) -> bool:
-    """Return True where what is left is the deformation of one module: then no other order of laws explains it."""
-    found = yieldings(problem, fit)
-    return bool(found) and found[0].gain > ONE_PLACE * (fit.chi2 - compared(problem, fit))
 
 
 def _forward(

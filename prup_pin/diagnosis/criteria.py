@@ -108,10 +108,6 @@ MOST_PAIRS: Final = 10
 
 #: Each further effect makes the others harder to tell apart; beyond these the rest is called unknown.
 MOST_TERMS: Final = 4
-#: Searches made again without one of the laws found, where structure is left.
-DETOURS: Final = 2
-#: Share of what is left that one module's deformation must take away to be all of it: no detour explains that.
-ONE_PLACE: Final = 0.9
 #: A candidate is left out where it cannot come nearer to the best one than this share of what that removes.
 HOPELESS: Final = 0.2
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
