@@ -17,7 +17,6 @@ import numpy as np
 from .candidates import Candidate
 from .contest import (
     challenge_each,
-    in_pairs,
     judged_rivals,
     merged_terms,
     pruned_terms,
@@ -142,8 +141,6 @@ def _forward(
             fit, rivals = taken, []
             continue
         challenged, rivals = challenge_each(search, taken, library)
-        if rivals and (paired := in_pairs(search, challenged, rivals)) is not challenged:
-            challenged, rivals = challenge_each(search, paired, library)
         fit = terms_apart(search, merged_terms(search, challenged, library), library)
         fit = weighed_terms(search, pruned_terms(search, fit, least), library)
         if fit is not challenged:

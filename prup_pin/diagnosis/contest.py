@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from .criteria import (
     MOST_PAIRS,
     MOST_SIMULATED,
     MOST_TERMS,
-    PAIRED,
     PARALLEL,
     WEIGHT_ACTS,
     WORTH_SEPARATING,
@@ -29,7 +27,6 @@ from .selection import Rival, Search, cost_of, penalty, scale_of
 __all__ = [
     "challenge_each",
     "challengers",
-    "in_pairs",
     "judged_rivals",
     "merged_terms",
     "pruned_terms",
@@ -190,51 +187,6 @@ def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tu
             fit, rivals = better, {}
         index = (index + 1) % len(fit.terms)
     return fit, [rivals[place] for place in range(len(fit.terms))]
-
-
-def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit:
-    """Return the fit with one law at another place that looks alike, and with it another weight, or a law less.
-
-    Weight acts through what yields. Of places in series, which look alike under the tool's load, one was taken beside a
-    wrong weight, or with a small law to make up for the difference; beside the right place neither is wanted.
-    """
-    problem, scale = search.problem, scale_of(search.problem, fit)
-    best, found = fit, cost_of(fit, scale) - LEAD
-
-    def better(terms: Sequence[Term], chi2: float, start: Fit) -> None:
-        nonlocal best, found
-        if chi2 + scale * sum(map(penalty, terms)) > found:
-            return
-        trial = search.refine(terms, start)
-        if cost_of(trial, scale) < found:
-            best, found = trial, cost_of(trial, scale)
-
-    for place, other in permutations(range(len(fit.terms)), 2):
-        physics, far = fit.terms[place].candidate.law.physics, fit.chi2 + WORTH_SEPARATING * scale * INDISTINCT
-        weighs = "gravity" in fit.terms[other].candidate.law.needs
-        alike = [rival for rival in rivals[place] if rival.term.candidate.law.physics == physics and rival.chi2 < far]
-        for twin in _others(alike, fit.terms[place])[:PAIRED]:
-            if search.over:
-                return best
-            terms = [twin.term if index == place else term for index, term in enumerate(fit.terms)]
-            start = problem.fit_at(terms, like=fit)
-            kept = [index for index in range(len(terms)) if index != other]
-            rest, beside = [terms[index] for index in kept], problem.beside(start, kept)
-            changed = problem.target(start) - problem.change(start, [term.effect for term in rest])
-            left = Bound(problem, start, changed, beside).left
-            better(rest, float(left @ left), start)
-            for rival in _others(rivals[other], fit.terms[other])[:PAIRED] if weighs else ():
-                candidate = rival.term.candidate
-                if "gravity" in candidate.law.needs and candidate.name not in {term.candidate.name for term in rest}:
-                    chi2, term, _ = problem.quick(start, rest, candidate, beside=beside)
-                    better([*rest, term], chi2, start)
-    return best
-
-
-def _others(rivals: Sequence[Rival], term: Term) -> list[Rival]:
-    """Return rivals other than a term itself, without those that remember: these are dear."""
-    name = term.candidate.name
-    return [rival for rival in rivals if rival.term.candidate.name != name and not rival.term.candidate.remembers]
 
 
 def merged_terms(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:

@@ -117,8 +117,6 @@ MOST_SIMULATED: Final = 6
 #: A lead in chi squared that decides nothing: a rival takes a term's place with more, so that two equals do not swap
 #: for ever, and what first order misjudges by less is not simulated.
 LEAD: Final = 1.0
-#: So many places that look alike are tried once more, beside so many other weights.
-PAIRED: Final = 3
 #: Rivals that change the pose in directions this close to parallel, and chi squared alike, are tried once.
 PARALLEL: Final = 1e-6
 
