@@ -83,18 +83,12 @@ def challengers(problem: Problem, fit: Fit, index: int, library: Sequence[Candid
     rivals = [Rival(own, fit.chi2, -here.begun, scale)]
     misjudged = _misjudged(problem, fit, index)
     worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, misjudged)
-    outlooks = [here]
-    if _loads_alone(problem, own):
-        # Without it nothing yields: what its rivals do is not what they do to the loaded robot.
-        outlooks = [_Outlook.without(problem, fit, index)]
-    elif misjudged > INDISTINCT:
-        # A large turn is bent; one law's first order sees it from where another one's does not.
-        outlooks.append(_Outlook.without(problem, fit, index))
+    # Without what alone loads the robot nothing yields: what its rivals do is not what they do to the loaded robot.
+    outlook = _Outlook.without(problem, fit, index) if _loads_alone(problem, own) else here
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
-        if candidate.name not in present:
-            seen = (outlook.rival(problem, candidate, worst, scale) for outlook in outlooks)
-            rivals += sorted((rival for rival in seen if rival is not None), key=lambda rival: rival.chi2)[:1]
+        rival = None if candidate.name in present else outlook.rival(problem, candidate, worst, scale)
+        rivals += [] if rival is None else [rival]
     return sorted(rivals, key=lambda rival: rival.score)
 
 

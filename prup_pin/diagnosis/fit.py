@@ -270,8 +270,8 @@ class Problem:
             bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
             x_scale=candidate.scales(),
             max_nfev=_MOST_EVALUATIONS,
-            ftol=1e-6,
-            xtol=1e-6,
+            ftol=1e-4,
+            xtol=1e-4,
             gtol=1e-10,
         )
         term = Term(candidate, found.x)
