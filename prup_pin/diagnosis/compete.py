@@ -18,11 +18,9 @@ from .candidates import Candidate
 from .contest import (
     challenge_each,
     judged_rivals,
-    merged_terms,
     pruned_terms,
+    rearranged,
     settled_rivals,
-    terms_apart,
-    weighed_terms,
 )
 from .criteria import (
     BEYOND,
@@ -141,8 +139,7 @@ def _forward(
             fit, rivals = taken, []
             continue
         challenged, rivals = challenge_each(search, taken, library)
-        fit = terms_apart(search, merged_terms(search, challenged, library), library)
-        fit = weighed_terms(search, pruned_terms(search, fit, least), library)
+        fit = pruned_terms(search, rearranged(search, challenged, library), least)
         if fit is not challenged:
             rivals = []
     last = search.released(fit)

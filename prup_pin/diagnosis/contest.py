@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from .criteria import (
     MOST_SIMULATED,
     MOST_TERMS,
     PARALLEL,
-    WEIGHT_ACTS,
     WORTH_SEPARATING,
 )
 from .fit import Beside, Fit, Problem, Term, without
@@ -28,11 +28,9 @@ __all__ = [
     "challenge_each",
     "challengers",
     "judged_rivals",
-    "merged_terms",
     "pruned_terms",
+    "rearranged",
     "settled_rivals",
-    "terms_apart",
-    "weighed_terms",
 ]
 
 
@@ -183,52 +181,31 @@ def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tu
     return fit, [rivals[place] for place in range(len(fit.terms))]
 
 
-def merged_terms(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
-    """Return the fit with one law in the place of two that act on the same part, where it does as well."""
-    for one in range(len(fit.terms)):
-        for other in range(one + 1, len(fit.terms)):
-            parts = fit.terms[one].candidate.parts
-            if fit.terms[other].candidate.parts != parts:
-                continue
-            places = [index for index in range(len(fit.terms)) if index not in (one, other)]
-            kept, beside = [fit.terms[index] for index in places], search.problem.beside(fit, places)
-            both = fit.chi2 + penalty(fit.terms[one]) + penalty(fit.terms[other])
-            rivals = []
-            for candidate in library:
-                if candidate.parts == parts:
-                    chi2, term, change = search.problem.quick(fit, kept, candidate, beside=beside)
-                    rivals.append(Rival(term, chi2, change))
-            for rival in sorted(rivals, key=lambda rival: rival.score)[:MOST_SIMULATED]:
-                trial = search.refine([*kept, rival.term], fit)
-                if trial.chi2 + penalty(trial.terms[-1]) < both:
-                    return trial
+def rearranged(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
+    """Return the fit with one law for two, several for one, or the robot's own weight, where that costs less."""
+    for proposed in (_one_for_two, _several_for_one, _with_weight):
+        scale = scale_of(search.problem, fit)
+        trials = (search.refine(terms, fit) for terms in proposed(search.problem, fit, library) if not search.over)
+        fit = next((trial for trial in trials if cost_of(trial, scale) < cost_of(fit, scale) - LEAD), fit)
     return fit
 
 
-def weighed_terms(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
-    """Return the fit with the robot's own weight beside what hangs on it, or instead, where that is likelier.
-
-    Weight has nothing to be fitted, and where something else weighs it is no news: it need not pass what a law must
-    that nobody expects. Alone, a payload of any mass takes the place of both.
-    """
-    heavy = [term.candidate for term in fit.terms if "gravity" in term.candidate.law.needs]
-    if not heavy or any(candidate.known.any() for candidate in heavy):
-        return fit
-    best, found = fit, cost_of(fit) - WEIGHT_ACTS * scale_of(search.problem, fit)
-    others = [term for term in fit.terms if term.candidate not in heavy]
-    for candidate in library:
-        if "gravity" in candidate.law.needs and candidate.known.any() and not search.over:
-            own = candidate.term(candidate.starts()[0])
-            trials = [search.refine([*kept, own], fit) for kept in (fit.terms, others)]
-            trial = min(trials, key=cost_of)
-            if cost_of(trial) < found:
-                best, found = trial, cost_of(trial)
-    return best
+def _one_for_two(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with one law in the place of two that act on the same part, the best first."""
+    for pair in combinations(range(len(fit.terms)), 2):
+        parts = fit.terms[pair[0]].candidate.parts
+        if fit.terms[pair[1]].candidate.parts != parts:
+            continue
+        places = [index for index in range(len(fit.terms)) if index not in pair]
+        kept, beside = [fit.terms[index] for index in places], problem.beside(fit, places)
+        own = [candidate for candidate in library if candidate.parts == parts]
+        rivals = [problem.quick(fit, kept, candidate, beside=beside) for candidate in own]
+        rivals.sort(key=lambda rival: rival[0] + penalty(rival[1]))
+        yield from ([*kept, term] for _, term, _ in rivals[:MOST_SIMULATED])
 
 
-def terms_apart(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
-    """Return the fit with laws at a few places in the place of one at all of them, where they do as well for less."""
-    problem, scale = search.problem, scale_of(search.problem, fit)
+def _several_for_one(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with laws at the places that are sure in the place of one at all of them."""
     single = {(candidate.law.physics, candidate.place): candidate for candidate in library if candidate.size == 1}
     for index, term in enumerate(fit.terms):
         law, names = term.candidate.law, [quantity.name for quantity in term.candidate.quantities]
@@ -236,17 +213,30 @@ def terms_apart(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
         if not all(name in places and (law.physics, places[name]) in single for name in names):
             continue
         sure = _surety(problem, fit, index)
-        kept = [other for place, other in enumerate(fit.terms) if place != index]
-        told = [place for place in np.argsort(-sure) if sure[place] > 1.96]
-        if not told or len(told) + len(kept) > MOST_TERMS:
-            continue
-        for place in told:
-            candidate, name = single[law.physics, places[names[place]]], names[place]
-            kept.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
-        trial = search.refine(kept, fit)
-        if cost_of(trial, scale) < cost_of(fit, scale):
-            return trial
-    return fit
+        terms = [other for place, other in enumerate(fit.terms) if place != index]
+        for place in np.argsort(-sure):
+            if sure[place] > 1.96:
+                candidate, name = single[law.physics, places[names[place]]], names[place]
+                terms.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
+        if len(fit.terms) <= len(terms) <= MOST_TERMS:
+            yield terms
+
+
+def _with_weight(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with the robot's own weight in the place of what hangs on it, or beside.
+
+    Weight has nothing to be fitted, and where something else weighs it is no news: it need not pass what a law must
+    that nobody expects. Alone, a payload of any mass takes the place of both.
+    """
+    heavy = [term.candidate for term in fit.terms if "gravity" in term.candidate.law.needs]
+    if not heavy or any(candidate.known.any() for candidate in heavy):
+        return
+    others = [term for term in fit.terms if term.candidate not in heavy]
+    for candidate in library:
+        if "gravity" in candidate.law.needs and candidate.known.any():
+            own = candidate.term(candidate.starts()[0])
+            yield [*others, own]
+            yield [*fit.terms, own]
 
 
 def _surety(problem: Problem, fit: Fit, index: int) -> Array:

@@ -97,9 +97,8 @@ TAIL: Final = 4.0
 UNLIKELY_PLACE: Final = 1.0
 #: Alternatives whose chi squared is larger by less than this cannot be told apart.
 INDISTINCT: Final = 13.0
-#: ... nor, for builders, those that cost this many times as much more by values that are unusual.
-INDISTINCT_COST: Final = 2.5
-#: Alternatives within this many times INDISTINCT are worth an experiment that separates them.
+#: Alternatives within this many times INDISTINCT are worth an experiment that separates them; those that cost so much
+#: more by values that are unusual are none.
 WORTH_SEPARATING: Final = 3
 #: ... so many of them: the plan is for the best ones.
 MOST_PAIRS: Final = 10
@@ -159,10 +158,8 @@ IMITATED: Final = 100.0
 
 # -- did equilibrium in the deformed position show? --------------------------------------------------------------------
 
-#: Chi squared, and share of its own effect and of the residual, that it must remove.
-DEFLECTION_GAIN: Final = 25.0
-DEFLECTION_OF_ITSELF: Final = 0.5
-DEFLECTION_SHARE: Final = 0.01
+#: Share of its own effect that it must remove; the least chi squared is that of weight.
+DEFLECTION_SHARE: Final = 0.5
 
 # -- how sure is a value? ----------------------------------------------------------------------------------------------
 
