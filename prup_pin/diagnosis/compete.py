@@ -20,7 +20,6 @@ from .contest import (
     judged_rivals,
     pruned_terms,
     rearranged,
-    settled_rivals,
 )
 from .criteria import (
     BEYOND,
@@ -59,7 +58,6 @@ def select(
     if len(rivals) != len(fit.terms):
         rivals = tuple(tuple(judged_rivals(search, fit, index, library)[0]) for index in range(len(fit.terms)))
     rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
-    rivals = tuple(tuple(settled_rivals(search, fit, index, each)) for index, each in enumerate(rivals))
     return replace(found, rivals=rivals, fits=search.fits)
 
 

@@ -14,7 +14,6 @@ from .criteria import (
     CURVATURE,
     INDISTINCT,
     LEAD,
-    MOST_PAIRS,
     MOST_SIMULATED,
     MOST_TERMS,
     PARALLEL,
@@ -30,7 +29,6 @@ __all__ = [
     "judged_rivals",
     "pruned_terms",
     "rearranged",
-    "settled_rivals",
 ]
 
 
@@ -131,29 +129,6 @@ def judged_rivals(
         if leads and judged[-1].score < own - LEAD:
             return judged, trial
     return sorted(judged, key=lambda rival: rival.score), None
-
-
-def settled_rivals(search: Search, fit: Fit, index: int, rivals: Sequence[Rival]) -> list[Rival]:
-    """Return rivals of a term, those that data may leave beside it as the whole simulation has them.
-
-    What first order misjudges would be taken for a difference that another recording shows.
-    """
-    if not rivals or _misjudged(search.problem, fit, index) < LEAD:
-        return list(rivals)
-    own, found = fit.terms[index], []
-    change = next((rival for rival in rivals if rival.term is own), rivals[0])
-    simulated = 0
-    for rival in sorted(rivals, key=lambda rival: rival.chi2):
-        near = rival.chi2 - fit.chi2 <= WORTH_SEPARATING * rival.scale * INDISTINCT
-        law = rival.term.candidate.law.physics
-        twin = law == own.candidate.law.physics and _alike(rival, change)
-        dear = rival.term.candidate.remembers or search.over or simulated == MOST_PAIRS
-        if near and rival.whole is None and rival.term is not own and not twin and not dear:
-            simulated += 1
-            terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
-            rival = _simulated(rival, index, search.refine(terms, fit))
-        found.append(rival)
-    return sorted(found, key=lambda rival: rival.score)
 
 
 def _simulated(rival: Rival, index: int, trial: Fit) -> Rival:
