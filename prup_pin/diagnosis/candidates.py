@@ -138,8 +138,7 @@ class Candidate:
         found = self.starts()
         if self.logarithmic[0]:
             low, high = self.bounds
-            sizes = (-2, 2) if self.remembers else (-4, -2, -1, 1, 2, 4)  # histories are slow to follow
-            places = [(size, 0.0) for size in sizes]
+            places = [(size, 0.0) for size in (-2, 2)]
             if self.size > 1 and self.logarithmic[1] and not self.remembers:
                 places += [(size, _FAR_LOAD) for size in (-1, 0, 1, 2)]
             for size, load in places:

@@ -17,7 +17,7 @@ import numpy as np
 from .candidates import Candidate
 from .contest import (
     challenge_each,
-    judged_rivals,
+    challengers,
     pruned_terms,
     rearranged,
 )
@@ -56,7 +56,7 @@ def select(
     found = _forward(search, library, blocks, first, tell)
     fit, rivals = found.last, found.rivals
     if len(rivals) != len(fit.terms):
-        rivals = tuple(tuple(judged_rivals(search, fit, index, library)[0]) for index in range(len(fit.terms)))
+        rivals = tuple(tuple(challengers(problem, fit, index, library)) for index in range(len(fit.terms)))
     rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
     return replace(found, rivals=rivals, fits=search.fits)
 
@@ -136,10 +136,10 @@ def _forward(
         if search.over:
             fit, rivals = taken, []
             continue
-        challenged, rivals = challenge_each(search, taken, library)
-        fit = pruned_terms(search, rearranged(search, challenged, library), least)
-        if fit is not challenged:
-            rivals = []
+        fit, rivals = challenge_each(search, taken, library)
+        other = pruned_terms(search, rearranged(search, fit, library), least)
+        if other is not fit:
+            fit, rivals = challenge_each(search, other, library)
     last = search.released(fit)
     return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.fits)
 

@@ -104,10 +104,8 @@ def _misjudged(problem: Problem, fit: Fit, index: int) -> float:
     return CURVATURE * float((problem.change(fit, kept) ** 2).sum())
 
 
-def judged_rivals(
-    search: Search, fit: Fit, index: int, library: Sequence[Candidate], leads: bool = False
-) -> tuple[list[Rival], Fit | None]:
-    """Return what could stand in the place of a term, best first, and with `leads` the first fit that is better by it.
+def judged_rivals(search: Search, fit: Fit, index: int, library: Sequence[Candidate]) -> tuple[list[Rival], Fit | None]:
+    """Return what could stand in the place of a term, best first, and the first fit that is better by it.
 
     First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
     """
@@ -125,15 +123,10 @@ def judged_rivals(
         simulated += 1
         terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
         trial = search.refine(terms, fit)
-        judged.append(_simulated(rival, index, trial))
-        if leads and judged[-1].score < own - LEAD:
+        judged.append(replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x)))
+        if judged[-1].score < own - LEAD:
             return judged, trial
     return sorted(judged, key=lambda rival: rival.score), None
-
-
-def _simulated(rival: Rival, index: int, trial: Fit) -> Rival:
-    """Return a rival as a fit has it in the place of term `index`."""
-    return replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x))
 
 
 def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
@@ -147,7 +140,7 @@ def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tu
     while len(rivals) < len(fit.terms):
         if search.over:
             return fit, []
-        judged, better = judged_rivals(search, fit, index, library, leads=True)
+        judged, better = judged_rivals(search, fit, index, library)
         if better is None:
             rivals[index] = judged
         else:

@@ -61,7 +61,7 @@ def test_after_a_term_was_replaced_the_next_one_is_asked_before_it_is_asked_agai
         (("weight", "drive"), 1): ("weight", "joint"),
     }
 
-    def judged_rivals(search, fit, index, library, leads):
+    def judged_rivals(search, fit, index, library):
         terms = better.get((fit.terms, index))
         return [fit.terms[index]], terms and SimpleNamespace(terms=terms)
 
