@@ -32,9 +32,9 @@ ROUGH: Final = 1.25
 MUCH_LARGER: Final = 3.0
 
 
-def chance_bound(count: int, deviations: float = CHANCE_DEVIATIONS) -> float:
+def chance_bound(count: int) -> float:
     """Return how many times the noise the root mean square of `count` numbers of pure noise may be."""
-    return 1 + deviations * float(np.sqrt(0.5 / max(count, 1)))
+    return 1 + CHANCE_DEVIATIONS * float(np.sqrt(0.5 / max(count, 1)))
 
 
 def clean_bound(count: int) -> float:
@@ -48,9 +48,8 @@ def clean_bound(count: int) -> float:
 SAME_LOAD: Final = 0.02
 #: Repeats of a block beyond this many say nothing new, and cost their square.
 MOST_REPEATS: Final = 200
-#: Fewer repeats, or numbers in them, tell no scatter.
-FEWEST_REPEATS: Final = 8
-FEWEST_NUMBERS: Final = 12
+#: Fewer numbers tell no scatter: those of eight repeats of a position.
+FEWEST_NUMBERS: Final = 24
 #: Numbers farther out than this many standard deviations are outliers.
 CLIP: Final = 2.5
 #: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
@@ -74,12 +73,8 @@ FALSE_ALARM: Final = 0.01
 LEAST_GAIN: Final = 0.01
 #: Parts into which blocks fall for that; each is left out once.
 FOLDS: Final = 7
-#: A logarithm that only few samples tell (the load that closes a gap) moves by about so much when these are left out:
-#: farther, its first order says nothing of them.
-FOLD_STEP: Final = 1.0
-#: Fewer blocks than this leave too little to fit; samples are then held out by time, in so many segments.
+#: Fewer blocks than this leave too little to fit; samples are then held out by time.
 FEWEST_FOR_FOLDS: Final = 5
-SEGMENTS: Final = 10
 #: So often the signs of the residual's pieces are flipped to see what chance removes.
 FLIPS: Final = 200
 #: Pieces below which flipping all signs alike is a likely accident.
@@ -93,8 +88,6 @@ PARAMETER_COST: Final = 8.0
 USUAL_MULTIPLE: Final = 30.0
 #: ... but where they are, they may be so by far: of a square that is larger than this the logarithm counts.
 TAIL: Final = 4.0
-#: Decides between places that these data cannot tell apart at all: small enough to decide nothing else.
-UNLIKELY_PLACE: Final = 1.0
 #: Alternatives whose chi squared is larger by less than this cannot be told apart.
 INDISTINCT: Final = 13.0
 #: Alternatives within this many times INDISTINCT are worth an experiment that separates them; those that cost so much
@@ -113,8 +106,9 @@ HOPELESS: Final = 0.2
 CURVATURE: Final = 1.5e-3
 #: Candidates that are simulated before a round, a term's place or a merger is given up.
 MOST_SIMULATED: Final = 6
-#: A lead in chi squared that decides nothing: a rival takes a term's place with more, so that two equals do not swap
-#: for ever, and what first order misjudges by less is not simulated.
+#: A lead in chi squared that decides nothing else: a likely place has it before one that data cannot tell from it, a
+#: rival takes a term's place with more, so that two equals do not swap for ever, and what first order misjudges by less
+#: is not simulated.
 LEAD: Final = 1.0
 #: Rivals that change the pose in directions this close to parallel, and chi squared alike, are tried once.
 PARALLEL: Final = 1e-6
@@ -130,10 +124,9 @@ MEMORY_FITS: Final = 6
 
 # -- where does it sit? ------------------------------------------------------------------------------------------------
 
-#: Places that take away at least this share of what the best one does cannot be told from it.
+#: Places, and variables that a deformation may follow, that take away at least this share of what the best one does
+#: cannot be told from it.
 ALIKE: Final = 0.95
-#: Another variable must take away this much more than the module's own load to be named.
-CLEARER: Final = 1.1
 #: Knots of a recovered curve: enough for a gap with its two edges, few enough for 40 samples.
 KNOTS: Final = 7
 #: Preference for smooth curves, as a share of what the data say: too weak to be seen, enough where there are none.

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..spatial import Array
 from .candidates import Candidate
-from .criteria import MEMORY_FITS, MOST_FITS, PARAMETER_COST, UNLIKELY_PLACE, clean_bound
+from .criteria import LEAD, MEMORY_FITS, MOST_FITS, PARAMETER_COST, clean_bound
 from .fit import Fit, Problem, Term
 from .whiteness import compared
 
@@ -109,7 +109,7 @@ def unlikely(candidate: Candidate) -> float:
     """Return a small cost that decides between places that these data cannot tell apart at all."""
     likely = candidate.law.likely
     names = {module.name for module in candidate.mechanism.modules if module.kind.kind in likely}
-    return 0.0 if not likely or names.intersection(candidate.parts) else UNLIKELY_PLACE
+    return 0.0 if not likely or names.intersection(candidate.parts) else LEAD
 
 
 def is_clean(problem: Problem, fit: Fit) -> bool:
