@@ -53,12 +53,11 @@ def select(
     acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
     library = [candidate for candidate in library if candidate.law.physics not in acting]
     search = Search(problem, most)
-    found = _forward(search, library, blocks, first, tell)
-    fit, rivals = found.last, found.rivals
+    fit, rivals = _forward(search, library, blocks, first, tell)
     if len(rivals) != len(fit.terms):
-        rivals = tuple(tuple(challengers(problem, fit, index, library)) for index in range(len(fit.terms)))
-    rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
-    return replace(found, rivals=rivals, fits=search.fits)
+        rivals = [challengers(problem, fit, index, library) for index in range(len(fit.terms))]
+    told = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
+    return Selection(first, fit, told, library, search.fits)
 
 
 def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
@@ -101,19 +100,19 @@ def _forward(
     blocks: np.ndarray,
     first: Fit,
     tell: Callable[[str, float], None],
-) -> Selection:
+) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit of the laws that the recording asks for, and the rivals of each, as they were looked at last."""
     problem, fit = search.problem, first
-    screened: list[Rival] = []
     rivals: list[list[Rival]] = []
-    for step in range(MOST_TERMS + 1):
+    for step in range(MOST_TERMS):
+        if search.over:
+            break
         labels = blocks[fit.samples]
 
         def told(share: float, step: int = step) -> None:
             tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
 
         screened = screen(problem, fit, library, told)
-        if step == MOST_TERMS or search.over:
-            break
         # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
         rest = search.released(fit)
         left = problem.beyond(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
@@ -133,15 +132,11 @@ def _forward(
         if taken is None:
             break
         tell("earlier choices again", _share(step, 0.8))
-        if search.over:
-            fit, rivals = taken, []
-            continue
         fit, rivals = challenge_each(search, taken, library)
         other = pruned_terms(search, rearranged(search, fit, library), least)
         if other is not fit:
             fit, rivals = challenge_each(search, other, library)
-    last = search.released(fit)
-    return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.fits)
+    return search.released(fit), rivals
 
 
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:

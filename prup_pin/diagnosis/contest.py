@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -19,7 +19,7 @@ from .criteria import (
     PARALLEL,
     WORTH_SEPARATING,
 )
-from .fit import Beside, Fit, Problem, Term, without
+from .fit import Fit, Problem, Term, without
 from .screening import Bound
 from .selection import Rival, Search, cost_of, penalty, scale_of
 
@@ -32,59 +32,31 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
-class _Outlook:
-    """A fit about which candidates are taken to first order beside kept terms, and what is kept does there.
-
-    begun (n, K): what the term whose place is looked at does, beyond what the others may do.
-    """
-
-    fit: Fit
-    kept: Sequence[Term]
-    beside: Beside | None
-    begun: Array
-    bound: Bound
-
-    @classmethod
-    def of(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
-        """Return the outlook from a fit on the place of one of its terms."""
-        others = [place for place in range(len(fit.terms)) if place != index]
-        kept, beside = [fit.terms[place] for place in others], problem.beside(fit, others)
-        removed = problem.change(fit, [term.effect for term in kept])
-        begun = without(removed.ravel(), beside).reshape(removed.shape)
-        return cls(fit, kept, beside, begun, Bound(problem, fit, problem.target(fit) - removed, beside))
-
-    @classmethod
-    def without(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
-        """Return the outlook from the simulation without that term."""
-        kept = [term for place, term in enumerate(fit.terms) if place != index]
-        bare = problem.fit_at(kept, like=fit)
-        beside = problem.beside(bare, range(len(kept)))
-        return cls(bare, kept, beside, 0.0 * bare.residual, Bound(problem, bare, problem.target(bare), beside))
-
-    def rival(self, problem: Problem, candidate: Candidate, worst: float, scale: float) -> Rival | None:
-        """Return a candidate as a rival; None where it leaves more than `worst`."""
-        if self.bound(candidate) > worst:
-            return None
-        chi2, term, change = problem.quick(self.fit, self.kept, candidate, beside=self.beside)
-        if chi2 > worst:
-            return None
-        return Rival(term, chi2, change - self.begun, scale)
-
-
 def challengers(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
-    """Return what could stand in the place of term `index`, the term itself included, best first."""
+    """Return what could stand in the place of term `index`, the term itself included, best first.
+
+    To first order about the fit; about the simulation without the term where else nothing yields.
+    """
     own, scale = fit.terms[index], scale_of(problem, fit)
-    here = _Outlook.of(problem, fit, index)
-    rivals = [Rival(own, fit.chi2, -here.begun, scale)]
-    misjudged = _misjudged(problem, fit, index)
-    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, misjudged)
-    # Without what alone loads the robot nothing yields: what its rivals do is not what they do to the loaded robot.
-    outlook = _Outlook.without(problem, fit, index) if _loads_alone(problem, own) else here
+    others = [place for place in range(len(fit.terms)) if place != index]
+    kept = [fit.terms[place] for place in others]
+    about, places = fit, others
+    if _loads_alone(problem, own):
+        about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
+    beside, effects = problem.beside(about, places), [term.effect for term in kept]
+    removed = problem.change(about, effects)
+
+    def beyond(change: Array) -> Array:
+        return without(change.ravel(), beside).reshape(change.shape)
+
+    bound = Bound(problem, about, problem.target(about) - removed, beside)
+    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _misjudged(problem, fit, index))
+    rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
-        rival = None if candidate.name in present else outlook.rival(problem, candidate, worst, scale)
-        rivals += [] if rival is None else [rival]
+        if candidate.name not in present and bound(candidate) <= worst:
+            chi2, term, change = problem.quick(about, kept, candidate, beside=beside)
+            rivals += [Rival(term, chi2, change - beyond(removed), scale)] if chi2 <= worst else []
     return sorted(rivals, key=lambda rival: rival.score)
 
 

@@ -81,13 +81,12 @@ class Selection:
     last: Fit
     rivals: tuple[tuple[Rival, ...], ...]
     library: Sequence[Candidate]
-    screened: tuple[Rival, ...]  # what the last round tried on top, best first
     fits: int = 0  # that the search took, through the whole simulation
 
     @classmethod
     def nothing(cls, first: Fit, library: Sequence[Candidate]) -> Selection:
         """Return what is selected where there is nothing to compare."""
-        return cls(first, first, (), library, ())
+        return cls(first, first, (), library)
 
 
 def penalty(term: Term) -> float:
