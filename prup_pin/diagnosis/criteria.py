@@ -256,7 +256,7 @@ CALIBRATION_STEP: Final = 0.01
 #: Cosine of two parameters' changes beyond which they are told only together.
 TWINS: Final = 0.995
 #: A parameter farther than this many tolerances from the robot file is a finding, or farther where chance takes one of
-#: so many parameters there.
+#: so many parameters there; nor is a kind's tolerance declared wrong by more: what is farther off is something else.
 BEYOND: Final = 3.0
 #: Chi squared by which the robot's own weight may make a calibration worse and still be taken to act, as it does on
 #: every real robot: what noise does to it once in two hundred times; and by which weight beside a payload must be
@@ -275,8 +275,6 @@ NOT_BEHIND: Final = 1.5
 STALE: Final = 0.5
 #: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
 MISJUDGED_COST: Final = 9.0
-#: ... and by how many times at most: what is farther off is something else.
-MISJUDGED: Final = 3.0
 
 
 def beyond_tolerance(count: int) -> float:

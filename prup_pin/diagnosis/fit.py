@@ -205,10 +205,6 @@ class Problem:
         )
         return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
 
-    def module_of(self, candidate: Candidate) -> str | None:
-        """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""
-        return candidate.only_module
-
     def beyond(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
         return without(values, self.beside(fit, ()))
@@ -328,10 +324,8 @@ class Problem:
                 trial, place = [], 0
                 for term, size in zip(fit.terms, sizes, strict=True):
                     low, high = term.candidate.bounds
-                    moved = share * step[place : place + size]
-                    moved = np.clip(moved, -2.0 * term.candidate.scales(), 2.0 * term.candidate.scales() + 0)
-                    if not term.candidate.logarithmic.all():
-                        moved = np.where(term.candidate.logarithmic, moved, share * step[place : place + size])
+                    widest = np.where(term.candidate.logarithmic, _WIDEST_STEP, np.inf)
+                    moved = np.clip(share * step[place : place + size], -widest, widest)
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
                 attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])

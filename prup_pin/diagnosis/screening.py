@@ -54,7 +54,7 @@ class Bound:
         self.known: dict[str, float] = {}
 
     def __call__(self, candidate: Candidate) -> float:
-        module = self.problem.module_of(candidate)
+        module = candidate.only_module
         if module is None or module not in self.fit.influence.rows:
             return 0.0
         if module not in self.known:
