@@ -50,7 +50,7 @@ def challengers(problem: Problem, fit: Fit, index: int, library: Sequence[Candid
         return without(change.ravel(), beside).reshape(change.shape)
 
     bound = Bound(problem, about, problem.target(about) - removed, beside)
-    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _misjudged(problem, fit, index))
+    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
@@ -67,7 +67,7 @@ def _loads_alone(problem: Problem, term: Term) -> bool:
     return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 
 
-def _misjudged(problem: Problem, fit: Fit, index: int) -> float:
+def _first_order_error(problem: Problem, fit: Fit, index: int) -> float:
     """Return by how much first order may misjudge chi squared in the place of a term.
 
     It grows with all that the term moves, be it that parameters within tolerance could move most of it as well.
@@ -83,7 +83,7 @@ def judged_rivals(search: Search, fit: Fit, index: int, library: Sequence[Candid
     """
     found = challengers(search.problem, fit, index, library)
     own = fit.chi2 + scale_of(search.problem, fit) * penalty(fit.terms[index])
-    reach = _misjudged(search.problem, fit, index)
+    reach = _first_order_error(search.problem, fit, index)
     judged: list[Rival] = []
     simulated = 0
     for rival in found:
