@@ -28,7 +28,6 @@ def cross_validated(
     problem: Problem,
     fit: Fit,
     blocks: np.ndarray,
-    folds: int = FOLDS,
     *,
     less: int | None = None,
     parameters: np.ndarray | None = None,
@@ -55,14 +54,13 @@ def cross_validated(
     if parameters is not None:
         residual = residual + held[..., parameters] @ x[parameters]
         held, x = held[..., ~parameters], x[~parameters]
-    return _held_out(residual, jacobian, blocks, folds, held, x, (narrow, off), strained)
+    return _held_out(residual, jacobian, blocks, held, x, (narrow, off), strained)
 
 
 def _held_out(
     residual: Array,
     jacobian: Array,
     blocks: np.ndarray,
-    folds: int,
     held: Array,
     x: Array,
     firm: tuple[Array, Array],
@@ -73,7 +71,7 @@ def _held_out(
     total = 0.0
     labels = _segments(blocks)
     kinds = np.unique(labels)
-    part = {label: index % folds for index, label in enumerate(kinds)}
+    part = {label: index % FOLDS for index, label in enumerate(kinds)}
     fold = np.array([part[label] for label in labels])
     for index in np.unique(fold):
         out = fold == index

@@ -17,15 +17,12 @@ from .asked import Asked, Tell
 from .calibrate import (
     calibrated_parameters,
 )
-from .chances import chi2_sf
 from .compete import select
 from .criteria import (
     IMITATED,
     ROUGH,
     ROUGH_SHARE,
-    STRUCTURE_CHANCE,
     WEIGHT_SHOWS,
-    chance_bound,
     clean_bound,
 )
 from .detectable import not_detectable
@@ -45,7 +42,6 @@ from .findings import (
 )
 from .fit import Fit, Problem
 from .held_out import cross_validated
-from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
 from .recovered import recovered, residuals
@@ -80,14 +76,13 @@ def verdict_of(
         finding_of(problem, last, index, selection, robot, held, labels if given.kinds else None)
         for index in range(len(last.terms))
     ]
-    curves = strongest_curve(problem, last) if count else []
     unknown: list[Finding] = []
     final = last
     if not count:
         unknown = [nothing_compared(problem, unused)]
     elif doubt is not None:
         unknown = [doubt]
-    elif _unexplained(_without_laws(problem, first, last), last, count, curves, bool(findings)):
+    elif _unexplained(_without_laws(problem, first, last), last, count, bool(findings)):
         findings, located, final = _with_unknown(findings, problem, selection, blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
         unknown = [located or located_nowhere(problem, final, selection, count)]
@@ -193,13 +188,11 @@ def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
     return last.chi2 + float((problem.change(last, ()) ** 2).sum())
 
 
-def _unexplained(start: float, last: Fit, count: int, curves: Sequence[LocalCurve], named: bool) -> bool:
+def _unexplained(start: float, last: Fit, count: int, named: bool) -> bool:
     """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
     rms, began = rms_of_sum(last.chi2, count), rms_of_sum(start, count)
-    if rms <= clean_bound(count):
-        structured = bool(curves) and chi2_sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
-        return structured and not named and rms > chance_bound(count)
-    return not (named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1))
+    rough = named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1)
+    return rms > clean_bound(count) and not rough
 
 
 def _with_unknown(
