@@ -392,6 +392,7 @@ def declare(path, **noise):
     beside.write_text(json.dumps({**json.loads(beside.read_text()), **noise}))
 
 
+@pytest.mark.slow
 def test_noise_declared_far_too_small(clean_bench, run, tmp_path):
     path = changed(clean_bench, tmp_path, lambda columns: columns)
     declare(path, position_noise=2e-8)
@@ -404,6 +405,7 @@ def test_noise_declared_far_too_small(clean_bench, run, tmp_path):
     assert any("what is left is noise" in text for text in document["remarks"])
 
 
+@pytest.mark.slow
 def test_noise_declared_far_too_large(clean_bench, run, tmp_path):
     path = changed(clean_bench, tmp_path, lambda columns: columns)
     declare(path, position_noise=2e-4, rotation_noise=1e-3)

@@ -8,17 +8,23 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from ..spatial import Array
+
 __all__ = [
     "chi2_isf",
     "chi2_median",
     "chi2_sf",
+    "hotelling_sf",
     "normal_cdf",
     "normal_isf",
     "normal_pdf",
     "normal_sf",
-    "student_isf",
     "student_ppf",
+    "student_sf",
 ]
+
+#: Of a correlation matrix, below which combinations of its numbers are none.
+_ROUNDING = 1e-10
 
 
 def chi2_isf(chance: float, degrees: float) -> float:
@@ -34,6 +40,20 @@ def chi2_sf(value: float, degrees: float) -> float:
 def chi2_median(degrees: float) -> float:
     """Return the median of a chi squared of so many degrees."""
     return float(2 * special.gammaincinv(degrees / 2, 0.5))
+
+
+def hotelling_sf(x: Array, covariance: Array, degrees: int) -> float:
+    """Return the chance of numbers x (p,) as large as these where their means are nothing (Hotelling 1931).
+
+    covariance (p, p): estimated with so many degrees of freedom; combinations that it does not hold say nothing.
+    """
+    size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    told = values > _ROUNDING * values[-1]
+    count = min(int(told.sum()), degrees)
+    square = float(np.sort((vectors[:, told].T @ (x / size)) ** 2 / values[told])[-count:].sum())
+    rest = degrees - count + 1
+    return float(special.fdtrc(count, rest, square * rest / (degrees * count)))
 
 
 def normal_isf(chance: float) -> float:
@@ -56,9 +76,9 @@ def normal_pdf(value: float) -> float:
     return float(np.exp(-(value**2) / 2.0) / np.sqrt(2 * np.pi))
 
 
-def student_isf(chance: float, degrees: float) -> float:
-    """Return what Student's t of so many degrees exceeds by this chance."""
-    return -float(special.stdtrit(degrees, chance))
+def student_sf(value: float, degrees: float) -> float:
+    """Return the chance by which Student's t of so many degrees exceeds a value."""
+    return float(special.stdtr(degrees, -value))
 
 
 def student_ppf(chance: float, degrees: float) -> float:

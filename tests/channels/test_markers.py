@@ -195,6 +195,7 @@ def test_noise_is_estimated_from_markers_where_they_repeat(arm):
 # -- bad input ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_marker_in_millimetres_or_degrees_is_named(arm):
     recording = measured(arm, standing(arm, 5), [weight(arm)])
     wide = {**recording.markers, "link5": 1e3 * recording.markers["link5"]}

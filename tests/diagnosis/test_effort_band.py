@@ -116,6 +116,7 @@ def motion(robot, seconds=20.0, rate=200.0):
     return Recording(time=time, positions=positions, efforts=dict.fromkeys(names, np.zeros(len(time))))
 
 
+@pytest.mark.slow
 def test_what_most_drives_have_is_one_finding_with_a_table():
     robot, rng = load("ur5"), np.random.default_rng(1)
     recording = motion(robot)

@@ -11,8 +11,9 @@ from prup_pin.diagnosis.efforts.chosen import Chosen
 from prup_pin.diagnosis.efforts.columns import EffortCandidate
 from prup_pin.diagnosis.efforts.combinations import Combinations
 from prup_pin.diagnosis.efforts.gather import Efforts
+from prup_pin.diagnosis.efforts.outcome import Outcome
 from prup_pin.diagnosis.efforts.relief import relieved
-from prup_pin.diagnosis.efforts.search import scores
+from prup_pin.diagnosis.efforts.search import scores, worth
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Place
 from prup_pin.laws.efforts.viscous_friction import Damping
@@ -135,3 +136,50 @@ def test_a_law_that_comes_back_as_often_as_it_is_needless_ends_the_search(monkey
     monkeypatch.setattr(search, "_forward", lambda given, chosen, *rest: (given, chosen.with_term(coming)))
     monkeypatch.setattr(search, "pruned", lambda given, chosen, doubtful: chosen.of(()))
     assert search.searched(None, Chosen(()))[1].terms == ()
+
+
+def test_a_saving_in_every_block_is_sure_though_one_of_them_holds_most():
+    rng = np.random.default_rng(8)
+    before = rng.chisquare(30, 40)
+    before[7] = 1e5
+    share, sure = worth(before, 0.4 * before)
+    assert share == pytest.approx(0.6)
+    assert sure > 100
+    share, sure = worth(before, before * np.where(np.arange(40) == 7, 0.4, rng.uniform(0.8, 1.25, 40)))
+    assert share > 0.5
+    assert sure < 2
+
+
+def test_a_law_is_needless_that_may_be_nothing_by_its_own_uncertainty():
+    robot, recording = load(AXIS), axis(3000, damping=200.0)
+    efforts = Efforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {}, None)
+    given, chosen = efforts.gathered(), efforts.start()
+    for word in ("viscous_friction", "effort_offset"):
+        chosen = chosen.with_term(named(given, word))
+    outcome = Outcome(robot, recording, efforts, given, chosen, (), ())
+    friction, offset = chosen.terms
+    assert outcome.may_be_nothing(friction) < 1e-6
+    assert outcome.may_be_nothing(offset) > 0.05
+    outcome.laws = list(chosen.terms)
+    assert outcome.needless is offset
+
+
+def test_one_law_stands_for_several_that_do_not_earn_what_they_have_more(tmp_path):
+    """Efforts of all drives that are late alike are one lag of the log, and none of each drive."""
+    recording, _ = device(tmp_path, 7708, "ur5", [])
+    late = round(0.02 / float(np.median(np.diff(recording.time))))
+    joints = recording.efforts
+    recording = recording.select(slice(late, None)).with_measurements(
+        efforts={name: values[:-late] for name, values in joints.items()}
+    )
+    robot = load(recording.robot)
+    at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
+    efforts = Efforts(at, {}, None)
+    given, chosen = efforts.gathered(), efforts.start()
+    for candidate in given.candidates:
+        single = candidate.law.physics == "effort_delay" and candidate.place.name in at.driven[:3]
+        if single and candidate.values["age"] == 16e-3:
+            chosen = chosen.with_term(candidate)
+    assert len(chosen.terms) == 3
+    _, found = search._simpler(given, chosen, efforts.closer)
+    assert [term.name for term in found.terms] == [("effort_delay", "robot")]

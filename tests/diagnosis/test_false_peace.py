@@ -166,6 +166,7 @@ def test_a_pose_where_no_load_is_known_compares_nothing(clean_bench):
     assert "no sample with a measured pose could be simulated" in the_unknown(diagnosis).statement
 
 
+@pytest.mark.slow
 def test_it_can_be_written_and_read(rigid, sprung, raised, tmp_path):
     efforts = without_pose(bench_of(rigid))
     cases = {"efforts": (rigid, efforts, diagnose(rigid, efforts)), "lifted": (sprung, *raised)}

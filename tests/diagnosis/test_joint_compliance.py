@@ -71,12 +71,14 @@ def test_what_is_too_small_is_not_named_but_told():
     assert hidden["left_elbow (about)"] > 1e-5
 
 
+@pytest.mark.slow
 def test_springs_that_the_user_gives_are_judged_beside_joints_that_are_rigid():
     tree = PosedTree(TORSO, about={"bend": 4e-4, "left_swing": 5e-4})
     robot = prup_pin.load(TORSO, joint_stiffness={"bend": 2500.0})
     assert named(diagnose(robot, bench(tree))) == [("joint_compliance", "left_swing")]
 
 
+@pytest.mark.slow
 def test_zeros_within_their_tolerance_are_none_of_the_findings():
     draw = np.random.default_rng(5)
     offsets = dict(zip(JOINTS, 2e-3 * draw.standard_normal(len(JOINTS)), strict=True))

@@ -71,6 +71,7 @@ def test_a_kind_that_is_off_by_less_is_left_alone():
     assert not factors_of_kinds(*seen(3, {"position": 0.3}), KINDS, FREE)
 
 
+@pytest.mark.slow
 def test_joints_farther_off_than_declared_are_no_findings(tmp_path):
     """At a third of the tolerance two of six joints would be findings."""
     write(draw_scattered(1, "elastic_arm", poses=(8, 2)), tmp_path, tmp_path / "sealed", "device")

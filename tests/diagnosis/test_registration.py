@@ -32,6 +32,7 @@ def undeclared(recorded):
     return diagnose(prup_pin.load(TORSO), recorded)
 
 
+@pytest.mark.slow
 def test_a_declared_tracker_stands_anywhere_and_is_no_finding(recorded):
     found = diagnose(prup_pin.load(TORSO), replace(recorded, tolerances=OPEN))
     assert named(found) == [("joint_compliance", "bend")]
@@ -63,6 +64,7 @@ def test_another_robot_is_no_tracker_that_stands_somewhere(recorded):
         diagnose(prup_pin.load(TORSO), replace(recorded, markers=strange))
 
 
+@pytest.mark.slow
 def test_markers_beside_their_frames_and_zeros_set_by_eye_are_calibrated_with_it():
     draw = np.random.default_rng(8)
     offsets = dict(zip(JOINTS, 0.01 * draw.standard_normal(len(JOINTS)), strict=True))

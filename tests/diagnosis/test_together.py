@@ -75,6 +75,7 @@ def named(found):
 # -- what several tell -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_recordings_are_one_with_two_runs(arm):
     """The same samples, in two files or under two labels of one file: the same answer to the last digit."""
     soft = effect_named("stiffness_changed", "joint2/drive", "", {"factor": 0.7}, arm.mechanism)
@@ -90,6 +91,7 @@ def test_two_recordings_are_one_with_two_runs(arm):
     assert [part.name for part in two.recordings] == ["recording 1", "recording 2"]
 
 
+@pytest.mark.slow
 def test_what_one_does_not_load_the_other_shows(arm):
     """Upright, the first joint carries no weight; on the wall it does."""
     soft = effect_named("stiffness_changed", "joint1/drive", "", {"factor": 0.6}, arm.mechanism)
@@ -101,6 +103,7 @@ def test_what_one_does_not_load_the_other_shows(arm):
     assert finding.parameters["factor"].interval[0] < 0.6 < finding.parameters["factor"].interval[1]
 
 
+@pytest.mark.slow
 def test_twins_of_each_recording_are_told_apart_by_both(arm):
     """In one pose a soft drive is an encoder's zero, upright as well as on the ceiling; only one of them turns over."""
     tolerances = Tolerances(stiffness=0.1, encoder_offset=1e-4)
@@ -123,6 +126,7 @@ def test_twins_of_each_recording_are_told_apart_by_both(arm):
         assert abs(known[name].x - x[names.index(name)]) < 4 * known[name].share
 
 
+@pytest.mark.slow
 def test_each_recording_has_its_own_noise(arm):
     """The coarse one neither drowns the fine one nor is taken for structure."""
     soft = effect_named("stiffness_changed", "joint2/drive", "", {"factor": 0.95}, arm.mechanism)

@@ -67,6 +67,7 @@ def test_a_faultless_robot_has_nothing_but_its_weight(robot):
     assert known.sd == pytest.approx((1 - known.learned) * known.tolerance, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "shift", "elsewhere"),
     [
@@ -101,6 +102,7 @@ def test_a_fault_beyond_the_tolerances_is_named(robot, physics, place, aspect, v
     assert found.after["fit"] < 1.25
 
 
+@pytest.mark.slow
 def test_a_stiffness_many_tolerances_off_is_named_though_its_parameter_could_follow(tmp_path):
     """Let go, the parameter leaves little of the residual: what the law must gain is asked beside that, not before."""
     drawn = draw_scattered(5, "elastic_arm", effects=["stiffness_changed"], misjudged=False, sensors=1.0, poses=(6, 2))

@@ -61,11 +61,13 @@ WITH_BLOCKS = [page for page in PAGES if any(True for _ in blocks(page))]
 
 #: scripts/stranger.sh, a part of every .ci/run, does the same with these in an environment of its own.
 TWICE = ("README.md", "tutorial.md")
+#: Of half a minute each.
+LONG = ("diagnosis.md", "command_line.md", "sweep.md")
 
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(page, marks=[pytest.mark.slow] if page.name in TWICE else []) for page in WITH_BLOCKS],
+    [pytest.param(page, marks=[pytest.mark.slow] if page.name in TWICE + LONG else []) for page in WITH_BLOCKS],
     ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_a_page_runs_as_printed(page, tmp_path, monkeypatch, remembered):

@@ -15,7 +15,11 @@ NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
 
 #: A kernel of its own for each takes long; cells of the others run in the process of the tests.
 IN_A_KERNEL = [pytest.param(path, marks=[pytest.mark.slow] if path.stem != "workspace" else []) for path in NOTEBOOKS]
-IN_PROCESS = [path for path in NOTEBOOKS if path.stem != "workspace"]
+IN_PROCESS = [
+    pytest.param(path, marks=[pytest.mark.slow] if path.stem == "diagnosis" else [])
+    for path in NOTEBOOKS
+    if path.stem != "workspace"
+]
 
 
 @pytest.mark.parametrize("path", IN_A_KERNEL, ids=lambda path: path.stem)

@@ -268,6 +268,7 @@ def test_a_motion_plays_what_its_frames_say(browser, three_prup, tmp_path):
     assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_ur5_with_its_meshes(browser, tmp_path):
     pytest.importorskip("trimesh")
     robot = prup_pin.load("ur5", joint_stiffness=1e4)

@@ -235,8 +235,10 @@ def test_every_browser_has_its_own_sliders(robot):
         await one.write_message(question({"z": 0.3, "theta": 0, "phi": 0}))
         await other.write_message(question({"z": 0.45, "theta": 0, "phi": 0}))
         told = [await until_told(socket) for socket in (one, other)]
-        one.close()
-        other.close()
+        for socket in (one, other):
+            socket.close()
+            while await socket.read_message() is not None:
+                pass
         return greeted, told
 
     try:

@@ -156,6 +156,7 @@ def test_a_five_bar_reaches_what_its_closed_form_says(resolution):
     assert (there.any(axis=0) & ~there.all(axis=0)).mean() > 0.97
 
 
+@pytest.mark.slow
 def test_a_margin_keeps_away_from_singular_poses():
     robot = prup_pin.load(ROBOTS / "five_bar/five_bar.urdf")
     whole = robot.workspace(1 / 32, **SPAN)

@@ -111,7 +111,11 @@ def _outcome(
     given, chosen = relieved(given, chosen, efforts.with_curves)
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
-    return Outcome(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
+    while True:
+        found = Outcome(robot, recording, efforts, given, chosen, free, imitating, gains, stretches, doubts)
+        if (needless := found.needless) is None:
+            return found
+        chosen = chosen.without(needless)
 
 
 def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple[Efforts, Gathered, Chosen]:
@@ -119,7 +123,8 @@ def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple
 
     Looked for beside what every drive has: of a robot on which everything is a little off, the first single law would
     stand for much that it is not. Where most drives surely have nothing of the kind, the drawing is that of this device
-    but for a few laws, and these are looked for from nothing, one after the other.
+    but for a few laws: those found, without what is not sure of every drive, or those found from nothing, one after the
+    other, which need no more to be as good.
 
     How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
     friction are the usual ones to begin with, or those that suit best before any law is found.
@@ -129,19 +134,24 @@ def _laws(efforts: Efforts, freed: bool, tell: Callable[[float], None]) -> tuple
         given = of.gathered()
         return given, of.start(given if freed else None)
 
-    first, second = (partial(_between, tell, share, share + 0.5) for share in (0.0, 0.5))
+    def looked_for(given: Gathered, start: Chosen, tell: Callable[[float], None]) -> tuple[Gathered, Chosen]:
+        return searched(given, start, common.renewed, common.closer, tell)
+
+    def better(found: tuple[Gathered, Chosen], usual: tuple[Gathered, Chosen]) -> tuple[Gathered, Chosen]:
+        return found if worth(held_out(*usual), held_out(*found))[0] > EFFORT_GAIN else usual
+
+    first, second, third = (partial(_between, tell, share, share + 0.3) for share in (0.0, 0.4, 0.7))
     given, start = begun(efforts)
     start = efforts.background(given, start)
     common, given = efforts.with_learned_widths(given, start)
-    usual = searched(given, start, common.renewed, common.closer, first)
-    if not kinds_of_most(usual[0], surely(*usual).terms):
-        return efforts, *searched(*begun(efforts), efforts.renewed, efforts.closer, second)
+    usual = looked_for(given, start, first)
+    given, sure = usual[0], surely(*usual)
+    if not kinds_of_most(given, sure.terms):
+        return common, *better(looked_for(given, sure, second), looked_for(*begun(common), third))
     given, start = begun(common)
     start = common.background(given, start)
     given, start = common.closer(given, start, range(len(start.terms)), at_last=True)
-    suiting = searched(given, start, common.renewed, common.closer, second)
-    less = worth(held_out(*suiting), held_out(*usual))[0] > EFFORT_GAIN
-    return common, *(usual if less else suiting)
+    return common, *better(looked_for(given, start, second), usual)
 
 
 def _between(tell: Callable[[float], None], first: float, last: float, share: float) -> None:

@@ -11,7 +11,7 @@ from ...laws.efforts import Body
 from ...numbers import number
 from ...recordings import Convention
 from ...spatial import Array
-from ..chances import student_isf, student_ppf
+from ..chances import student_ppf
 from ..criteria import (
     EFFORT_ALONE,
     FALSE_ALARM,
@@ -154,18 +154,11 @@ def _saved_by_gains(outcome: Outcome) -> float:
 def _of_all_links(outcome: Outcome, term: EffortCandidate) -> Finding:
     """Return what the motion tells of all links' masses: the combinations that are not those of the robot file."""
     law, links = term.law, term.law.same_places(term.place, outcome.mechanism)
-    told = outcome.efforts.combinations(law)
-    _, covariance, degrees = outcome.scatter
-    own = outcome.named.own(term)
-    change = told.matrix @ outcome.x_named[own]
-    deviation = np.sqrt(np.maximum(np.diag(told.matrix @ covariance[own, own] @ told.matrix.T), 0.0))
+    told, change, reach, chance = outcome.combinations(term)
     model = outcome.mechanism.model
     bodies = [outcome.mechanism.frame(link).joint for link in links]
     drawn = told.matrix @ np.concatenate([model.inertias[body].toDynamicParameters() for body in bodies])
-    sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
-    # one of so many that may differ by chance
-    differ = np.flatnonzero(sure > student_isf(FALSE_ALARM / (2 * max(len(change), 1)), degrees))
-    reach = student_ppf(0.975, degrees) * deviation
+    differ = np.flatnonzero(chance < FALSE_ALARM)
     without = held_out(outcome.given, outcome.named.without(term))
     units = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=True))
     parameters = {
@@ -174,7 +167,7 @@ def _of_all_links(outcome: Outcome, term: EffortCandidate) -> Finding:
             units[law.linear[told.leads[i]].rpartition(".")[2]],
             (float(drawn[i] + change[i] - reach[i]), float(drawn[i] + change[i] + reach[i])),
         )
-        for i in differ[np.argsort(-sure[differ], kind="stable")][:MOST_COMBINATIONS]
+        for i in differ[np.argsort(chance[differ], kind="stable")][:MOST_COMBINATIONS]
     }
     return Finding(
         physics=law.physics,

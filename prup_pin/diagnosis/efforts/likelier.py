@@ -3,7 +3,7 @@
 Held-out blocks say that a law is of use, not that no other would be. Laws in one another's place are weighed by all
 that is known: squares that they save, tolerances that are strained without them, and how much else each could have
 said, by Zellner's prior whose size the data choose (Liang et al. 2008, empirical Bayes). Bodies are weighed among
-themselves by what bodies there are.
+themselves by what bodies there are, and take one another's place by it.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ import numpy as np
 
 from ...laws.efforts import Body, EffortLaw
 from ...spatial import Array
-from ..criteria import EFFORT_GAIN, EFFORT_INDISTINCT, EFFORT_LIKELIER, EFFORT_SURE
-from .beside import Beside
+from ..criteria import EFFORT_INDISTINCT, EFFORT_LIKELIER, EFFORT_SURE
 from .bodies import held_body, other_link
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .normal import Normal, directions
-from .search import can_be, excluded, held_out, pulls, replaces, shows_beside, uncertainty
+from .search import can_be, excluded, held_out, pulls, replaces, uncertainty
 
 __all__ = ["is_body", "likelier", "odds"]
 
@@ -27,13 +26,13 @@ _TRIED = 8
 
 
 def likelier(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen with laws that are likelier in the place of others, where they are no worse held out.
+    """Return what is chosen with likelier bodies in the place of others, where they are no worse held out.
 
     What had come to make up for the others goes with them.
     """
     before = chosen.terms
     for term in before:
-        if any(term is other for other in chosen.terms) and not chosen.stays(term):
+        if is_body(term) and any(term is other for other in chosen.terms) and not chosen.stays(term):
             chosen = _likelier(given, chosen, term)
     if any(new is not old for new, old in zip(chosen.terms, before, strict=True)):
         for term in reversed(chosen.terms):
@@ -44,29 +43,19 @@ def likelier(given: Gathered, chosen: Chosen) -> Chosen:
 
 
 def _likelier(given: Gathered, chosen: Chosen, term: EffortCandidate) -> Chosen:
-    ranked = sorted(odds(given, chosen, term), key=lambda item: -item[1])
-    if not ranked or not ranked[0][1] > 0:
-        return chosen
-    rest, left = chosen.without(term), held_out(given, chosen)
-    beside = Beside(given, chosen)
+    left = held_out(given, chosen)
     place = next(index for index, other in enumerate(chosen.terms) if other is term)
-    for candidate, log_odds, saves in ranked[:_TRIED]:
-        bodies = is_body(candidate) and is_body(term)
-        if log_odds < (0.0 if bodies else EFFORT_LIKELIER):
-            continue
-        if candidate.size > term.size and not bodies and saves < EFFORT_GAIN * beside.left_in(term):
-            continue
+    bodies = [(log_odds, other) for other, log_odds in odds(given, chosen, term) if is_body(other) and log_odds > 0]
+    for _, candidate in sorted(bodies, key=lambda item: -item[0])[:_TRIED]:
         other = chosen.replaced(place, candidate)
         apart = held_out(given, other) - left
-        if float(apart.sum()) > EFFORT_SURE * uncertainty(apart):
-            continue
-        if can_be(given, other, candidate) and shows_beside(given, rest, candidate):
+        if float(apart.sum()) <= EFFORT_SURE * uncertainty(apart) and can_be(given, other, candidate):
             return other
     return chosen
 
 
-def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[EffortCandidate, float, float]]:
-    """Return other laws in a term's place, the logarithm of how much likelier each is, and what more it saves."""
+def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[EffortCandidate, float]]:
+    """Return other laws in a term's place, and the logarithm of how much likelier each is."""
     if not _has_rivals(term.law):
         return []
     rest = chosen.without(term)
@@ -93,8 +82,7 @@ def odds(given: Gathered, chosen: Chosen, term: EffortCandidate) -> list[tuple[E
         likeliest = max(among.values())
         middle = max(weighed[key][0] for key in among)
         weighed |= {key: (middle + value - likeliest, weighed[key][1]) for key, value in among.items()}
-    own, saved = weighed[id(term)]
-    return [(other, weighed[id(other)][0] - own, weighed[id(other)][1] - saved) for other in rivals]
+    return [(other, weighed[id(other)][0] - weighed[id(term)][0]) for other in rivals]
 
 
 def _is_asked_for(given: Gathered, rest: Chosen, term: EffortCandidate) -> bool:

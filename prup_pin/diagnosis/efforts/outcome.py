@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from ...dynamics import Motion
 from ...laws import Effect, Law, Place
+from ...laws.efforts import Body
 from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
-from ..criteria import (
-    EFFORT_IMITATED,
-    EFFORT_PLAINLY,
-    EFFORT_SURE,
-)
+from ..chances import hotelling_sf, student_ppf, student_sf
+from ..criteria import EFFORT_IMITATED, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
+from .combinations import Combinations
 from .consistent import consistent_fit
 from .gains import Gains
 from .gather import Efforts
@@ -28,6 +28,16 @@ from .search import held_out, surely, worth
 from .stretches import Stretch
 
 __all__ = ["Outcome"]
+
+
+class Changed(NamedTuple):
+    """Combinations of parameters, by how much each is another than drawn, reach of its 95 % interval, and the chance
+    that any of as many would differ so (c,)."""
+
+    told: Combinations
+    change: Array
+    reach: Array
+    chance: Array
 
 
 class Outcome:
@@ -64,8 +74,13 @@ class Outcome:
         kept = [term for term in surely(given, self.named).terms if not term.law.is_curve]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, self._apart, self.matrix_named = self._coefficients()
-        # what cannot be negative may be nothing in the end
-        self.laws = [term for term in self.laws if np.any(self.x_named[self.named.own(term)])]
+        # what cannot be negative may be nothing in the end, and what every drive has is told where it surely is
+        self.laws = [
+            term
+            for term in self.laws
+            if np.any(self.x_named[self.named.own(term)])
+            and not (self.named.stays(term) and self.may_be_nothing(term) > FALSE_ALARM)
+        ]
         self.held = held_out(given, self.named)
         self.impossible = self._no_bodies(fit(given, self.named)[0])
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]
@@ -122,6 +137,36 @@ class Outcome:
         count = self.given.columns.count
         degrees = max(count - 1, 1)
         return white, white @ middle @ white * count / degrees + white + np.outer(self._apart, self._apart), degrees
+
+    def may_be_nothing(self, term: EffortCandidate) -> float:
+        """Return the chance of coefficients as large as a law's where it does not act."""
+        _, covariance, degrees = self.scatter
+        if term.law.body is Body.ALL_LINKS:
+            return float(self.combinations(term).chance.min(initial=1.0))
+        own = self.named.own(term)
+        return hotelling_sf(self.x_named[own], covariance[own, own], degrees)
+
+    def combinations(self, term: EffortCandidate) -> Changed:
+        """Return the combinations of all links' parameters that the motion tells, and by how much each differs."""
+        told = self.efforts.combinations(term.law)
+        _, covariance, degrees = self.scatter
+        own = self.named.own(term)
+        change = told.matrix @ self.x_named[own]
+        deviation = np.sqrt(np.maximum(np.diag(told.matrix @ covariance[own, own] @ told.matrix.T), 0.0))
+        sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
+        # one of so many that may differ by chance
+        chance = 2 * max(len(change), 1) * np.array([student_sf(size, degrees) for size in sure])
+        return Changed(told, change, student_ppf(0.975, degrees) * deviation, chance)
+
+    @property
+    def needless(self) -> EffortCandidate | None:
+        """The law, told by name, that is likeliest to be nothing by its own uncertainty; None where each is something.
+
+        Held-out blocks ask for a law; what other weights would tell of it, and with the other sign, is not the law.
+        """
+        chances = [(self.may_be_nothing(term), term) for term in self.laws if not self.named.stays(term)]
+        chance, least = max(chances, key=lambda item: item[0], default=(0.0, None))
+        return least if chance > FALSE_ALARM else None
 
     def saves(self, term: EffortCandidate) -> float:
         """Return the held-out squares that a term saves beside all others."""

@@ -36,7 +36,7 @@ def rivals_of(outcome: Outcome, term: EffortCandidate, without: Array) -> tuple[
     others = [other for other in near if not (is_body(other) and is_body(term))]
     others = [other for other in others if other.law is not term.law or other.place != term.place]
     unlikely = EFFORT_UNLIKELY if is_body(term) else EFFORT_LIKELIER
-    likely = [other for other, log_odds, _ in odds(outcome.given, outcome.named, term) if log_odds > -unlikely]
+    likely = [other for other, log_odds in odds(outcome.given, outcome.named, term) if log_odds > -unlikely]
 
     def alike(after: Array, strained: float) -> bool:
         apart = after - outcome.held

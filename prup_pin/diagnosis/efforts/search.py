@@ -7,7 +7,7 @@ did, and what a law explains is gone.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -153,11 +153,17 @@ def uncertainty(saving: Array) -> float:
 
 
 def worth(before: Array, after: Array) -> tuple[float, float]:
-    """Return the share of held-out squares that a term saves, and how sure that is, in standard errors."""
-    saving = before - after
-    share = float(saving.sum() / max(before.sum(), np.finfo(float).tiny))
-    error = uncertainty(saving) if len(saving) > 1 else np.inf
-    return share, float(saving.sum()) / max(error, np.finfo(float).tiny)
+    """Return the share of held-out squares (B,) that a term saves, and how sure that is, in standard errors.
+
+    By logarithms of the squares: each block has a size of its own, and where one holds most of them the others could
+    make no saving sure.
+    """
+    tiny = np.finfo(float).tiny
+    share = float((before - after).sum() / max(before.sum(), tiny))
+    if len(before) < 2:
+        return share, 0.0
+    ratios = np.log(np.maximum(before, tiny)) - np.log(np.maximum(after, tiny))
+    return share, float(ratios.sum()) / max(uncertainty(ratios), tiny)
 
 
 def searched(
@@ -189,8 +195,7 @@ def searched(
     if closer is not None and chosen.terms:
         given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1), True)
         given, chosen = _with_new(given, chosen, [], refused, None)
-        given, chosen = _plainer(given, _of_one_body(given, chosen), closer)
-        chosen = _fewer(given, chosen)
+        given, chosen = _simpler(given, chosen, closer)
     return given, chosen
 
 
@@ -343,68 +348,53 @@ def _others(given: Gathered, chosen: Chosen) -> set[str]:
     return beyond | {term.place.name for term in chosen.terms if term.law.body in _ONE_LINK}
 
 
-def _of_one_body(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen with one body in the place of all links, where that is as good as can be told."""
-    every = next((term for term in chosen.terms if term.law.body is Body.ALL_LINKS), None)
-    if every is None or chosen.stays(every):
-        return chosen
-    single = [c for c in given.candidates if c.law.body and c is not every]
-    rest, left = chosen.without(every), Beside(given, chosen).left
-    apart = Beside(given, rest).with_each(single) - left
-    best = int(np.argmin(apart.sum(axis=1)))
-    error = uncertainty(apart[best])
-    if float(apart[best].sum()) < max(EFFORT_SURE * error, EFFORT_GAIN * float(left.sum())):
-        one = rest.with_term(single[best])
-        return chosen if len(_others(given, one)) > 1 else one
-    return chosen
-
-
-def _plainer(
-    given: Gathered,
-    chosen: Chosen,
-    closer: Callable[..., tuple[Gathered, Chosen]],
+def _simpler(
+    given: Gathered, chosen: Chosen, closer: Callable[..., tuple[Gathered, Chosen]]
 ) -> tuple[Gathered, Chosen]:
-    """Return what is chosen with the plainer law of a family where the richer one does not earn what it has more."""
-    for place in range(len(chosen.terms)):
-        term = chosen.terms[place]
-        plain = [c for c in given.candidates if replaces(term, c) and c.size < term.size and c.law.family]
-        if not plain or chosen.stays(term):
+    """Return what is chosen with one law in the place of others where these do not earn what they have more."""
+    for others, single in _simplifications(given, chosen):
+        if not all(any(term is other for other in chosen.terms) for term in others):
             continue
-        beside = Beside(given, chosen.without(term))
-        after = beside.with_each(plain)
-        best = int(np.argmin(after.sum(axis=1)))
-        tried, other = closer(given, chosen.replaced(place, plain[best]), [place])
-        if not _earns_its_place(tried, other, chosen, term):
-            given, chosen = tried, other
+        rest = chosen.of(term for term in chosen.terms if not any(term is other for other in others))
+        single = [c for c in single if not any(excluded(term, c) or replaces(c, term) for term in rest.terms)]
+        if not single:
+            continue
+        best = single[int(np.argmin(Beside(given, rest).with_each(single).sum(axis=1)))]
+        tried, one = closer(given, rest.with_term(best), [len(rest.terms)])
+        links = _others(tried, one) if best.law.body else set()
+        richer = [term for term in others if _earns_its_place(tried, one, chosen, term)]
+        if not richer and len(links) < 2 and can_be(tried, one, one.terms[-1]):
+            given, chosen = tried, one
         given.columns.cut(len(given.prior))
     return given, chosen
 
 
-def _fewer(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen with one law in the place of two at one joint, where it is as good with fewer columns."""
-    for first, second in combinations([term for term in chosen.terms if not chosen.stays(term)], 2):
-        there = [any(term is other for other in chosen.terms) for term in (first, second)]
-        if first.place.name != second.place.name or not all(there):
-            continue
-        rest = chosen.without(first).without(second)
-        single = [
-            c
-            for c in given.candidates
-            if c.place.name == first.place.name
-            and not any(_key(c) == _key(term) or (replaces(c, term) and c.size > term.size) for term in (first, second))
-            and c.size < first.size + second.size
-            and not any(excluded(term, c) or replaces(c, term) for term in rest.terms)
-        ]
-        if not single:
-            continue
-        without, left = Beside(given, rest), Beside(given, chosen).left
-        apart = without.with_each(single) - left
-        best = int(np.argmin(apart.sum(axis=1)))
-        one, worse = rest.with_term(single[best]), float(apart[best].sum())
-        alike = min(EFFORT_SURE * uncertainty(apart[best]), EFFORT_GAIN * float((without.left - left).sum()))
-        if worse < alike and can_be(given, one, single[best]):
-            chosen = one
-    return chosen
+def _simplifications(
+    given: Gathered, chosen: Chosen
+) -> Iterator[tuple[tuple[EffortCandidate, ...], list[EffortCandidate]]]:
+    """Yield terms, and candidates with fewer columns of which one may stand for all of these.
+
+    One law or two at a joint may be another one, or a plainer one of their family; and what several drives have alike
+    may be one thing of all of them.
+    """
+    own = [term for term in chosen.terms if not chosen.stays(term)]
+    for terms in (*((term,) for term in own), *combinations(own, 2)):
+        joint, columns = terms[0].place.name, sum(term.size for term in terms)
+        if all(term.place.name == joint for term in terms):
+            yield (
+                terms,
+                [
+                    c
+                    for c in given.candidates
+                    if c.size < columns
+                    and (c.place.name == joint or replaces(terms[0], c))
+                    and not any(_key(c) == _key(term) or (replaces(c, term) and c.size > term.size) for term in terms)
+                ],
+            )
+    for physics in dict.fromkeys(term.law.physics for term in own):
+        alike = tuple(term for term in own if term.law.physics == physics and term.place.name != "robot")
+        if len(alike) > 1 and not any(term.law.body for term in alike):
+            yield alike, [c for c in given.candidates if c.name == (physics, "robot")]
 
 
 def _earns_its_place(given: Gathered, before: Chosen, after: Chosen, term: EffortCandidate) -> bool:
@@ -513,7 +503,7 @@ def kinds_of_most(given: Gathered, terms: Sequence[EffortCandidate]) -> dict[str
 def surely(given: Gathered, chosen: Chosen) -> Chosen:
     """Return what is chosen without what every drive has where held-out blocks do not ask for it."""
     common = [term for term in chosen.terms if chosen.stays(term)]
-    return pruned(given, replace(chosen, background=False), common) if common else chosen
+    return pruned(given, replace(chosen, background=False), common)
 
 
 def pruned(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> Chosen:
