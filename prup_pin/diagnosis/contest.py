@@ -1,4 +1,4 @@
-"""What was taken, against its rivals: other names, pairs, one for two, two for one."""
+"""The laws that were taken, against their rivals: others in their places, one for two, several for one, one less."""
 
 from __future__ import annotations
 
