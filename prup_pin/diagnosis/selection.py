@@ -1,4 +1,4 @@
-"""What a search for laws keeps: its budget, rivals for a place, what was selected, and what terms cost."""
+"""What a search for laws keeps: how many fits it took, rivals for a place, what was selected, and what terms cost."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ __all__ = [
     "is_clean",
     "penalty",
     "scale_of",
-    "unlikely",
 ]
 
 
@@ -75,7 +74,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Selection:
-    """The outcome: fits from the nominal simulation to the last one, rivals of every term, thresholds."""
+    """The outcome: the fits before any law and of all laws found, rivals of every term, and what competed."""
 
     first: Fit
     last: Fit
@@ -101,10 +100,10 @@ def implausible(term: Term) -> float:
     starts = candidate.starts()
     far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
     far += float((candidate.unusual(term.coordinates) ** 2).sum())
-    return far + candidate.law.cost + unlikely(candidate)
+    return far + candidate.law.cost + _unlikely(candidate)
 
 
-def unlikely(candidate: Candidate) -> float:
+def _unlikely(candidate: Candidate) -> float:
     """Return a small cost that decides between places that these data cannot tell apart at all."""
     likely = candidate.law.likely
     names = {module.name for module in candidate.mechanism.modules if module.kind.kind in likely}
