@@ -244,6 +244,20 @@ def motion_between(before: Array, after: Array) -> Array:
     return np.concatenate((after[..., :3, 3] - before[..., :3, 3], turn), axis=-1)
 
 
+def rigid_motion(points: Array, measured: Array, weights: Array) -> tuple[Array, Array] | None:
+    """Return rotation (3, 3) and shift (3,) that take points (n, 3) to measured ones; None where they are on a line.
+
+    The motion of least squares, of weights (n,), from the singular values of sum (b - mean b)(a - mean a)^T (Arun,
+    Huang and Blostein, IEEE Trans. Pattern Anal. Mach. Intell. 9, 1987).
+    """
+    middle, aim = np.average(points, axis=0, weights=weights), np.average(measured, axis=0, weights=weights)
+    left, sizes, right = np.linalg.svd((weights[:, None] * (measured - aim)).T @ (points - middle))
+    if sizes[1] < 1e-6 * max(float(sizes[0]), 1e-300):
+        return None
+    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    return turn, aim - turn @ middle
+
+
 def rotation_tangent(vector: Array) -> Array:
     """Return T (..., 3, 3) with exp(v + dv) = exp(T dv) exp(v) to first order, for rotation vectors v (..., 3)."""
     squared = (vector * vector).sum(-1)[..., None, None]

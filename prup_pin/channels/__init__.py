@@ -9,5 +9,17 @@ from .linear import Linear
 from .noise import Noise
 from .pose import PoseChannel
 from .stack import Stack, channels_of, whitening
+from .stations import Placing, Stations
 
-__all__ = ["Channel", "Columns", "Linear", "Noise", "PoseChannel", "Stack", "channels_of", "whitening"]
+__all__ = [
+    "Channel",
+    "Columns",
+    "Linear",
+    "Noise",
+    "Placing",
+    "PoseChannel",
+    "Stack",
+    "Stations",
+    "channels_of",
+    "whitening",
+]

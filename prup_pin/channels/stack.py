@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,11 +14,12 @@ from ..loaded import FirstOrder
 from ..mechanism import Frame, Mechanism
 from ..recordings import Recording
 from ..simulation import Run
-from ..spatial import Array
+from ..spatial import Array, rotation_exp
 from .channel import Channel, Columns
 from .linear import Linear
 from .noise import Noise
 from .pose import PoseChannel
+from .stations import Placing, Stations, motions_of_stations
 
 __all__ = ["Stack", "channels_of", "whitening"]
 
@@ -33,9 +34,13 @@ def channels_of(recording: Recording, mechanism: Mechanism) -> tuple[Channel, ..
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Channels side by side: N samples of K columns."""
+    """Channels side by side: N samples of K columns.
+
+    stations: from which the pose sensor saw the samples, where it was set up anew between them.
+    """
 
     channels: tuple[Channel, ...]
+    stations: Stations | None = None
 
     @cached_property
     def exists(self) -> np.ndarray:
@@ -68,12 +73,63 @@ class Stack:
         return np.split(watched, ends, axis=1)
 
     def residual(self, run: Run) -> Array:
-        """Return measured less simulated, (N, K); zero where nothing was measured or simulated."""
-        return _joined([channel.residual(run) for channel in self.channels])
+        """Return measured less simulated, (N, K); zero where nothing was measured or simulated.
+
+        Less what may be the stations' own: the best motion of each is found by turns as large as they are.
+        """
+        left = _joined([channel.residual(run) for channel in self.channels])
+        placing = self.placing(run, np.flatnonzero(run.solved))
+        if placing is None:
+            return left
+        stack, motion = self, np.zeros((int(run.solved.sum()), 6))
+        for _ in range(_PLACED):
+            step = placing.best(left[run.solved])
+            stack, motion = stack.moved(step, run.solved), motion + step
+            left = _joined([channel.residual(run) for channel in stack.channels])
+        left[run.solved] = placing.without(placing.moved(left[run.solved], motion))
+        return left
 
     def residual_of_start(self, linear: Linear) -> Array:
-        """Return the same against the simulation that a user starts from."""
+        """Return the same against the simulation that a user starts from, with stations where they were registered."""
         return _joined([channel.residual_of_start(linear) for channel in self.channels])
+
+    def placing(self, run: Run, samples: np.ndarray) -> Placing | None:
+        """Return what motions of the stations do at samples (n,) of a run; None where the sensor stood in one place."""
+        if self.stations is None:
+            return None
+        return self.stations.placing(samples, self.by_station(run, samples), self.angles)
+
+    def by_station(self, run: Run, samples: np.ndarray) -> Array:
+        """Return the change of the columns at samples (n,) per turn and shift of their station, (n, K, 6)."""
+        parts = [
+            motions_of_stations(run.pose_of(channel.frame)[0][samples])
+            if isinstance(channel, PoseChannel)
+            else np.zeros((len(samples), channel.size, 6))
+            for channel in self.channels
+        ]
+        return _joined(parts) * self.exists[samples][..., None]
+
+    @cached_property
+    def angles(self) -> np.ndarray:
+        """Which columns are angles, (K,)."""
+        angles = np.zeros(self.size, bool)
+        for group in self.groups():
+            angles[group.where] = group.unit == "rad"
+        return angles
+
+    def moved(self, motion: Array, rows: np.ndarray) -> Stack:
+        """Return what was measured at samples `rows` (N,) as seen from stations turned and shifted back by (n, 6)."""
+        turn = rotation_exp(motion[:, :3]).mT
+
+        def seen(channel: Channel) -> Channel:
+            if not isinstance(channel, PoseChannel):
+                return channel
+            position, rotation = channel.position.copy(), channel.rotation.copy()
+            position[rows] = (turn @ (position[rows] - motion[:, 3:])[..., None])[..., 0]
+            rotation[rows] = turn @ rotation[rows]
+            return replace(channel, position=position, rotation=rotation)
+
+        return replace(self, channels=tuple(seen(channel) for channel in self.channels))
 
     def seen(self, watched: Array) -> Array:
         """Return what all columns see of small motions of `frames` (n, 6 frames, …): (n, K, …)."""
@@ -111,6 +167,10 @@ class Stack:
                 found.append(Columns(full, unit, slice(start + where.start, start + where.stop)))
             start += channel.size
         return tuple(found)
+
+
+#: Steps in which stations are placed: each leaves the square of the turn that the last one found.
+_PLACED = 3
 
 
 def _joined(parts: Sequence[Array]) -> Array:

@@ -136,6 +136,8 @@ def predict(
     if known:
         read = replace(read, noise=replace(read.noise, **known))
         notes.append(f"The noise of {', '.join(known)} is that with which the model was found.")
+    if "pose_sensor" in corrected.own_by_run:
+        read = replace(read, own_by_run=tuple(dict.fromkeys((*read.own_by_run, "pose_sensor"))))
     _predict(loaded, read, corrected.effects, out, workers, stop, notes, band=corrected.band)
 
 
@@ -158,12 +160,19 @@ def _predict(
     except SimulationStoppedError as error:
         if len(error.prediction):
             done = slice(0, error.row)
-            _write_prediction(out, recording.select(done), error.prediction, robot, logged.conventions)
+            part = recording.select(done)
+            _write_prediction(out, part, _placed(error.prediction, part), robot, logged.conventions)
             raise PrupPinError(f"{error}\n  {error.row} rows before it are in {out}") from error
         raise
+    prediction = _placed(prediction, recording)
     _write_prediction(out, recording, prediction, robot, logged.conventions)
     print_simulation(terminal.console(), robot, effects, recording, prediction, notes)
     list_written((out,))
+
+
+def _placed(prediction: Prediction, recording: Recording) -> Prediction:
+    """Return a prediction as its runs' own pose sensors see it, where each has one."""
+    return simulation.seen_from_stations(prediction, recording) if "pose_sensor" in recording.own_by_run else prediction
 
 
 def _simulated(

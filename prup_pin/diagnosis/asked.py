@@ -11,7 +11,7 @@ from ..channels import Linear, Noise, Stack, channels_of
 from ..errors import InputError
 from ..laws import Inputs
 from ..laws.deviations import without_effect
-from ..numbers import number
+from ..numbers import number, quantity
 from ..recordings import Recording, Together, suspicions
 from ..robot import Robot
 from ..simulation import Simulator, as_recorded, inputs_of
@@ -29,7 +29,7 @@ from .criteria import (
 )
 from .fit import Problem
 from .plausible import beside_allowed, check_belongs, unused_columns, what_is_missing
-from .registration import Registered, own_frames, registered
+from .registration import OWN_STATIONS, Registered, own_frames, registered
 from .sensor_noise import estimate_noise, scatter_of_repeats
 from .spread import Spread, spread_of
 from .whiteness import compared
@@ -101,7 +101,8 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     placed = registered(measured, linear, together, robot.mechanism, allowed)
     if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
         together, placed = apart
-        recording = together.recording
+        recording, inputs = together.recording, _inputs(robot, together)
+        simulator = Simulator(robot, inputs)
     stack = placed.stack
     allowed = allowed[0] + placed.beside, allowed[1]
     remarks += placed.remarks
@@ -130,6 +131,12 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
         remarks += spread.told(together, noise)
         stack, noise = spread.stack(stack), spread.noise(noise)
+        stack = spread.placed(stack, noise, together.recording.run)
+        if spread.stations is not None and not together.stations:
+            together = together.with_runs_of("pose_sensor")
+            library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups, together.alone)
+            library = under_load(library, problem.nominal)
+            remarks.append(_stations_told(spread.stations))
         together, library = spread.widened(together), spread.among(library)
         recording = together.recording
     if noise.source == "assumed":
@@ -149,8 +156,21 @@ def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) 
     if not problem.simulator.inputs.weight_alone:
         return None
     heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
-    return spread_of(
-        problem, together, [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
+    weight = [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
+    # A station for each run is a kind as any other, which the data ask for or not.
+    own = bool(together.stations) or "pose_sensor" not in together.groups
+    several = own and len(np.unique(together.recording.run)) > 1
+    found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, weight, several)
+    if not several or found is None or found.stations is not None:
+        return found
+    return spread_of(problem, together, weight, False)
+
+
+def _stations_told(stations: tuple[float, float]) -> str:
+    turn, shift = stations
+    return (
+        f"the pose sensor stands elsewhere in each run, turned by {quantity(turn, 'rad')} and shifted by "
+        f"{quantity(shift, 'm')} (one standard deviation), which is left out of all that is compared; {OWN_STATIONS}"
     )
 
 
@@ -159,10 +179,11 @@ def _inputs(robot: Robot, together: Together) -> Inputs:
     inputs = inputs_of(together.recording, robot)
     every = all(name in together.recording.velocities for name in robot.mechanism.actuated)
     inputs = replace(inputs, speeds=inputs.speeds if every else None)
+    inputs = replace(inputs, sources=together.setups if together.several or together.by_run else None)
     if not together.several:
         return inputs
     began = np.array([inputs.time[here].min(initial=np.inf) for _, here in together.each()])
-    return replace(inputs, sources=together.which, began=began[together.which])
+    return replace(inputs, began=began[together.which])
 
 
 def _thinned(together: Together, remarks: list[str]) -> Together:

@@ -105,7 +105,7 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
     seen = diagnosis.residuals
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
     told = by_recording(given.together, problem.noise, diagnosis.samples, residuals)
-    return replace(diagnosis, recordings=told)
+    return replace(diagnosis, recordings=told, own_by_run=given.together.by_run)
 
 
 class _Searched(NamedTuple):

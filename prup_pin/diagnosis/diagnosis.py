@@ -155,6 +155,7 @@ class Diagnosis:
     final: Run | None = None
     conventions: tuple[tuple[Convention, ...], ...] = ()
     efforts: EffortDiagnosis | None = None  # of drives in motion, where there were any
+    own_by_run: tuple[str, ...] = ()  # sensors that were set up anew for each run, declared or found
 
     @property
     def explained(self) -> bool:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..channels import PoseChannel, Stack
+from ..channels import Placing, PoseChannel, Stack
 from ..laws import Setup
 from ..laws.deeds import DEEDS, Solved
 from ..loaded import Chain, Equilibria, FirstOrder
@@ -51,7 +51,7 @@ class Influence:
     @property
     def by_row(self) -> Array:
         """Minus the columns' change per residual of the equations, (n, K, m)."""
-        return self.stack.seen(self.first.by_row)
+        return self._placed(self.stack.seen(self.first.by_row))
 
     @cached_property
     def solved(self) -> Solved:
@@ -70,7 +70,7 @@ class Influence:
     @property
     def compliance(self) -> Array:
         """The columns' change per wrench on the tool, (n, K, 6)."""
-        return self.stack.seen(self.first.by_wrench)
+        return self._placed(self.stack.seen(self.first.by_wrench))
 
     def __len__(self) -> int:
         return len(self.run.samples)
@@ -81,7 +81,7 @@ class Influence:
 
     def signature(self, name: str) -> Array:
         """Return the columns' change per deformation of a module, (n, K, k): its wrench Jacobian, transposed."""
-        return self.stack.seen(self.first.by_strain(name))
+        return self._placed(self.stack.seen(self.first.by_strain(name)))
 
     def change(self, setup: Setup) -> Array:
         """Return the columns' change (n, K) from the run's setup to another one."""
@@ -90,4 +90,12 @@ class Influence:
             change = kind.first_order(setup, self.solved)
             if change is not None:
                 moved += change
-        return self.stack.change(setup, self.solved, moved)
+        return self._placed(self.stack.change(setup, self.solved, moved))
+
+    @cached_property
+    def _placing(self) -> Placing | None:
+        return self.stack.placing(self.run, self.run.samples)
+
+    def _placed(self, change: Array) -> Array:
+        """Return changes (n, K, …) less what their stations could do as well."""
+        return change if self._placing is None else self._placing.without(change)

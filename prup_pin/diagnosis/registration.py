@@ -1,9 +1,8 @@
 """Where the pose sensor stands: the rigid motion between its frame and the robot's base, in closed form.
 
-Calibration steps from what is nearly right; a tracker may stand anywhere. With simulated positions a_i and measured
-ones b_i the motion b = M a + t of least squares follows from the singular values of sum (b - mean b)(a - mean a)^T
-(Arun, Huang and Blostein, IEEE Trans. Pattern Anal. Mach. Intell. 9, 1987). Where a marker sits beside its frame is
-looked for in turns with it, where its tolerance leaves that open or nothing else fits. Points far off weigh little.
+Calibration steps from what is nearly right; a tracker may stand anywhere: `spatial.rigid_motion` tells where. Where a
+marker sits beside its frame is looked for in turns with it, where its tolerance leaves that open or nothing else fits.
+Points far off weigh little.
 """
 
 from __future__ import annotations
@@ -13,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..channels import Channel, Linear, PoseChannel, Stack
+from ..channels import Channel, Linear, PoseChannel, Stack, Stations
 from ..laws import Effect, Sharing, stands_elsewhere
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import ARM, Recording, Together
-from ..spatial import Array, skew, turn_between
+from ..spatial import Array, rigid_motion, skew, turn_between
 from .chances import chi2_median
 from .criteria import (
     FEWEST_REGISTERED,
@@ -33,6 +32,9 @@ from .criteria import (
 
 __all__ = ["Registered", "own_frames", "registered"]
 
+#: What to declare where a pose sensor was set up anew.
+OWN_FRAMES = 'where that is so, declare "own_sensors": ["pose_sensor"]'
+OWN_STATIONS = 'where that is so, declare "own_sensors": {"by_run": ["pose_sensor"]}'
 _ROUNDS, _STILL = 200, 1e-9
 #: Points nearer than this are where they should be [m].
 _NEAREST = 1e-9
@@ -91,14 +93,16 @@ def registered(
     allowed: how far markers may be off anyway, as `plausible.beside_allowed` says.
 
     One whose frame has a wide tolerance stands wherever it fits. One without is moved only where it is worlds apart and
-    a single rigid motion explains that: then it is a finding.
+    a single rigid motion explains that: then it is a finding. Of stations of their own for each run neither is told.
     """
-    out = Registered(stack)
-    groups: Sequence[Sharing | None] = together.groups.get("pose_sensor") or (None,)
+    stations = together.stations
+    out = Registered(replace(stack, stations=Stations(together.recording.run)) if stations else stack)
+    groups: Sequence[Sharing | None] = stations or together.groups.get("pose_sensor") or (None,)
     for group in groups:
-        here = np.ones(len(together.which), bool) if group is None else np.isin(together.which, group.sources)
+        here = np.ones(len(together.which), bool) if group is None else np.isin(together.setups, group.sources)
         kinds = together.recording.tolerances.declared if group is None else group.tolerances
         is_open = max(kinds.get("frame_position", 0.0), LEVER * kinds.get("frame_rotation", 0.0)) > OPEN_FRAME
+        is_open |= bool(stations)
         if not is_open and not any(_worlds_apart(channel, linear, here, allowed) for channel in out.stack.poses):
             continue
         declared = together.recording.tolerances.target_position
@@ -115,6 +119,9 @@ def registered(
             if near:
                 break
         if motion is None:
+            continue
+        if stations:
+            out = replace(out, stack=stack, beside=max(out.beside, motion.beside))
             continue
         effect = stands_elsewhere(motion.turn, motion.shift, group, mechanism)
         label = f"{group.label}: " if group is not None and group.label else ""
@@ -143,26 +150,27 @@ def own_frames(
     mechanism: Mechanism,
     allowed: tuple[float, float],
 ) -> tuple[Together, Registered] | None:
-    """Return recordings that each have a pose sensor of their own, with its frame, where one frame does not fit all.
+    """Return recordings that each have a pose sensor of their own, or each run, where one frame does not fit all.
 
     stack: what was measured; placed: what one frame for all has made of it. None where that fits, or where frames of
     their own do not either.
     """
-    if not together.several or "pose_sensor" in together.groups or not _some_apart(placed, linear, together, allowed):
+    if "pose_sensor" in together.groups or not _some_apart(placed, linear, together, allowed):
         return None
-    own = together.with_own("pose_sensor")
-    again = registered(stack, linear, own, mechanism, allowed)
-    if _some_apart(again, linear, own, allowed):
-        return None
-    told = 'the pose sensor stood elsewhere in each recording; where that is so, declare "own_sensors": ["pose_sensor"]'
-    return own, replace(again, remarks=(*again.remarks, told))
+    ways = [(together.with_own("pose_sensor"), f"recording; {OWN_FRAMES}")] if together.several else []
+    if len(np.unique(together.recording.run)) > 1:
+        ways.append((together.with_runs_of("pose_sensor"), f"run; {OWN_STATIONS}"))
+    for own, told in ways:
+        again = registered(stack, linear, own, mechanism, allowed)
+        if not _some_apart(again, linear, own, allowed):
+            return own, replace(again, remarks=(*again.remarks, f"the pose sensor stood elsewhere in each {told}"))
+    return None
 
 
 def _some_apart(placed: Registered, linear: Linear, together: Together, allowed: tuple[float, float]) -> bool:
-    reach = allowed[0] + placed.beside, allowed[1]
-    return any(
-        _worlds_apart(channel, linear, here, reach) for channel in placed.stack.poses for _, here in together.each()
-    )
+    reach, run = (allowed[0] + placed.beside, allowed[1]), together.recording.run
+    parts = [run == each for each in np.unique(run)] + [here for _, here in together.each()]
+    return any(_worlds_apart(channel, linear, here, reach) for channel in placed.stack.poses for here in parts)
 
 
 def _length(metres: float) -> str:
@@ -207,7 +215,7 @@ def _motion(channels: Sequence[PoseChannel], linear: Linear, here: np.ndarray, b
     turn, shift, weights = np.eye(3), np.zeros(3), np.ones(points)
     for _ in range(_ROUNDS):
         own = np.concatenate([at + turned @ aside for (at, turned, _), aside in zip(parts, shifts, strict=True)])
-        fit = _rigid(own, measured, weights)
+        fit = rigid_motion(own, measured, weights)
         if fit is None:
             return None
         moved = max(np.abs(fit[0] - turn).max(), np.abs(fit[1] - shift).max())
@@ -235,16 +243,6 @@ def _trust(distances: Array) -> Array:
     return trusted(distances**2 / size)
 
 
-def _rigid(points: Array, measured: Array, weights: Array) -> tuple[Array, Array] | None:
-    """Return rotation (3, 3) and shift (3,) that take points (n, 3) to measured ones; None where they are on a line."""
-    middle, aim = np.average(points, axis=0, weights=weights), np.average(measured, axis=0, weights=weights)
-    left, sizes, right = np.linalg.svd((weights[:, None] * (measured - aim)).T @ (points - middle))
-    if sizes[1] < 1e-6 * max(float(sizes[0]), 1e-300):
-        return None
-    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-    return turn, aim - turn @ middle
-
-
 def _seen_from_base(stack: Stack, motion: _Motion, here: np.ndarray) -> Stack:
     """Return the stack with poses as a sensor reports them that stands at the base, where `here` (N,) it does not."""
 
@@ -263,4 +261,4 @@ def _seen_from_base(stack: Stack, motion: _Motion, here: np.ndarray) -> Stack:
             exists=exists,
         )
 
-    return Stack(tuple(seen(channel) for channel in stack.channels))
+    return replace(stack, channels=tuple(seen(channel) for channel in stack.channels))

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ..channels import Noise, PoseChannel, Stack
+from ..channels import Noise, PoseChannel, Stack, Stations
 from ..laws import Effect
 from ..laws.deviations import Calibration, amounts_of, deviations_of
 from ..laws.yielding import (
@@ -96,7 +96,8 @@ class Spread:
 
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
     yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise in
-    multiples of the one assumed; exists (N, K): what was measured but for outliers.
+    multiples of the one assumed; exists (N, K): what was measured but for outliers. stations: by how much the pose
+    sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place.
     """
 
     kinds: Mapping[str, float]
@@ -105,17 +106,23 @@ class Spread:
     scale: float
     outliers: tuple[Outlier, ...]
     exists: np.ndarray
+    stations: tuple[float, float] | None = None
 
     def stack(self, stack: Stack) -> Stack:
         """Return what was measured without outliers."""
         ends = np.cumsum([channel.size for channel in stack.channels])[:-1]
         parts = np.split(self.exists, ends, axis=1)
-        return Stack(
-            tuple(
-                replace(channel, exists=exists) if isinstance(channel, PoseChannel) else channel
-                for channel, exists in zip(stack.channels, parts, strict=True)
-            )
+        channels = tuple(
+            replace(channel, exists=exists) if isinstance(channel, PoseChannel) else channel
+            for channel, exists in zip(stack.channels, parts, strict=True)
         )
+        return replace(stack, channels=channels)
+
+    def placed(self, stack: Stack, noise: Noise, runs: np.ndarray) -> Stack:
+        """Return what was measured by a sensor of that noise from a station for each run (N,), where there were any."""
+        if self.stations is None:
+            return stack
+        return replace(stack, stations=Stations(runs, *self.stations, (noise.position, noise.rotation)))
 
     def repeated(self, blocks: np.ndarray) -> bool:
         """Return True where most outliers came again while nothing moved: no slip of a sensor does. blocks (N,)."""
@@ -201,6 +208,8 @@ class _Parameters:
     """Toleranced parameters and joints that may yield, side by side.
 
     kinds (p,) labels; floors (p,): what was declared, in the same units as x; places (p,): what one law would move.
+    stations (N,): labels of where the pose sensor stood; the last six parameters for each of them are its turn and
+    shift, which are no effects, but found anew at every step.
     """
 
     toleranced: Toleranced
@@ -209,29 +218,36 @@ class _Parameters:
     kinds: np.ndarray
     floors: Array
     places: np.ndarray
+    stations: np.ndarray | None = None
 
     def effects(self, x: Array) -> list[Effect]:
         count = len(self.toleranced)
         found = [self.toleranced.effect(x[:count])] if count else []
-        return [*found, *effects_of_yielding(self.joints, self.units * x[count:])]
+        return [*found, *effects_of_yielding(self.joints, self.units * x[count : self.own])]
+
+    @property
+    def own(self) -> int:
+        """Number of parameters that are the robot's."""
+        return len(self.toleranced) + len(self.joints)
 
     def without(self, kind: str) -> _Parameters:
         """Return the parameters but for one kind."""
         keep = self.kinds != kind
         own = len(self.toleranced)
         items = [item for item, stays in zip(self.toleranced.law.deviations, keep[:own], strict=True) if stays]
-        joints = tuple(item for item, stays in zip(self.joints, keep[own:], strict=True) if stays)
+        joints = tuple(item for item, stays in zip(self.joints, keep[own : self.own], strict=True) if stays)
         toleranced = Toleranced(Calibration(items), self.toleranced.tolerances[keep[:own]])
-        return _Parameters(
-            toleranced, joints, self.units[keep[own:]], self.kinds[keep], self.floors[keep], self.places[keep]
-        )
+        units = self.units[keep[own : self.own]]
+        by_place = self.kinds[keep], self.floors[keep], self.places[keep]
+        return _Parameters(toleranced, joints, units, *by_place, self.stations)
 
     def clipped(self, x: Array) -> Array:
         """Return x (p,) without compliances below zero, and without parts that fail."""
         out, count = x.copy(), len(self.toleranced)
         out[:count] = np.clip(out[:count], -self.toleranced.reach, self.toleranced.reach)
-        out[count:] = nearest_yielding(self.joints, self.units * x[count:])
-        out[count:] /= self.units
+        out[count : self.own] = nearest_yielding(self.joints, self.units * x[count : self.own])
+        out[count : self.own] /= self.units
+        out[self.own :] = 0.0
         return out
 
     def columns(self, simulator: Simulator, influence: Influence, x: Array, beside: Sequence[Effect]) -> Array:
@@ -244,9 +260,38 @@ class _Parameters:
             setup = simulator.setup(here)
             setup.take([item.deed(_STEP * unit)])
             found.append(influence.change(setup)[..., None] / _STEP)
+        if self.stations is not None:
+            found.append(_by_stations(influence, self.stations))
         return np.concatenate(found, axis=2)
 
+    def with_stations(self, stations: np.ndarray) -> _Parameters:
+        """Return the same with the turn and shift of each station (N,) besides."""
+        count = len(np.unique(stations))
+        kinds = np.tile(np.repeat(_STATIONS, 3), count)
+        return replace(
+            self,
+            kinds=np.concatenate((self.kinds, kinds)),
+            floors=np.concatenate((self.floors, np.zeros(len(kinds)))),
+            places=np.concatenate((self.places, kinds)),
+            stations=stations,
+        )
 
+
+def _by_stations(influence: Influence, stations: np.ndarray) -> Array:
+    """Return what is measured per turn and shift of every station, in units of what is usual, (n, K, 6 stations)."""
+    samples = influence.run.samples
+    moved = influence.stack.by_station(influence.run, samples) * np.repeat([USUAL[k] for k in _STAND], 3)
+    labels = np.unique(stations)
+    out = np.zeros((*moved.shape[:2], len(labels), 6))
+    for place, label in enumerate(labels):
+        rows = stations[samples] == label
+        out[rows, :, place] = moved[rows]
+    return out.reshape(*moved.shape[:2], -1)
+
+
+#: Kinds of where stations stand, and what is usual of them.
+_STAND = ("frame_rotation", "frame_position")
+_STATIONS = ("station turned", "station shifted")
 #: Share of a unit by which the simulation's first order is differentiated.
 _STEP = 1e-3
 #: Kinds that are left out first where little was measured.
@@ -405,13 +450,17 @@ def _without_kinds(
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 
-def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) -> Spread | None:
+def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], stations: bool) -> Spread | None:
     """Return what is off by how much on a robot that is seen by a pose sensor and that nothing loads but its weight.
 
-    None where too little was measured. problem: at the robot file; weight: that acts.
+    None where too little was measured. problem: at the robot file; weight: that acts; stations: the pose sensor may
+    have been set up anew for each run.
     """
     simulator = problem.simulator
-    parameters = _parameters(together.recording, simulator.robot.mechanism, together.groups, bool(weight))
+    groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
+    parameters = _parameters(together.recording, simulator.robot.mechanism, groups, bool(weight))
+    if stations:
+        parameters = parameters.with_stations(together.recording.run)
     asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
     seen = asked.told_by(problem.stack.exists)
     if seen is None:
@@ -442,7 +491,11 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect]) ->
     yielding = tuple(name.removeprefix(_YIELDS) for name in names if _gives_way(fit, labels, name))
     own = seen.parameters.toleranced.law.deviations
     silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}
-    return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists)
+    found = None
+    if set(_STATIONS) & set(names):
+        sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
+        found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
+    return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found)
 
 
 def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
@@ -481,7 +534,7 @@ class _Seen:
     def stands(self) -> np.ndarray:
         """Kinds of the parameters that say where the pose sensor stands, (p,); '' of all others."""
         kinds = self.parameters.kinds
-        return np.where(np.isin(kinds, SENSORS["pose_sensor"]), kinds, "").astype(object)
+        return np.where(np.isin(kinds, (*SENSORS["pose_sensor"], *_STATIONS)), kinds, "").astype(object)
 
     def told_by(self, exists: np.ndarray) -> _Seen | None:
         """Return the question with as many kinds as what was measured can tell, the finest left out first; or None."""

@@ -2,7 +2,8 @@
 
     tau_a = S^T (M(q) a + C(q, v) v + g(q) - J^T w),  v = S v_a,  a = S a_a + (dS/dt) v_a
 
-with S (nv, a) the motion of all joints per motion of the actuated ones; S is the identity of an open chain. Linear in
+with S (nv, a) the motion of all joints per motion of the actuated ones; S is the identity of an open chain in which no
+joint follows another. Linear in
 the inertial parameters of the bodies: tau_a = Y pi (Featherstone 2008, ch. 8; Khalil and Dombre 2002, ch. 9 and 12).
 """
 
@@ -81,7 +82,12 @@ class InverseDynamics:
                 q[:, joint.first_q + 1] = np.sin(motion.position[:, column])
             v[:, joint.first_v] = motion.speed[:, column]
             a[:, joint.first_v] = motion.acceleration[:, column]
-        return Trajectory(q, v, a, dofs, None)
+        coupling = mechanism.coupling
+        if not coupling:
+            return Trajectory(q, v, a, dofs, None)
+        coupling.place(q)
+        spread = np.broadcast_to(coupling.motions[:, dofs], (count, model.nv, len(dofs)))
+        return Trajectory(q, v @ coupling.motions.T, a @ coupling.motions.T, dofs, spread)
 
     def _looped(self, motion: Motion, dofs: np.ndarray) -> Trajectory:
         mechanism, model = self.mechanism, self.model
@@ -105,11 +111,11 @@ class InverseDynamics:
             except PrupPinError as error:
                 raise InputError(f"row {int(motion.rows[row]) + 2}: the loops cannot be closed: {error}") from error
             q[row] = near.q
-            spread[row] = _spread(near.closure_jacobian, select)
+            spread[row] = _spread(mechanism, near.closure_jacobian, select)
             speed = motion.speed[row, columns]
             v[row] = spread[row] @ speed
             ahead, behind = (
-                _spread(tree.at(pin.integrate(model, near.q, sign * _STEP * v[row])).closure, select)
+                _spread(mechanism, tree.at(pin.integrate(model, near.q, sign * _STEP * v[row])).closure, select)
                 for sign in (1.0, -1.0)
             )
             a[row] = spread[row] @ motion.acceleration[row, columns] + (ahead - behind) @ speed / (2 * _STEP)
@@ -165,7 +171,7 @@ def _fields(gravity: Array, count: int) -> Array:
     return np.broadcast_to(np.asarray(gravity, float), (count, 3))
 
 
-def _spread(closure: Array, select: Array) -> Array:
+def _spread(mechanism: Mechanism, closure: Array, select: Array) -> Array:
     """Return the motion of all velocities per actuated one (nv, a): the loops stay closed, idle spins at rest."""
     stacked = np.concatenate((closure, select))
-    return pseudo_inverse(stacked)[:, len(closure) :]
+    return mechanism.coupling.motions @ pseudo_inverse(stacked)[:, len(closure) :]

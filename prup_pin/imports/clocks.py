@@ -49,6 +49,7 @@ def path_of(mechanism: Mechanism, time: Array, joints: dict[str, Array], frame: 
     for k, row in enumerate(rows):
         for name, values in joints.items():
             mechanism.set_joint(q, name, float(values[row]))
+        mechanism.coupling.place(q)
         pin.forwardKinematics(mechanism.model, data, q)
         placed = pin.updateFramePlacement(mechanism.model, data, identity)
         position[k], rotation[k] = placed.translation, placed.rotation

@@ -41,8 +41,8 @@ class Configuration(NamedTuple):
     """Kinematics at one configuration, on or off closure.
 
     placements (nj, 4, 4), base_from_joint; jacobian (6, nv), base twists of unit velocities; residual (c,) [m, rad];
-    wrenches (c, 6) of unit closure forces about the base's origin; closure (c, nv), the residual's Jacobian;
-    assembled, see `Closure.assembled`.
+    wrenches (c, 6) of unit closure forces about the base's origin; closure (c, nv), the residual's Jacobian, followers
+    moved by their leaders (`Coupling.motions`); assembled, see `Closure.assembled`.
     """
 
     placements: Array
@@ -59,7 +59,7 @@ class LoopedTree:
     def __init__(self, mechanism: Mechanism):
         self._mechanism = mechanism
         self.model = mechanism.model
-        self.closure = Closure(mechanism)
+        self.closure, self.coupling = Closure(mechanism), mechanism.coupling
         self._of_thread = _OfThread(lambda: _Memory(mechanism, self.closure))
         # Joints turn in the plane or slide, unless a position takes more numbers than a velocity.
         self._straight = self.model.nq == self.model.nv
@@ -116,13 +116,11 @@ class LoopedTree:
         placements, jacobian = memory.whole.copy(), passing.jacobian.copy()
         # By columns: rows of loads times their transpose are then two plain matrices.
         wrenches = self.wrenches(passing).copy("F")
+        by_joints = closure.jacobian(wrenches, jacobian)
+        if self.coupling:
+            by_joints = by_joints @ self.coupling.motions
         return Configuration(
-            placements,
-            jacobian,
-            passing.gap.copy(),
-            wrenches,
-            closure.jacobian(wrenches, jacobian),
-            closure.assembled(memory.row),
+            placements, jacobian, passing.gap.copy(), wrenches, by_joints, closure.assembled(memory.row)
         )
 
 

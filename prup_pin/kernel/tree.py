@@ -14,7 +14,7 @@ __all__ = ["Tree"]
 
 
 class Tree:
-    """The joints of one mechanism as arrays; each slides along or turns about one axis.
+    """The joints of one mechanism as arrays; each slides along or turns about one axis by itself.
 
     Whether a mechanism has other joints too, which it cannot follow, is told by `Tree.follows`.
     """
@@ -36,8 +36,10 @@ class Tree:
 
     @staticmethod
     def follows(mechanism: Mechanism) -> bool:
-        """Return True where all joints have one freedom, a slide or a turn."""
-        return all((joint.slides or joint.turns) and joint.nq <= 2 for joint in mechanism.joints)
+        """Return True where all joints have one freedom, a slide or a turn, and none follows another."""
+        return not mechanism.coupling and all(
+            (joint.slides or joint.turns) and joint.nq <= 2 for joint in mechanism.joints
+        )
 
     def steps(self, q: Array) -> Array:
         """Return the placement of each joint's body in its parent's, (..., nj - 1, 4, 4), at q (..., nq)."""

@@ -111,6 +111,10 @@ class LoopKinematics:
     def _newton(self, q: Array, goal: Goal) -> tuple[Array, Configuration, float]:
         """Return the solution, its kinematics, and the sum of the steps [m, rad]. Raises _NotConvergedError."""
         tree, solve, longest, before, way = self._tree, None, inf, inf, 0.0
+        coupling = self.mechanism.coupling
+        if coupling:
+            q = q.copy()
+            coupling.place(q)
         for _ in range(ITERATIONS):
             at = tree.passing(q)
             wanted, wanted_rows = goal(q, at.placements)
@@ -128,6 +132,8 @@ class LoopKinematics:
             else:
                 step = solve(np.array(error))
                 length = hypot(*step.tolist())
+            if coupling:
+                step = coupling.motions @ step
             before, longest = longest, length
             if longest > SHORT:
                 longest = np.abs(step).max(initial=0.0)
@@ -139,7 +145,14 @@ class LoopKinematics:
         )
 
     def _matrix(self, at: Passing, wanted_rows: Callable[[Array], Array]) -> Array:
-        """Return the Jacobian of gaps and what is wanted (c + t, nv), where this thread's last passing was."""
+        """Return the Jacobian of gaps and what is wanted (c + t, nv), where this thread's last passing was.
+
+        Followers are moved by their leaders.
+        """
+        matrix = self._by_joints(at, wanted_rows)
+        return matrix @ self.mechanism.coupling.motions if self.mechanism.coupling else matrix
+
+    def _by_joints(self, at: Passing, wanted_rows: Callable[[Array], Array]) -> Array:
         if isinstance(wanted_rows, TaskRows):
             # Copied, as Pinocchio's comes by columns: two plain matrices are multiplied in half the time.
             matrix = self._tree.wrenches(at, wanted_rows.in_line).dot(at.jacobian.copy())
@@ -276,11 +289,13 @@ class LoopKinematics:
     def tool_motion(self, placements: Array, jacobian: Array, velocities: Array) -> Array:
         """Return the tool's dimensionless twist (..., 6, n) about its own point under velocities (..., nv, n).
 
-        Without a tool none.
+        Those of followers are their leaders' to say. Without a tool none.
         """
         tool = self.mechanism.tool
         if tool is None:
             return np.zeros((*velocities.shape[:-2], 0, velocities.shape[-1]))
+        if self.mechanism.coupling:
+            velocities = self.mechanism.coupling.motions @ velocities
         twist = (jacobian * self.mechanism.support[self.mechanism.dof_joint, tool.joint]) @ velocities
         twist[..., :3, :] -= skew((placements[..., tool.joint, :, :] @ tool.placement)[..., :3, 3]) @ twist[..., 3:, :]
         twist[..., :3, :] /= self.length
@@ -354,9 +369,10 @@ class LoopKinematics:
                 q, at = self._near(start, goal, within=SURE)
             except _NotConvergedError:
                 raise NoPlaceError(f"no closed configuration at {target} near {start}") from None
-            matrix = np.concatenate((at.closure, goal(q, at.placements)[1](at.jacobian)))
+            motions = self.mechanism.coupling.motions
+            matrix = np.concatenate((at.closure, goal(q, at.placements)[1](at.jacobian) @ motions))
             wanted = np.eye(len(matrix))[:, len(at.closure) :]
-            return q, self._solved(matrix, wanted)[0]
+            return q, motions @ self._solved(matrix, wanted)[0]
 
         here = task.values(self._home.placements)
         costly = len(self._home.closure) + len(here) != self.model.nv  # least steps take longer
@@ -385,6 +401,7 @@ class LoopKinematics:
         start = self.home if near is None else near.q
         if not mechanism.loops and len(array) == model.nq and len(array) != len(names):
             q = pin.normalize(model, array)
+            self._check_followers(q)
             return self._finish(q, self.evaluate(q), {})
         if len(array) != len(names):
             raise InputError(f"expected {len(names)} actuator positions ({', '.join(names)}); got {len(array)}")
@@ -392,6 +409,7 @@ class LoopKinematics:
         reference = self.home.copy()
         for name, value in requested.items():
             mechanism.set_joint(reference, name, value)
+        mechanism.coupling.place(reference)
         if not mechanism.loops:
             return self._finish(reference, self.evaluate(reference), requested)
         self._check_limits(reference, requested, only=set(names))
@@ -419,6 +437,13 @@ class LoopKinematics:
                 raise InputError(f"{name} = {shortened(value)}: expected a finite number [{joint.unit}]")
             self.mechanism.set_joint(q, name, float(value))
             requested[name] = float(value)
+        self.mechanism.coupling.place(q)
+        for name, value in requested.items():
+            if (
+                name in self.mechanism.coupling.names
+                and abs(self.mechanism.joint(name).position(q) - value) > _AT_LIMIT
+            ):
+                raise InputError(f"{name} = {number(value, 6)}: this joint follows another one; leave it out")
         return self._finish(q, self.evaluate(q), requested)
 
     def pose_from_configuration(self, q: Sequence[float] | Array) -> ClosedPose:
@@ -429,6 +454,7 @@ class LoopKinematics:
             array = np.zeros(0)
         if array.shape != (self.model.nq,) or not np.isfinite(array).all():
             raise InputError(f"expected a configuration of {self.model.nq} finite numbers; got {shortened(q)}")
+        self._check_followers(array)
         metres, radians = self._split(self.evaluate(array).residual)
         if max(metres, radians) > 1e-6:
             raise UnreachablePoseError(
@@ -440,6 +466,15 @@ class LoopKinematics:
 
         closed, evaluation, _ = self._newton(array, self._nothing)
         return self._finish(closed, evaluation, {})
+
+    def _check_followers(self, q: Array) -> None:
+        away = self.mechanism.coupling.away(q)
+        if away > 1e-6:
+            raise UnreachablePoseError(
+                f"this configuration has a joint {number(away, 3)} m or rad from where its leader puts it; expected "
+                f"{', '.join(self.mechanism.coupling.names)} where their leaders put them",
+                residual=(away, away),
+            )
 
     def reach(
         self, target: Array, requested: dict, goal_of, start: Array | None = None, here: Array | None = None
@@ -536,7 +571,7 @@ class LoopKinematics:
         return None
 
     def _nearest_feasible(self, requested: Mapping[str, float], q: Array) -> dict[str, float] | None:
-        if not self._are_tasks(requested) or self.model.nq != self.model.nv:
+        if not self._are_tasks(requested) or self.model.nq != self.model.nv or self.mechanism.coupling:
             return None
         limits = self.lower, self.upper
         found = nearest_feasible(self.task, requested, self.evaluate, limits, self.length, (q, self.home))

@@ -13,7 +13,7 @@ from .loop_kinematics import LoopKinematics
 
 @dataclass(frozen=True)
 class Mobility:
-    """Degrees of freedom of a pose: `mobility` = joints' velocities - `rank` of the closures.
+    """Degrees of freedom of a pose: `mobility` = velocities of joints that lead themselves - `rank` of the closures.
 
     `redundant` counts closure equations that the others imply, `redundant_loops` the loops they can be blamed on;
     `idle_joints` turn or slide while tool and actuators stand still.
@@ -30,10 +30,13 @@ class Mobility:
 
 def mobility(kinematics: LoopKinematics, pose: ClosedPose) -> Mobility:
     """Return the mobility at a pose, by singular values of the dimensionless closure Jacobian."""
-    mechanism, nv = pose.mechanism, pose.mechanism.model.nv
-    rows, columns = kinematics.scales(np.arange(nv))
-    closures = len(rows)
-    rank, left, right, _ = rank_of(pose.closure_jacobian, rows, columns)
+    mechanism = pose.mechanism
+    rows, columns = kinematics.scales(np.arange(mechanism.model.nv))
+    own = np.delete(np.arange(len(columns)), mechanism.coupling.dofs)
+    closures, nv = len(rows), len(own)
+    rank, left, free, _ = rank_of(pose.closure_jacobian[:, own], rows, columns[own])
+    right = np.zeros((len(columns), free.shape[1]))
+    right[own] = free
     redundant_rows = np.abs(left / rows[:, None]).max(axis=1, initial=0.0) > NEGLIGIBLE
     row_loop = kinematics.closure.row_loop
     loops = tuple(loop.name for at, loop in enumerate(mechanism.loops) if redundant_rows[row_loop == at].any())

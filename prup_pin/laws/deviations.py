@@ -110,14 +110,14 @@ def deviations_of(
     that share what is of a kind, where not all do, by the kind; each group has its own parameters.
     """
     of_all, groups = _of_all(mechanism, markers), groups or {}
-    return tuple(each for item in of_all for each in _of_groups(item, groups.get(item.kind, ())))
+    return tuple(each for item in of_all for each in _of_groups(item, groups.get(item.kind)))
 
 
-def _of_groups(item: Deviation, groups: Sequence[Sharing]) -> Iterator[Deviation]:
+def _of_groups(item: Deviation, groups: Sequence[Sharing] | None) -> Iterator[Deviation]:
     """Yield a deviation as often as groups of recordings have it, or once where all do."""
-    if not groups:
+    if groups is None:
         yield item
-    for group in groups:
+    for group in groups or ():
         name = f"{item.name} in {group.label}" if group.label else item.name
         yield replace(item, name=name, act=partial(_within, item.act, group.sources), group=group)
 

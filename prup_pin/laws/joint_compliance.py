@@ -27,8 +27,8 @@ class JointCompliance(Law):
     """A joint turns by its compliance times the torque that it carries: gear and drive about its axis, bearings across.
 
     Across it tilts alike about both axes. It stands where the robot file says nothing: along an actuated joint without
-    a spring, and across the actuated joints of a tree, or of a robot with loops that is rigid all over, unless bearings
-    or beams are described: whoever drew these drew what yields.
+    a spring, and across the actuated joints, and those that follow them, of a tree, or of a robot with loops that is
+    rigid all over, unless bearings or beams are described: whoever drew these drew what yields.
     """
 
     physics = "joint_compliance"
@@ -259,12 +259,12 @@ def _places(mechanism: Mechanism) -> tuple[Place, ...]:
     bare = bare and not (mechanism.loops and mechanism.modules)
     followed = Followed(mechanism)
     found = []
-    for name in mechanism.actuated:
+    for name in (*mechanism.actuated, *mechanism.coupling.names):
         joint = mechanism.joint(name)
         if joint.nv != 1 or name in mechanism.locked:
             continue
         sprung = any(module.joint == joint.id and isinstance(module.kind, DriveModule) for module in mechanism.modules)
-        if not sprung:
+        if not sprung and name in mechanism.actuated:
             found.append(Place(name, "along" if joint.slides else "about"))
         if bare and followed.joint(joint, _tilts(joint)):
             found.append(Place(name, "across"))

@@ -102,7 +102,9 @@ def _energy(structure: Structure, stress: Array, at: Evaluation, matrix: Array) 
     Self-stress that cancels in a module leaves there what the drawing of frames and rounding leave: no load.
     """
     nq, nd, ne, _ = structure.sizes
-    deformed = matrix[nq + nd + ne :, nq : nq + nd + ne].T @ stress
+    deformed = matrix[nq + nd + ne :, : nq + nd + ne].T @ stress
+    deformed[: nq + nd] = structure.borne(deformed[None, : nq + nd])[0]
+    deformed = deformed[nq:]
     loads = np.where(np.abs(deformed) > NEGLIGIBLE * np.abs(stress).max(initial=0.0), deformed, 0.0)
     drive, wrench = loads[:nd], loads[nd:].reshape(ne // 6, 6, stress.shape[1])
     strains = np.nan_to_num(at.modules.slopes.by_load[0]) @ wrench

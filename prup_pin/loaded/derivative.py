@@ -150,8 +150,9 @@ def matrix(structure: Structure, state: State, at: Evaluation, conditions: Condi
     out = np.zeros((n, columns + nc, columns + nc))
     _write_laws(structure, at, loads, turned, out)
     out[:, columns:, :columns] = _opened(structure, at, motions)
-    own = np.arange(nq, nq + nd + ne)
+    own = np.arange(nq + nd, nq + nd + ne)
     out[:, own, own] += 1.0
+    out[:, nq : nq + nd, : nq + nd] += structure.alone[nq:]
     for slot, place, rate, _ in structure.sliding_beams:
         out[:, nq + nd + 6 * slot : nq + nd + 6 * slot + 6, place] -= rate * at.modules.slopes.by_length[:, slot]
         if structure.root_inboard[slot]:
@@ -357,15 +358,16 @@ def _write_laws(structure: Structure, at: Evaluation, loads: Array, turned: Arra
     `loads` (N, k, c): the change of what all observers see; `turned` (N, n, 6, c): of the modules' loads, law's axes.
     """
     nq, nd, ne, _ = structure.sizes
-    out[:, :nq] = loads[:, :nq]
-    out[:, nq : nq + nd] = -at.drives.slope[..., None] * loads[:, nq : nq + nd]
-    if turned is None:
-        return
-    slopes = at.modules.slopes
-    out[:, nq + nd : nq + nd + ne] = -(slopes.by_load @ turned).reshape(len(out), ne, -1)
-    for slot, place, rate, _ in structure.sliding_beams:
-        rod, column = slopes.rods[slot]
-        out[:, place] = rate * _slid(structure, rod, column, slot, turned[:, slot])
+    slopes, along = at.modules.slopes, loads[:, : nq + nd]
+    if turned is not None:
+        out[:, nq + nd : nq + nd + ne] = -(slopes.by_load @ turned).reshape(len(out), ne, -1)
+        along = along.copy() if structure.sliding_beams else along
+        for slot, place, rate, _ in structure.sliding_beams:
+            rod, column = slopes.rods[slot]
+            along[:, place] = rate * _slid(structure, rod, column, slot, turned[:, slot])
+    along = structure.borne(along)
+    out[:, :nq] = along[:, :nq]
+    out[:, nq : nq + nd] = -at.drives.slope[..., None] * along[:, nq:]
 
 
 def _write_held_laws(structure: Structure, at: Evaluation, loads: Array, out: Array) -> None:

@@ -1,6 +1,6 @@
 """The equations at a state: where everything is, what it carries, and what is left over.
 
-    the free joints carry nothing along themselves,
+    the free joints carry nothing along themselves and what follows them,
     every drive and module deforms by its own law under what it carries,
     the loops close.
 
@@ -89,16 +89,17 @@ def evaluated(
     nq, nd, ne, _ = structure.sizes
     along = (screws[:, : nq + nd] * carried[:, structure.column_joint[: nq + nd]]).sum(-1)
     seen = _module_loads(structure, frames, carried)
-    drives = drive_deformations(structure, values, rigid, along[:, nq:], conditions)
     tips = {True: frames.inboard, False: frames.deformed}
     modules = module_deformations(structure, values, rigid, state, tips, seen.wrench, conditions)
+    for sliding in structure.sliding_beams:
+        along[:, sliding.place] = sliding_force(structure, sliding, modules, seen.wrench)
+    along = structure.borne(along)
+    drives = drive_deformations(structure, values, rigid, along[:, nq:], conditions)
     residual = np.zeros((len(placements), sum(structure.sizes)))
     residual[:, :nq] = along[:, :nq]
-    for sliding in structure.sliding_beams:
-        residual[:, sliding.place] = sliding_force(structure, sliding, modules, seen.wrench)
     if conditions.torques is not None:
         residual[:, :nq] -= conditions.torques
-    residual[:, nq : nq + nd] = state.drive - drives.displacement
+    residual[:, nq : nq + nd] = structure.yielded(state.travel, state.drive) - drives.displacement
     residual[:, nq + nd : nq + nd + ne] = (state.strain - modules.strain).reshape(len(placements), -1)
     residual[:, nq + nd + ne :] = gaps.gap - rigid.gaps
     return Evaluation(

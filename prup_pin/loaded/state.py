@@ -133,13 +133,14 @@ def stepped(structure: Structure, state: State, change: Array) -> State:
 
 
 def with_actuators(structure: Structure, state: State, actuators: Array | None) -> State:
-    """Return the state with the actuated joints moved by `actuators` (N, actuated joints) [m, rad]."""
+    """Return the state with the actuated joints, and what follows them, moved by `actuators` (N, actuated) [m, rad]."""
     if actuators is None or not np.any(actuators):
         return state
-    joints = state.joints.copy()
-    for column, dof in enumerate(structure.mechanism.actuated_dofs):
-        joint = int(structure.mechanism.dof_joint[dof])
-        joints[:, joint] = joints[:, joint] @ _motion(actuators[:, column, None] * structure.subspaces[joint][:, 0])
+    joints, mechanism = state.joints.copy(), structure.mechanism
+    ways = actuators @ mechanism.coupling.motions[:, mechanism.actuated_dofs].T
+    for dof in np.flatnonzero(ways.any(axis=0)):
+        joint = int(mechanism.dof_joint[dof])
+        joints[:, joint] = joints[:, joint] @ _motion(ways[:, dof, None] * structure.subspaces[joint][:, 0])
     return replace(state, joints=joints)
 
 

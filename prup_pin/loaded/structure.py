@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +83,7 @@ class Structure:
     moves_frame: np.ndarray  # (k, k): the column's motion turns the frame in which the row looks at its load
     above: np.ndarray  # (k, k): the column's joint is the row's, or on its way to the base
     carries: Array  # (k, joints): 1 where the body lies outboard
+    coupled: Array | None  # (j, j), how free and driven joints move per motion of each by itself; None: by itself
 
     @property
     def support(self) -> Array:
@@ -99,6 +101,21 @@ class Structure:
     @property
     def closure_count(self) -> int:
         return self.sizes[3]
+
+    def borne(self, along: Array) -> Array:
+        """Return what is borne along free and driven joints (N, j, ...) by themselves, with their followers' share."""
+        return along if self.coupled is None else np.einsum("ji,nj...->ni...", self.coupled, along)
+
+    def yielded(self, travel: Array, drive: Array) -> Array:
+        """Return what yields along driven joints (N, d): their displacements beside what their leaders' ask of them."""
+        if self.coupled is None:
+            return drive
+        return np.concatenate((travel[:, self.free], drive), axis=1) @ self.alone[self.sizes[0] :].T
+
+    @cached_property
+    def alone(self) -> Array:
+        """Motions of free and driven joints by themselves per motion, (j, j)."""
+        return np.eye(sum(self.sizes[:2])) if self.coupled is None else np.asarray(np.linalg.inv(self.coupled))
 
     @property
     def at_inner(self) -> np.ndarray:
@@ -143,6 +160,7 @@ def structure_of(layout: StaticsLayout) -> Structure:
     subspaces = (np.zeros((6, 0)), *(joint.subspace for joint in mechanism.joints))
     sliding, pushed = _changing_lengths(mechanism, layout.free, modules, places, fixed)
     columns = _coordinates(mechanism, layout.free, drives, places)
+    moving = np.concatenate((layout.free, layout.drive_dofs))
     links = mechanism.links
     body_of = np.zeros((count, len(links)))
     body_of[[link.joint for link in links], range(len(links))] = 1.0
@@ -176,6 +194,7 @@ def structure_of(layout: StaticsLayout) -> Structure:
         sliding=sliding,
         pushed=pushed,
         sizes=(len(layout.free), len(drives), 6 * len(modules), closure.size),
+        coupled=mechanism.coupling.ratios[np.ix_(moving, moving)] if mechanism.coupling else None,
         **columns,
     )
 
@@ -237,7 +256,8 @@ def _changing_lengths(
         if not module.kind.spans_frames or module.root is None or module.root.joint == module.frame.joint:
             continue
         where = np.flatnonzero(free == joint.first_v)
-        moves = len(where) or joint.first_v in driven
+        pushing = np.flatnonzero(mechanism.coupling.motions[joint.first_v, driven])
+        moves = len(where) or len(pushing)
         if joint.nv != 1 or not moves or not np.any(joint.subspace[:3]):
             continue
         # A step along the joint carries the child along `axis`; the frame is on one of the two bodies.
@@ -245,8 +265,9 @@ def _changing_lengths(
         turn = np.eye(3) if outer else fixed[joint.id][:3, :3]
         rate = float(along @ (turn @ joint.subspace[:3, 0]))
         rate = rate if outer else -rate
-        if joint.first_v in driven:
-            pushed.append(Pushed(slot, driven.index(joint.first_v), rate))
+        if not len(where):
+            shares = mechanism.coupling.motions[joint.first_v, driven]
+            pushed += [Pushed(slot, int(column), rate * float(shares[column])) for column in pushing]
         else:
             sliding.append(Sliding(slot, int(where[0]), rate, joint.first_v))
     return tuple(sliding), tuple(pushed)

@@ -25,6 +25,13 @@ def assumed(mechanism: Mechanism) -> Iterator[str]:
         yield f"the base '{mechanism.bodies[0]}' is taken as fixed to the ground; the real one floats or walks"
     if not mechanism.joints:
         return
+    if mechanism.coupling:
+        yield f"joints that follow others, and load them: {_listed(mechanism.coupling.names)}"
+    if mechanism.loose and description.source == "URDF":
+        yield (
+            "coupled joints (<mimic>) whose leader does not move by one freedom carry no load and move on their own "
+            f"here: {_listed(item.joint for item in mechanism.loose)}"
+        )
     ends = {end.joint for loop in mechanism.loops for end in (loop.first, loop.second)}
     light = [mechanism.bodies[joint.id] for joint in mechanism.joints if not model.inertias[joint.id].mass > 0]
     named = [name for name in light if name not in {mechanism.bodies[end] for end in ends}]

@@ -105,7 +105,7 @@ class VariantDescription:
 
 @dataclass(frozen=True)
 class CouplingDescription:
-    """A joint that follows another one (URDF's <mimic>, MJCF's <equality><joint>): harmless while it carries no load.
+    """A joint that follows another one (URDF's <mimic>, MJCF's <equality><joint>).
 
     `what` says so in words, as the beginning of a sentence. It stands at ratio times the position of `leader` plus
     `offset` [m or rad]; None: where it stands is not known.

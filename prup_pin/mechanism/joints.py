@@ -77,9 +77,15 @@ class Joint:
         at = q[..., self.first_q]
         return at if self.nq == 1 else np.arctan2(q[..., self.first_q + 1], at)
 
-    def place(self, q: Array, value: float) -> None:
-        """Put a joint with one freedom at `value` [m or rad] in q; an endless one is stored as cosine and sine."""
-        q[self.first_q : self.first_q + self.nq] = (value,) if self.nq == 1 else (np.cos(value), np.sin(value))
+    def place(self, q: Array, value: float | Array) -> None:
+        """Put a joint with one freedom at `value` (...) [m or rad] in q (..., nq).
+
+        An endless one is stored as cosine and sine.
+        """
+        if self.nq == 1:
+            q[..., self.first_q] = value
+        else:
+            q[..., self.first_q], q[..., self.first_q + 1] = np.cos(value), np.sin(value)
 
 
 def joints_of(model: pin.Model) -> tuple[Joint, ...]:

@@ -16,10 +16,17 @@ __all__ = ["LoadPaths"]
 class LoadPaths:
     """The bodies of a tree, by their joints' ids (0: the base), and the loops between them.
 
-    loops: pairs of bodies, and whether they are welded; tool: the body that the load acts on, or None.
+    loops: pairs of bodies, and whether they are welded; tool: the body that the load acts on, or None; followers:
+    joints and their leaders, which bear what these carry along themselves.
     """
 
-    def __init__(self, parents: Sequence[int], loops: Iterable[tuple[int, int, bool]], tool: int | None):
+    def __init__(
+        self,
+        parents: Sequence[int],
+        loops: Iterable[tuple[int, int, bool]],
+        tool: int | None,
+        followers: Sequence[tuple[int, int]] = (),
+    ):
         loops = list(loops)
         self._node = np.arange(len(parents))
         for first, second, welded in loops:
@@ -38,7 +45,10 @@ class LoadPaths:
         for one, other, edge in (*joints, *closed):
             self._edges.setdefault(one, []).append((other, edge))
             self._edges.setdefault(other, []).append((one, edge))
-        self.idle = self._pruned()
+        idle = self._pruned()
+        for follower, leader in reversed(followers):
+            idle -= set() if follower in idle else {leader}
+        self.idle = idle
 
     def _pruned(self) -> frozenset[int]:
         """Remove branches that end nowhere; return their joints: they carry nothing of the tool's load."""

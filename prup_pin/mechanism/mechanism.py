@@ -19,6 +19,7 @@ from ..errors import InputError, Problem, PrupPinError, RobotFileError, UnknownN
 from ..modules import CompliantModule, DriveModule, WrenchModule
 from ..parameters import Parameter
 from ..spatial import Array, axis_as_z, placement, rotation_exp
+from .coupling import coupling_of
 from .description import (
     KIND_BY_NAME,
     LengthDescription,
@@ -177,13 +178,16 @@ class Mechanism:
         self.tasks: tuple[TaskDescription, ...] = description.tasks
         self.joints = joints_of(self.model)
         self._joints = {joint.name: joint for joint in self.joints}
+        #: Joints that follow others, and descriptions of such joints that move on their own.
+        self.coupling, self.loose = coupling_of(description.coupled, self._joints, self.model.nv)
+        problems: list[Problem] = [*self._driven_twice()]
         driven = description.actuated if description.actuated is not None else (*self._joints,)
-        self.actuated: tuple[str, ...] = tuple(name for name in driven if name not in description.held)
-        problems: list[Problem] = []
+        held = {*description.held, *self.coupling.names}
+        self.actuated: tuple[str, ...] = tuple(name for name in driven if name not in held)
         self.modules = tuple(self._modules_of(description, problems))
         if model is None and not problems:
             problems += self._misplaced_beams()
-        problems += [*self._coupled(), *self._restated()]
+        problems += [*self._loose_and_loaded(), *self._restated()]
         if problems:
             raise RobotFileError(description.path, sorted(problems, key=lambda found: found.line or 0))
         self._modules = {module.name: module for module in self.modules}
@@ -192,7 +196,8 @@ class Mechanism:
             for name, parameter in _all_parameters(description, self.modules).items()
         }
         for name in locked:
-            self.joint_id(name)
+            if self.joint(name).name in self.coupling.names:
+                raise InputError(f"joint '{name}' follows another one: lock '{self._leader(name)}' instead")
 
     def _with_one_unit(self, parameter: Parameter) -> Parameter:
         """Return the parameter in the unit that its joint gives it: 'N/m or N m/rad' along a slide is N/m."""
@@ -313,8 +318,12 @@ class Mechanism:
 
     @cached_property
     def free_dofs(self) -> np.ndarray:
-        """Velocity indices that carry no load along themselves: neither driven, nor sprung, nor locked."""
+        """Velocity indices that carry no load along themselves: neither driven, nor sprung, nor locked.
+
+        Nor do they follow others, which carry it for them: along a free leader all that its followers carry balances.
+        """
         held = np.zeros(self.model.nv, bool)
+        held[self.coupling.dofs] = True
         for name in (*self.actuated, *self.locked):
             held[self.joint(name).dofs] = True
         for module in self.modules:
@@ -435,7 +444,8 @@ class Mechanism:
     def load_paths(self) -> LoadPaths:
         """Which way loads take from the tool to the base, loops included."""
         loops = [(loop.first.joint, loop.second.joint, not loop.free) for loop in self.loops]
-        return LoadPaths(list(self.model.parents), loops, None if self.tool is None else self.tool.joint)
+        followers = [(item.joint.id, item.leader.id) for item in self.coupling.followers]
+        return LoadPaths(list(self.model.parents), loops, None if self.tool is None else self.tool.joint, followers)
 
     def _modules_of(self, description: RobotDescription, problems: list[Problem]) -> Iterator[Module]:
         for module in description.modules:
@@ -502,12 +512,28 @@ class Mechanism:
             moved = np.cross(spans[0] / length, moved)
         return float(np.linalg.norm(moved)) > 1e-3 * _SMALL_MOTION * length
 
-    def _coupled(self) -> list[Problem]:
-        """Return joints that follow another one where they carry load: the coupling would carry it too."""
+    def _leader(self, name: str) -> str:
+        """Return the joint that leads a follower, in the end."""
+        leaders = {item.joint.name: item.leader.name for item in self.coupling.followers}
+        while name in leaders:
+            name = leaders[name]
+        return name
+
+    def _driven_twice(self) -> list[Problem]:
+        """Return joints that are said to be driven, and to follow others."""
+        twice = [name for name in self.description.actuated or () if name in self.coupling.names]
+        line = self.description.lines.get("actuated")
+        return [
+            Problem(
+                f"actuated: joint '{name}' follows '{self._leader(name)}'; leave it out, its leader drives it", line
+            )
+            for name in twice
+        ]
+
+    def _loose_and_loaded(self) -> list[Problem]:
+        """Return joints that follow no one knows how, where they carry load."""
         problems = []
-        for coupling in self.description.coupled:
-            if coupling.joint in self.description.held:
-                continue
+        for coupling in self.loose:
             below = self.support[self.joint_id(coupling.joint)]
             if self.tool is not None and below[self.tool.joint]:
                 where = f"between the base and the tool '{self.tool.name}'"
@@ -515,7 +541,10 @@ class Mechanism:
                 where = "in a loop"
             else:
                 continue
-            text = f"{coupling.what} {where}; coupled joints can only be used where they carry no load"
+            text = (
+                f"{coupling.what} {where}, and carries load there. Expected one joint of one freedom that follows "
+                "another movable one, in no circle, by <mimic>"
+            )
             problems.append(Problem(text, coupling.line))
         return problems
 
@@ -543,6 +572,7 @@ class Mechanism:
         for name, value in self.description.home.items():
             if name not in self.description.held:
                 self.set_joint(q, name, value)
+        self.coupling.place(q)
         return q
 
     @cached_property
@@ -611,8 +641,11 @@ class Mechanism:
             if joint.nv > 1 and positions[name]:
                 raise InputError(f"joint '{name}' has {joint.nv} degrees of freedom: it can be held at 0 only")
         held = {**self.description.held, **{name: _number(name, value) for name, value in positions.items()}}
-        modules = tuple(module for module in self.description.modules if module.joint not in positions)
-        return Mechanism(replace(self.description, held=held, modules=modules), self.locked - set(positions))
+        for joint, leader, ratio, offset in self.coupling.followers:
+            if leader.name in held:
+                held.setdefault(joint.name, ratio * held[leader.name] + offset)
+        modules = tuple(module for module in self.description.modules if module.joint not in held)
+        return Mechanism(replace(self.description, held=held, modules=modules), self.locked - set(held))
 
     def with_yielding_joints(self, places: Iterable[tuple[str, str]]) -> Mechanism:
         """Return the mechanism with modules for joints that yield, by name and way (`yielding.WAYS`)."""

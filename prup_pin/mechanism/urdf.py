@@ -118,9 +118,6 @@ class UrdfDocument(ExtensionDocument):
         notes += self._oddities()
         notes += self._too_far()
         coupled = self._mimics(joints)
-        if coupled:
-            names = ", ".join(f"'{coupling.joint}'" for coupling in coupled)
-            notes.append(f"coupled joints (<mimic>) carry no load and move on their own here: {names}")
         if sidecar:
             loops = self._take_sidecar(sidecar, {*links, *joints, *fixed}, joints, loops, fields, notes)
         if not loops:

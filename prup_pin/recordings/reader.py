@@ -122,6 +122,7 @@ class _Beside:
     noise: Noise = field(default_factory=Noise)
     tolerances: Tolerances = field(default_factory=Tolerances)
     own_sensors: tuple[str, ...] = ()
+    own_by_run: tuple[str, ...] = ()
     conventions: tuple[Convention, ...] = ()
     robot: str | None = None
     notes: str = ""
@@ -646,6 +647,7 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
     remarks = []
     tolerances = Tolerances()
     own: tuple[str, ...] = ()
+    by_run: tuple[str, ...] = ()
     conventions: tuple[Convention, ...] = ()
     values = read_json_object(beside, "a JSON object", problems)
     noise = {}
@@ -657,7 +659,10 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
         elif key == "tolerances":
             tolerances = tolerances_value(value, problems, beside.name, f"{key}.")
         elif key == "own_sensors":
-            own = _own_sensors(value, problems, beside.name)
+            if isinstance(value, dict) and set(value) <= {"by_run"}:
+                by_run = own_sensors_value(value.get("by_run"), problems, beside.name, f"{key}.by_run")
+            else:
+                own = own_sensors_value(value, problems, beside.name, key)
         elif key == "conventions":
             conventions = conventions_value(value, _joints(header), problems, beside.name) if header else ()
         elif key == "frame" and value == "base":
@@ -675,6 +680,7 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
         Noise(**noise),
         tolerances,
         own,
+        by_run,
         conventions,
         robot if isinstance(robot, str) else None,
         notes if isinstance(notes, str) else "",
@@ -682,20 +688,21 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
     )
 
 
-def _own_sensors(value: object, problems: Problems, file: str) -> tuple[str, ...]:
-    """Return the sensors that a recording has for itself; what is wrong is added, and left out."""
+def own_sensors_value(value: object, problems: Problems, file: str, key: str) -> tuple[str, ...]:
+    """Return the sensors that a recording has for itself, or each run; what is wrong is added, and left out."""
     if value is None or value is False:
         return ()
     if value is True:
         return tuple(SENSORS)
     if not isinstance(value, list):
         message = f"is {json_kind(value)}; expected true, or a list of some of {', '.join(SENSORS)}"
-        problems.add(KeyProblem(message, None, file, key="own_sensors"))
+        message += '; for each run {"by_run": […]}' if key == "own_sensors" else ""
+        problems.add(KeyProblem(message, None, file, key=key))
         return ()
     for place, name in enumerate(value):
         if name not in SENSORS:
             message = f"is {json_kind(name)}. {nearest_names(shown(name), list(SENSORS))}"
-            problems.add(KeyProblem(message, None, file, key=f"own_sensors[{place}]"))
+            problems.add(KeyProblem(message, None, file, key=f"{key}[{place}]"))
     return tuple(name for name in SENSORS if name in value)
 
 
@@ -825,6 +832,7 @@ def _recording(
         noise=beside.noise,
         tolerances=beside.tolerances,
         own_sensors=beside.own_sensors,
+        own_by_run=beside.own_by_run,
         conventions=beside.conventions,
         robot=beside.robot,
         notes=beside.notes,

@@ -61,8 +61,9 @@ class Recording:
     gravity: (N, 3) acceleration of free fall in the base frame [m/s^2], or None where it is the robot file's.
     temperature: (N,) [degrees Celsius], or None.
     run: (N,) indices into `run_names`; one run named '' where the recording has no such column.
-    noise, tolerances, own_sensors, robot, notes: what the JSON file beside the table says; own_sensors are those of
-    `tolerances.SENSORS` that this recording does not share with others of the same device.
+    noise, tolerances, own_sensors, own_by_run, robot, notes: what the JSON file beside the table says; own_sensors are
+    those of `tolerances.SENSORS` that this recording does not share with others of the same device, own_by_run those
+    that were set up anew for each of its runs.
     conventions: how the table was written where it differs from this, one read after the other; `in_format` of the
     simulation reads a recording so.
     path: the file that was read, or ''. ignored: its columns that the format does not know.
@@ -87,6 +88,7 @@ class Recording:
     noise: Noise = field(default_factory=Noise)
     tolerances: Tolerances = field(default_factory=Tolerances)
     own_sensors: tuple[str, ...] = ()
+    own_by_run: tuple[str, ...] = ()
     conventions: tuple[Convention, ...] = ()
     robot: str | None = None
     notes: str = ""
@@ -122,7 +124,7 @@ class Recording:
                 store(name, _column(name, getattr(self, name), shape))
         if self.gravity is not None and (self.gravity**2).sum(axis=1).max(initial=0.0) > LARGEST_GRAVITY**2:
             raise InputError(f"gravity is larger than {LARGEST_GRAVITY:g} m/s^2: is it in mm/s^2? Expected m/s^2")
-        for name in self.own_sensors:
+        for name in (*self.own_sensors, *self.own_by_run):
             if name not in SENSORS:
                 raise UnknownNameError("sensor of a recording", name, list(SENSORS))
         run = np.asarray(np.zeros(n) if self.run is None else self.run).astype(np.int64)

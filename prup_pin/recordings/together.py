@@ -34,7 +34,7 @@ class Source:
 
 
 class Group(NamedTuple):
-    """Recordings that share a sensor, by their places; `label` is '' for those that have none of their own."""
+    """What shares a sensor, by its places among `Together.setups`; `label` is '' for what has none of its own."""
 
     label: str
     sources: tuple[int, ...]
@@ -46,13 +46,14 @@ class Together:
     """Recordings one after the other.
 
     recording: all N samples, each run a run of its own. which (N,): place of each sample's recording among `sources`;
-    rows (N,): its row there, from 0.
+    rows (N,): its row there, from 0. by_run: sensors that were set up anew for each run.
     """
 
     recording: Recording
     sources: tuple[Source, ...]
     which: NDArray[np.int64]
     rows: NDArray[np.int64]
+    by_run: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, recordings: Recording | Sequence[Recording], joints: Sequence[str], gravity: ArrayLike) -> Together:
@@ -69,7 +70,7 @@ class Together:
         if len(given) == 1:
             n = len(given[0])
             source = Source(names[0], given[0], given[0].own_sensors)
-            return cls(given[0], (source,), np.zeros(n, np.int64), np.arange(n))
+            return cls(given[0], (source,), np.zeros(n, np.int64), np.arange(n), given[0].own_by_run)
         _check(given, names, joints)
         sources = tuple(
             Source(name, recording, own) for name, recording, own in zip(names, given, _own_sensors(given), strict=True)
@@ -80,6 +81,7 @@ class Together:
             sources,
             np.repeat(np.arange(len(given)), sizes),
             np.concatenate([np.arange(size) for size in sizes]),
+            tuple(dict.fromkeys(name for recording in given for name in recording.own_by_run)),
         )
 
     @property
@@ -108,6 +110,30 @@ class Together:
         sources = (replace(source, own=names) for source, names in zip(self.sources, own, strict=True))
         return replace(self, sources=tuple(sources))
 
+    def with_runs_of(self, sensor: str) -> Together:
+        """Return the same recordings, each run with a sensor of its own."""
+        return replace(self, by_run=tuple(dict.fromkeys((*self.by_run, sensor))))
+
+    @property
+    def setups(self) -> NDArray[np.int64]:
+        """For what each sample's own sensors were set up, (N,): its recording, or its run."""
+        return self.recording.run if self.by_run else self.which
+
+    def _setups_of(self, places: Sequence[int]) -> tuple[int, ...]:
+        return tuple(np.unique(self.setups[np.isin(self.which, places)]).tolist()) if self.by_run else tuple(places)
+
+    @property
+    def stations(self) -> tuple[Group, ...]:
+        """Each run by itself, where the pose sensor was set up anew for each: it stands wherever its run fits best."""
+        return self._runs(SENSORS["pose_sensor"]) if "pose_sensor" in self.by_run else ()
+
+    def _runs(self, kinds: Sequence[str]) -> tuple[Group, ...]:
+        runs, first = np.unique(self.recording.run, return_index=True)
+        return tuple(
+            Group(self.recording.run_names[run], (run,), self._tolerances((place,), kinds))
+            for run, place in zip(runs.tolist(), self.which[first].tolist(), strict=True)
+        )
+
     def each(self) -> Iterator[tuple[Source, np.ndarray]]:
         """Yield every recording with the mask (N,) of its samples here."""
         for place, source in enumerate(self.sources):
@@ -119,23 +145,31 @@ class Together:
 
     @property
     def groups(self) -> dict[str, tuple[Group, ...]]:
-        """Who shares a sensor with whom, by the sensor; those that all share are left out."""
-        found = {}
+        """Who shares a sensor with whom, by the sensor; those that all share are left out.
+
+        Of a pose sensor with a station for each run none: where it stands is no parameter (`stations`).
+        """
+        found: dict[str, tuple[Group, ...]] = {}
         for sensor, kinds in SENSORS.items():
+            if sensor in self.by_run:
+                found[sensor] = () if self.stations and sensor == "pose_sensor" else self._runs(kinds)
+                continue
             own = [place for place, source in enumerate(self.sources) if sensor in source.own]
             if not self.several or not own:
                 continue
             shared = tuple(place for place in range(len(self.sources)) if place not in own)
             parts = [("", shared)] if shared else []
             parts += [(self.sources[place].name, (place,)) for place in own]
-            found[sensor] = tuple(Group(label, places, self._tolerances(places, kinds)) for label, places in parts)
+            found[sensor] = tuple(
+                Group(label, self._setups_of(places), self._tolerances(places, kinds)) for label, places in parts
+            )
         return found
 
     @property
     def alone(self) -> tuple[Group, ...]:
         """Each recording by itself, where there are several."""
         named = enumerate(self.sources) if self.several else ()
-        return tuple(Group(source.name, (place,), {}) for place, source in named)
+        return tuple(Group(source.name, self._setups_of((place,)), {}) for place, source in named)
 
     def _tolerances(self, places: tuple[int, ...], kinds: Sequence[str]) -> dict[str, float]:
         """Return what recordings that share a sensor say of it, and where they say nothing what the others do."""

@@ -75,7 +75,9 @@ def write_recording(recording: Recording, path: str | Path, status: Sequence[str
             beside[key] = float(getattr(recording.noise, name))
     if recording.tolerances.declared:
         beside["tolerances"] = {name: float(value) for name, value in recording.tolerances.declared.items()}
-    if recording.own_sensors:
+    if recording.own_by_run:
+        beside["own_sensors"] = {"by_run": list(recording.own_by_run)}
+    elif recording.own_sensors:
         beside["own_sensors"] = list(recording.own_sensors)
     if recording.conventions:
         beside["conventions"] = as_json(recording.conventions)

@@ -4,6 +4,7 @@ from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
 from .model_file import CorrectedModel, effect_named, read_model, write_model
 from .prediction import Agreement, Prediction, compare, inputs_of, simulate
 from .simulator import Memory, Run, Simulator
+from .stations import seen_from_stations
 
 __all__ = [
     "Agreement",
@@ -20,6 +21,7 @@ __all__ = [
     "in_format",
     "inputs_of",
     "read_model",
+    "seen_from_stations",
     "simulate",
     "write_model",
 ]

@@ -35,8 +35,7 @@ _MISSPELT_WORD = 0.75
 class AsRecorded:
     """A robot adapted to recordings: the tool that it was given, joints that are held, and sentences that tell it.
 
-    recordings: those that were given, read as their conventions say, with positions of joints that follow others
-    (<mimic>) by these.
+    recordings: those that were given, read as their conventions say.
     """
 
     robot: Robot
@@ -62,14 +61,13 @@ def as_recorded(robot: Robot, recordings: Recording | Sequence[Recording]) -> As
     given = in_format(robot, recordings)
     for recording in given:
         _check_spelling(recording, robot.mechanism)
-    given = [_followed(recording, robot.mechanism) for recording in given]
     remarks: list[str] = []
     markers = list(dict.fromkeys(name for recording in given for name in recording.marker_names))
     frames = [name for name in markers if name in robot.mechanism.frame_names]
     tool = None
     if robot.mechanism.tool is None and frames and not any(_needs_tool(recording) for recording in given):
-        # a joint that mimics another carries no load, and behind it no tool may sit
-        tool = next((name for name in frames if not _mimics(robot.mechanism, name)), frames[0])
+        # a joint that follows no one knows how carries no load, and behind it no tool may sit
+        tool = next((name for name in frames if not _is_loose(robot.mechanism, name)), frames[0])
         robot = robot.with_tool(tool)
         remarks.append(f"no tool frame was given: taken at '{tool}', a marker (--tool FRAME says another one)")
     held = _held(robot.mechanism, given, frames)
@@ -170,20 +168,10 @@ def _digits(name: str) -> list[str]:
     return [letter for letter in name if letter.isdigit()]
 
 
-def _mimics(mechanism: Mechanism, frame: str) -> bool:
-    """Return True for a frame behind a joint that mimics another one."""
+def _is_loose(mechanism: Mechanism, frame: str) -> bool:
+    """Return True for a frame behind a joint that follows another one no one knows how."""
     at = mechanism.frame(frame).joint
-    return any(mechanism.support[mechanism.joint_id(item.joint), at] for item in mechanism.description.coupled)
-
-
-def _followed(recording: Recording, mechanism: Mechanism) -> Recording:
-    """Return a recording with the positions of joints that follow recorded ones and have no column themselves."""
-    positions = dict(recording.positions)
-    for coupling in mechanism.description.coupled:
-        if coupling.leader in positions and coupling.joint in mechanism.actuated:
-            followed = coupling.ratio * positions[coupling.leader] + coupling.offset
-            positions.setdefault(coupling.joint, followed)
-    return recording if len(positions) == len(recording.positions) else replace(recording, positions=positions)
+    return any(mechanism.support[mechanism.joint_id(item.joint), at] for item in mechanism.loose)
 
 
 def _needs_tool(recording: Recording) -> bool:

@@ -23,7 +23,7 @@ from ..recordings import Noise
 from ..recordings.columns import NOISE_KEYS
 from ..recordings.conventions import Convention, as_json
 from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_json_object, shown
-from ..recordings.reader import conventions_value, noise_value
+from ..recordings.reader import conventions_value, noise_value, own_sensors_value
 from ..recordings.writer import json_lines, write_whole
 from ..robot import Robot
 
@@ -57,6 +57,7 @@ _KEYS = (
     "noise",
     "band",
     "conventions",
+    "own_sensors",
     "notes",
 )
 _READING_KEYS = tuple(item.name for item in fields(Reading) if item.name != "variant")
@@ -70,7 +71,8 @@ class CorrectedModel:
     reading: how its file is read beyond what it says, but for the variant.
     noise: that of the sensors with which they were found, as far as it is known. band: by driven joint, the frequency
     [Hz] up to which its motion is the rigid robot's; beyond it lie the encoder's noise and motors that vibrate.
-    conventions: how logs of this device are written, which declare none themselves.
+    conventions: how logs of this device are written, which declare none themselves. own_by_run: sensors that are set up
+    anew for each run of a recording.
     """
 
     robot: str
@@ -81,6 +83,7 @@ class CorrectedModel:
     noise: Noise = field(default_factory=Noise)
     band: Mapping[str, float] = field(default_factory=dict)
     conventions: tuple[Convention, ...] = ()
+    own_by_run: tuple[str, ...] = ()
 
     def load(self) -> Robot:
         """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
@@ -184,6 +187,8 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
         value["band"] = {name: {"value": float(cutoff), "unit": "Hz"} for name, cutoff in model.band.items()}
     if model.conventions:
         value["conventions"] = as_json(model.conventions)
+    if model.own_by_run:
+        value["own_sensors"] = {"by_run": list(model.own_by_run)}
     if model.notes:
         value["notes"] = model.notes
     return value
@@ -286,7 +291,9 @@ class _Reader:
         joints = {} if mechanism is None else {"q": [j.name for j in mechanism.joints], "tau": list(mechanism.actuated)}
         written = values.get("conventions") if joints else None
         conventions = conventions_value(written, joints, self.problems, self.path.name)
-        return CorrectedModel(name, tuple(effects), variant, notes, reading, noise, band, conventions)
+        own = self.entries(values.get("own_sensors", {}), "own_sensors", ("by_run",))
+        by_run = own_sensors_value(own.get("by_run"), self.problems, self.path.name, "own_sensors.by_run")
+        return CorrectedModel(name, tuple(effects), variant, notes, reading, noise, band, conventions, by_run)
 
     def band(self, value: object, mechanism: Mechanism | None) -> dict[str, float]:
         """Return up to which frequency [Hz] each joint's motion is the rigid robot's."""

@@ -7,6 +7,7 @@ s_m = J_m w. The paper writes it out leg by leg (Eqs. 58-102). Here it comes fro
    G^T f_c + Q(w) = 0, one row per free joint.
 2. A joint carries the sum of all loads on its subtree, closure forces included.
 3. A module's load is its joint's wrench, moved into the module's frame, or its component along the joint axis.
+4. What joints that follow others carry along themselves their leader bears, times their ratio (`Coupling`).
 
 Every function takes leading pose axes.
 """
@@ -76,7 +77,7 @@ class StaticsLayout:
         self.names = self.wrench_names + self.drive_names
         self.wrench_joints = np.array([module.joint for module in wrench], int)
         # Modules of one drive share their joint's force: computed once, then spread.
-        driven = sorted({(module.joint, module.dof) for module in drive})
+        driven = sorted({(module.joint, module.dof) for module in drive} | _led(mechanism, drive))
         self.drive_joints = np.array([joint for joint, _ in driven], int)
         self.drive_dofs = np.array([dof for _, dof in driven], int)
         self.drive_rows = np.array([driven.index((module.joint, module.dof)) for module in drive], int)
@@ -100,18 +101,25 @@ class StaticsLayout:
                 start = int(np.searchsorted(self._beams, group.slots.start))
                 self._beam_slots[group] = slice(start, start + len(group.modules))
         self.free = mechanism.free_dofs
-        # Rows of loads: six for every wrench module, one for every drive module; below them one for every free joint.
-        self.row_dofs = np.concatenate((self.drive_dofs[self.drive_rows], self.free))
+        # Rows of loads: six for every wrench module, one for every drive module; below them one for every free joint,
+        # and one for every follower, which its leaders bear.
+        following = mechanism.coupling.dofs
+        self.row_dofs = np.concatenate((self.drive_dofs[self.drive_rows], self.free, following))
         self.row_joints = np.concatenate((np.repeat(self.wrench_joints, 6), mechanism.dof_joint[self.row_dofs]))
-        self.load_rows = len(self.row_joints) - len(self.free)
+        self.load_rows = 6 * len(wrench) + len(drive)
         #: Loads of each row per force along it, (rows, 1).
         self.row_ratios = np.ones((len(self.row_joints), 1))
         self.row_ratios[6 * len(wrench) : self.load_rows] = self.drive_ratios[:, 0]
+        #: What rows bear of the followers' loads, (rows, followers).
+        self._borne = np.zeros((self.load_rows + len(self.free), len(following)))
+        for place, dof in enumerate(self.row_dofs[: len(self._borne) - 6 * len(wrench)], start=6 * len(wrench)):
+            beside = np.where(following == dof, 0.0, mechanism.coupling.ratios[following, dof])
+            self._borne[place] = self.row_ratios[place] * beside
         # What a row takes: of six loads on the body of each joint (nj, rows, 6), and of every closure force.
         support = mechanism.support[self.row_joints]
         self.row_carries = np.repeat(support.T[..., None], 6, axis=-1) * self.row_ratios
         closure = Closure(mechanism)
-        self.load_incidence = (closure.incidence[self.row_joints] * self.row_ratios)[: self.load_rows]
+        self.incidence = closure.incidence[self.row_joints] * self.row_ratios
         #: The loop of each closure force.
         self.closure_loops = closure.row_loop
         #: False where there is no closure to find forces for: a free joint off the tool's path carries nothing.
@@ -140,6 +148,13 @@ class StaticsLayout:
             for group, joints in self._joints.items()
             if all(joint.nq == 1 for joint in joints)
         }
+
+    def borne(self, rows: Array) -> Array:
+        """Return loads of all rows (..., rows, c) with those of followers added to their leaders', by virtual work."""
+        count = len(self._borne)
+        if count == rows.shape[-2]:
+            return rows
+        return rows[..., :count, :] + self._borne @ rows[..., count:, :]
 
     def split(self, rows: Array) -> tuple[Array, Array]:
         """Return the loads (..., load rows, c) of wrench modules (..., n, 6, c) and of drive modules (..., m, 1, c)."""
@@ -256,6 +271,14 @@ class StaticsLayout:
         return np.stack([joint.position(q) for joint in self._joints[group]], axis=-1)
 
 
+def _led(mechanism: Mechanism, drives: list[Module]) -> set[tuple[int, int]]:
+    """Return the followers, joint and velocity, of joints that move under load: free ones, and those that yield."""
+    moving = [*mechanism.free_dofs.tolist(), *(module.dof for module in drives)]
+    ratios = mechanism.coupling.ratios[mechanism.coupling.dofs][:, moving]
+    led = mechanism.coupling.dofs[ratios.any(axis=1)]
+    return {(int(mechanism.dof_joint[dof]), int(dof)) for dof in led}
+
+
 def _grouped(modules: list[Module]) -> tuple[tuple[ModuleGroup, ...], list[Module]]:
     """Return modules gathered by kind (and by table sizes), and their new order."""
     gathered: dict[tuple, list[Module]] = {}
@@ -310,8 +333,8 @@ class _AtOne:
 def load_maps(layout: StaticsLayout, pose: ClosedPose, frames: Array) -> Array:
     """Return what turns the base wrenches that joints transmit into forces along all rows, (..., rows, 6).
 
-    Rows: six for every wrench module, then one for every drive module, then one for every free joint. The load of a row
-    is its force times the row's ratio.
+    Rows: six for every wrench module, then one for every drive module, for every free joint and for every follower. The
+    load of a row is its force times the row's ratio.
     """
     count = len(layout.wrench_names)
     maps = np.zeros((*frames.shape[:-3], len(layout.row_joints), 6), frames.dtype)
@@ -336,6 +359,7 @@ def loads_from_frame(
         point = product(pose.placements[..., frame.joint, :3, :], frame.placement[:, 3:])[..., 0]
     own = product(maps, base_wrench_from_point(point))
     own *= layout.row_carries[frame.joint]
+    own = layout.borne(own)
     loads = own[..., :count, :]
     if not layout.closed:
         return loads
@@ -348,7 +372,7 @@ def loads_from_bodies(layout: StaticsLayout, pose: ClosedPose, maps: Array, bodi
     """Return the modules' loads under base wrenches on the joints' bodies (..., nj, 6, c), (..., load rows, c)."""
     count = layout.load_rows
     carried = (layout.mechanism.support @ bodies.reshape(*bodies.shape[:-2], -1)).reshape(bodies.shape)
-    along = (maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :] * layout.row_ratios
+    along = layout.borne((maps[..., None, :] @ carried[..., layout.row_joints, :, :])[..., 0, :] * layout.row_ratios)
     loads = along[..., :count, :]
     if not layout.closed:
         return loads
@@ -363,6 +387,8 @@ def self_stress_loads(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> A
 def _loads_from_closures(layout: StaticsLayout, pose: ClosedPose, maps: Array) -> Array:
     """Return the modules' loads under unit closure forces, (..., load rows, closures)."""
     count = layout.load_rows
-    loads = product(maps[..., :count, :], pose.closure_wrenches.mT)
-    loads *= layout.load_incidence
-    return loads
+    coupled = len(layout.mechanism.coupling.dofs) > 0
+    rows = slice(None) if coupled else slice(count)
+    loads = product(maps[..., rows, :], pose.closure_wrenches.mT)
+    loads *= layout.incidence[rows]
+    return layout.borne(loads)[..., :count, :] if coupled else loads

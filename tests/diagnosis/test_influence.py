@@ -1,5 +1,7 @@
 """First-order changes of the pose against the simulation itself, for every law on three robots."""
 
+import re
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from prup_pin.laws import LAWS, Effect, Everywhere, Inputs
 from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_log
 
+from ..loaded.coupled import lifting_column
 from ..simulation.bench import inputs
 
 #: Share of what a law starts with that is small enough to be linear, and of the change that may differ from it.
@@ -41,7 +44,19 @@ def platform():
     return robot, np.repeat(poses, 5, axis=0), np.vstack((wrench, wrench))
 
 
-@pytest.fixture(scope="module", params=[three_prup, arm, platform], ids=["3prup", "ur5", "six_ups"])
+def column():
+    """A rigid lifting column whose stages follow its lift: joints yield, and move those that follow them."""
+    machine = lifting_column()
+    path = Path(tempfile.mkdtemp()) / "column.urdf"
+    path.write_text(re.sub("<module.*?</module>", "", machine.file.text("tool")))
+    wrench = np.array([0.0, 0.3, 0.6, 0.2, -0.4])[:, None] * np.array([200.0, -300.0, 400.0, 3.0, 2.0, -1.0])
+    actuators = np.repeat([list(machine.commands.values()), [0.9, -0.3]], 5, axis=0)
+    return prup_pin.load(path), actuators, np.vstack((wrench, wrench))
+
+
+@pytest.fixture(
+    scope="module", params=[three_prup, arm, platform, column], ids=["3prup", "ur5", "six_ups", "lifting column"]
+)
 def solved(request):
     robot, actuators, wrench = request.param()
     n = len(wrench)

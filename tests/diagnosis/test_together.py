@@ -374,9 +374,15 @@ def test_own_sensors_are_read_and_written(arm, tmp_path):
     for value, expected in ((True, ("pose_sensor", "target", "wrench_sensor", "encoders")), (False, ()), (None, ())):
         beside.write_text(json.dumps({**said, "own_sensors": value}), encoding="utf-8")
         assert read_recording(tmp_path / "a.csv").own_sensors == expected
+    by_run = replace(recording, own_sensors=(), own_by_run=("pose_sensor",))
+    write_recording(by_run, tmp_path / "a.csv")
+    read = read_recording(tmp_path / "a.csv")
+    assert (read.own_sensors, read.own_by_run) == ((), ("pose_sensor",))
     for value, told in (
         (["pose_sensr"], r"own_sensors\[0\].*Did you mean 'pose_sensor'"),
         ("all", "expected true, or"),
+        ({"by_run": ["trget"]}, r"own_sensors.by_run\[0\].*Did you mean 'target'"),
+        ({"by_day": ["target"]}, r'for each run \{"by_run": \[…\]\}'),
     ):
         beside.write_text(json.dumps({**said, "own_sensors": value}), encoding="utf-8")
         with pytest.raises(RecordingFileError, match=told):

@@ -10,6 +10,8 @@ import pytest
 from prup_pin import load
 from prup_pin.dynamics import INERTIAL, Band, InMotion, Motion, in_frame
 
+from ..loaded.coupled import belted_arm
+
 ROBOTS = Path(__file__).parents[1] / "robots"
 
 
@@ -149,3 +151,23 @@ def test_an_encoder_that_is_late_or_off_shows_by_its_slope(ur5):
         inner = slice(5, -5)  # the rate of an acceleration is one-sided at the ends
         expected = (there - at.rigid) / step
         assert at.shifted(name)[inner] == pytest.approx(expected[inner], abs=2e-3 * np.abs(expected).max())
+
+
+def test_drives_give_what_their_followers_need(tmp_path):
+    """The power of an arm's one drive is the rate of change of its energy, in which all joints have their own part."""
+    machine = belted_arm()
+    robot = machine.file.load(tmp_path)
+    at = InMotion.of(robot.mechanism, random_motion(robot))
+    model, motion = robot.mechanism.model, at.motion
+    data, ratios, step = model.createData(), np.array([1.0, -1.5, -0.75]), 1e-6
+
+    def energy(position, speed):
+        q = np.array([position, 0.3 - 1.5 * position, 0.5 * (0.3 - 1.5 * position)])
+        return pin.computeKineticEnergy(model, data, q, ratios * speed) + pin.computePotentialEnergy(model, data, q)
+
+    for row in range(len(motion)):
+        x, v, a = (values[row, 0] for values in (motion.position, motion.speed, motion.acceleration))
+        ends = [energy(x + s * v + s * s / 2 * a, v + s * a) for s in (step, -step)]
+        assert at.rigid[row, 0] * v == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-6, abs=1e-6)
+    drawn = np.array([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]])
+    assert np.einsum("nkbp,bp->nk", at.regressor, drawn) == pytest.approx(at.rigid, abs=1e-10)

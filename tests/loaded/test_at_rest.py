@@ -14,6 +14,7 @@ from prup_pin.robot import random_poses
 
 from ..modules.examples import EXAMPLES
 from ..statics.test_textbooks import portal, segments, truss
+from . import coupled
 from .arms import DESCRIPTIONS, cantilever, rod_through_a_collar, scaled_error, single_module
 
 pytestmark = pytest.mark.filterwarnings(f"ignore::{JointLimitWarning.__module__}.{JointLimitWarning.__name__}")
@@ -68,6 +69,15 @@ def frame(text, tool="tool"):
     return build
 
 
+def following(build):
+    def built(folder):
+        machine = build()
+        robot = machine.file.load(folder)
+        return robot, robot.pose_from_actuators(machine.commands)
+
+    return built
+
+
 def clamped_twice():
     built = segments({"near": 0.3, "far": 0.4}, {"near": "tool", "far": "end"})
     built.frame("clamp", "base", (0.7, 0, 0))
@@ -90,6 +100,7 @@ MACHINES = {
     "rod rooted in a collar": lambda folder: rod_through_a_collar(folder, "collar"),
     "rod rooted at its end": lambda folder: rod_through_a_collar(folder, "end"),
     "two bars": frame(lambda: truss([((0.0, 0.0), 1e-4), ((0.8, 0.0), 2e-4)]), "node0"),
+    **{name: following(build) for name, build in coupled.MACHINES.items()},
 }
 MACHINE = pytest.mark.parametrize("build", MACHINES.values(), ids=MACHINES)
 PARTS = [(kind, index) for kind in EXAMPLES for index in (0, 1)]

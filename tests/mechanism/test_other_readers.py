@@ -44,17 +44,25 @@ def test_changed_lengths_and_built_robots_are_read_alike():
     assert second_opinion(robot.mechanism) == ()
 
 
-def test_what_another_reader_sees_otherwise_is_told(tmp_path):
-    """yourdfpy lets a <mimic> follow; here it moves on its own, and is told to be at its own home."""
+def with_flag(leader, folder):
     text = FIVE_BAR.read_text().replace(
         "</robot>",
-        """<link name="flag"/><joint name="flag" type="revolute"><parent link="base"/><child link="flag"/>
+        f"""<link name="flag"/><joint name="flag" type="revolute"><parent link="base"/><child link="flag"/>
         <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
-        <mimic joint="left_motor" multiplier="1" offset="0.2"/></joint>
+        <mimic joint="{leader}" multiplier="1" offset="0.2"/></joint>
         <joint name="rod" type="fixed"><parent link="flag"/><child link="rod"/></joint><link name="rod"/></robot>""",
     )
-    (tmp_path / "flag.urdf").write_text(text)
-    told = second_opinion(prup_pin.load(tmp_path / "flag.urdf").mechanism)
+    (folder / "flag.urdf").write_text(text)
+    return prup_pin.load(folder / "flag.urdf").mechanism
+
+
+def test_another_reader_lets_the_same_joints_follow(tmp_path):
+    assert second_opinion(with_flag("left_motor", tmp_path)) == ()
+
+
+def test_what_another_reader_sees_otherwise_is_told(tmp_path):
+    """yourdfpy lets a joint follow a fixed one; here it moves on its own, and is told to be at its own home."""
+    told = second_opinion(with_flag("left_end", tmp_path))
     assert told == ("yourdfpy puts other places to 'flag', 'rod' at the same joint positions",)
 
 

@@ -56,6 +56,15 @@ def test_a_file_becomes_a_model(tmp_path, robot):
     assert model.load().name == "3prup"
 
 
+def test_sensors_of_each_run_survive_the_file(tmp_path):
+    model = read_model(written(tmp_path, own_sensors={"by_run": ["pose_sensor"]}))
+    assert model.own_by_run == ("pose_sensor",)
+    write_model(model, tmp_path / "again.json")
+    assert read_model(tmp_path / "again.json").own_by_run == ("pose_sensor",)
+    told = problems(written(tmp_path, own_sensors={"by_run": ["pose_sensr"], "by_day": []}))
+    assert set(told) == {"own_sensors.by_run[0]", "own_sensors.by_day"}
+
+
 def test_every_law_survives_the_file(tmp_path, robot):
     mechanism = robot.mechanism
     effects = []

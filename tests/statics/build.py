@@ -42,13 +42,21 @@ class RobotFile:
         self._tree.append(f'<link name="{name}">{inertia}</link>')
         return name
 
-    def joint(self, name: str, kind: str, parent: str, child: str, xyz=ORIGIN, rpy=ORIGIN, axis=(0, 0, 1)) -> str:
+    def joint(
+        self, name: str, kind: str, parent: str, child: str, xyz=ORIGIN, rpy=ORIGIN, axis=(0, 0, 1), follows: str = ""
+    ) -> str:
+        """Add a joint; `follows`: attributes of its <mimic>."""
         limits = '<limit lower="-3" upper="3" effort="1" velocity="1"/>' if kind != "fixed" else ""
         self._tree.append(
             f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{words(xyz)}" rpy="{words(rpy)}"/><axis xyz="{words(axis)}"/>{limits}</joint>'
+            f'<origin xyz="{words(xyz)}" rpy="{words(rpy)}"/><axis xyz="{words(axis)}"/>{limits}'
+            f"{f'<mimic {follows}/>' if follows else ''}</joint>"
         )
         return name
+
+    def driven(self, name: str, *args: Any, **places: Any) -> str:
+        self._actuated.append(name)
+        return self.joint(name, *args, **places)
 
     def fixed(self, name: str, parent: str, child: str, xyz=ORIGIN, rpy=ORIGIN) -> str:
         return self.joint(name, "fixed", parent, child, xyz, rpy)

@@ -46,6 +46,7 @@ def test_arm_with_different_joint_springs(name):
     stiffness = springs(prup_pin.load(name).model)
     robot = prup_pin.load(name, tool=ARMS[name], joint_stiffness=stiffness)
     for q in configurations(robot.model):
+        robot.mechanism.coupling.place(q)
         expected = closed_form(robot.model, q, ARMS[name], stiffness)
         C = robot.compliance(robot.pose_from_configuration(q)).C
         assert np.abs(C - expected).max() < 1e-12 * np.abs(expected).max()
@@ -55,10 +56,11 @@ def test_arm_with_different_joint_springs(name):
 def test_one_stiffness_for_all_and_actuator_positions(name):
     robot = prup_pin.load(name, tool=ARMS[name], joint_stiffness=1e4)
     model = robot.model
-    movable = list(model.names)[1:]
+    movable = [name for name in model.names[1:] if name not in robot.mechanism.coupling.names]
     assert robot.mechanism.actuated == tuple(movable)
-    values = np.random.default_rng(6).uniform(-1.5, 1.5, model.nv)
-    q = pin.integrate(model, pin.neutral(model), values)
+    values = np.random.default_rng(6).uniform(-1.5, 1.5, len(movable))
+    q = pin.integrate(model, pin.neutral(model), np.resize(values, model.nv))
+    robot.mechanism.coupling.place(q)
     expected = closed_form(model, q, ARMS[name], dict.fromkeys(movable, 1e4))
     for pose in (
         robot.pose_from_actuators(values),  # one value per joint, also where Pinocchio stores cosine and sine
@@ -66,7 +68,7 @@ def test_one_stiffness_for_all_and_actuator_positions(name):
         robot.pose(**dict(zip(movable, values.tolist(), strict=True))),
     ):
         assert np.abs(robot.compliance(pose).C - expected).max() < 1e-12 * np.abs(expected).max()
-        assert list(pose.joints.values()) == pytest.approx(values, abs=1e-12)
+        assert [pose.joints[joint] for joint in movable] == pytest.approx(values, abs=1e-12)
 
 
 def test_kinova_stores_endless_joints_as_cosine_and_sine():
@@ -97,9 +99,8 @@ def test_a_finger_that_does_not_carry_the_tool_has_no_part():
     robot = prup_pin.load("panda", joint_stiffness=1e4)
     result = robot.compliance(robot.pose_from_actuators([0.1, -0.4, 0.2, -1.8, 0.3, 1.5, 0.4, 0.02, 0.02]))
     fingers = [name for name in result.names if "finger" in name]
-    assert len(fingers) == 2
-    for finger in fingers:
-        assert not result.parts[finger].any()
+    assert len(fingers) == 1  # the other one follows it
+    assert not result.parts[fingers[0]].any()
     assert robot.parameters[f"{fingers[0]}.stiffness"].unit == "N/m"
     assert robot.parameters["panda_joint1.stiffness"].unit == "N m/rad"
     # Seen from the finger itself, its slide yields.

@@ -5,7 +5,8 @@ nothing of the motion: what is left, whitened and shifted in time against it, mu
 it does where it stands. A joint may follow its own motion, or that of any other: a cable drags both along.
 
 What a fit of anything real leaves follows the motion somehow: friction turns round a little otherwise than its law, and
-speeds have noise. So it counts only where it is a part of the effort that matters to who uses it, and more than noise.
+speeds have noise. So it counts only where it is a part of the effort that matters to who uses it, and more than noise,
+and as much of what is left as a curve of no law must be: a trace below it is what gears that yield leave.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ...dynamics import InMotion
 from ...laws.efforts.effort_law import usual_way
 from ...laws.efforts.variables import variable_of
 from ...spatial import Array
-from ..criteria import EFFORT_CHANCE, EFFORT_FLIPS, EFFORT_NO_MATTER
+from ..criteria import EFFORT_CHANCE, EFFORT_CURVE_OWN, EFFORT_FLIPS, EFFORT_NO_MATTER
 from .columns import Whitening, autoregression, usable
 from .gather import Efforts
 
@@ -38,7 +39,8 @@ _TELLS = 1e-9
 class Changing:
     """A joint, what is left there follows of which motion, and how much an amount for each block takes away.
 
-    share: of the squares of what is left there; size: root mean square of it over that of the joint's effort.
+    share: of the squares of what is left there, beyond chance, over those that chance would not take; size: root mean
+    square of it over that of the joint's effort.
     """
 
     joint: str
@@ -79,15 +81,19 @@ def changing(efforts: Efforts, left: Array, measured: Array, noise: Array) -> Ch
         own += ((saved[0] - mean) / spread).tolist()
         others.append(((saved[1:] - mean) / spread).max(axis=1))
         plainly = _saved(plain, np.where(here[:, None], table, 0.0), starts, lags)
-        follows = np.maximum(plainly[0] - plainly[1:].mean(axis=0), 0.0)
-        for (of, variable, _), squares in zip(motions, follows, strict=True):
-            share, part = squares / float(plain @ plain), np.sqrt(squares / size)
-            found.append(Changing(joint, variable, of, float(share), float(part) if squares > least else 0.0))
+        chance = plainly[1:].mean(axis=0)
+        follows = np.maximum(plainly[0] - chance, 0.0)
+        # amounts for each block take a part of anything away: of the rest
+        shares = follows / np.maximum(float(plain @ plain) - chance, np.finfo(float).tiny)
+        for (of, variable, _), squares, share in zip(motions, follows, shares, strict=True):
+            part = np.sqrt(squares / size) if squares > least else 0.0
+            found.append(Changing(joint, variable, of, float(share), float(part)))
     if not found:
         return None
     by_chance = (np.max(others, axis=0)[:, None] >= np.array(own)).mean(axis=0)
     sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < EFFORT_CHANCE and each.size > 0]
-    return max(sure, key=lambda each: each.share, default=None)
+    most = max(sure, key=lambda each: each.share, default=None)
+    return most if most is not None and most.share > EFFORT_CURVE_OWN else None
 
 
 def _motions(at: InMotion, joint: str) -> Iterator[tuple[str, str, Array]]:

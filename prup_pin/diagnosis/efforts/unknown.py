@@ -93,8 +93,9 @@ def changing_unknown(efforts: Efforts, left: Array, measured: Array, noise: Arra
         followed = f"its {change.variable}" if own else f"the {change.variable} of {change.of}"
         text = (
             f"what is left at {change.joint} follows {followed} by an amount that changes with time, which "
-            f"would take away {number(100 * change.share, 2)} % of it and is {number(100 * change.size, 2)} % of "
-            "the joint's effort: it is no noise, and no law of the library takes it away"
+            f"would take away {number(100 * change.share, 2)} % of it beyond chance and is "
+            f"{number(100 * change.size, 2)} % of the joint's effort: it is no noise, and no law of the library "
+            "takes it away"
         )
         yield unknown_at(change.joint, text, change.share)
 

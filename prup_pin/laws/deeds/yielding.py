@@ -71,10 +71,17 @@ def yield_of(at: Solved, joint: str, way: str) -> tuple[Array, Array]:
     if name in first.rows:
         load, by = first.loads(name), first.by_strain(name)
         return (load[:, 3:5], by[:, :, 3:5]) if across else (load, by)
-    index = at.setup.mechanism.joint(joint)
-    load, by, axes = first.joint_loads(index.id), first.by_joint_motion(index.id), index.motions(across)
+    mechanism = at.setup.mechanism
+    index = mechanism.joint(joint)
     if not across:
-        return load @ axes, by @ axes
+        # along itself a joint moves those that follow it
+        load, by = np.zeros(()), np.zeros(())
+        for dof, ratio in mechanism.coupling.moved_by(index):
+            moved = mechanism.joint_of_dof(dof)
+            load = load + first.joint_loads(moved.id) @ (ratio * moved.subspace)
+            by = by + first.by_joint_motion(moved.id) @ (ratio * moved.subspace)
+        return load, by
+    load, by, axes = first.joint_loads(index.id), first.by_joint_motion(index.id), index.motions(across)
     turned = first.found.state.joints[:, index.id, :3, :3].mT @ axes[3:]
     return (load[:, None, 3:] @ turned)[:, 0], by[..., 3:] @ turned
 

@@ -103,7 +103,7 @@ def write_diagnosis(
     efforts = diagnosis.efforts
     band = {} if efforts is None or efforts.standing else efforts.band
     made = CorrectedModel(robot_name, effects, understood.variant, notes, understood, _noise(diagnosis), band,
-                          _conventions(diagnosis, declared))  # fmt: skip
+                          _conventions(diagnosis, declared), diagnosis.own_by_run)  # fmt: skip
     corrected = model_document(made, model)
     plan = _plan(diagnosis, recordings[0], corrected["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)

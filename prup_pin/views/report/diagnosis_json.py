@@ -67,6 +67,8 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "remarks": list(diagnosis.remarks),
         "unused_columns": list(diagnosis.unused_columns),
     }
+    if diagnosis.own_by_run:
+        document["own_sensors"] = {"by_run": list(diagnosis.own_by_run)}
     return plain(document)
 
 
