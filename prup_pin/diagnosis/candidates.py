@@ -138,8 +138,7 @@ class Candidate:
         found = self.starts()
         if self.logarithmic[0]:
             low, high = self.bounds
-            sizes = (-2, 2) if self.remembers else (-4, -2, -1, 1, 2, 4)  # histories are slow to follow
-            places = [(size, 0.0) for size in sizes]
+            places = [(size, 0.0) for size in (-2, 2)]
             if self.size > 1 and self.logarithmic[1] and not self.remembers:
                 places += [(size, _FAR_LOAD) for size in (-1, 0, 1, 2)]
             for size, load in places:
@@ -148,21 +147,6 @@ class Candidate:
                 if load:
                     moved[1] += load * np.log(10.0)
                 if low[0] < moved[0] < high[0] and not (load and moved[1] >= high[1]):
-                    found.append(moved)
-        return found
-
-    def around(self, coordinates: Array) -> list[Array]:
-        """Return coordinates, and others from which a fit that stands still may go on.
-
-        A joint that never slides says nothing of the load at which it would; nor does a gap that never closes.
-        """
-        found = [coordinates]
-        if self.logarithmic[0] and self.size > 1:
-            low, high = self.bounds
-            for factor in (0.05, 0.1, 0.2, 0.4, 0.7, 2.0):
-                moved = coordinates.copy()
-                moved[0] += np.log(factor)
-                if low[0] < moved[0] < high[0]:
                     found.append(moved)
         return found
 

@@ -4,7 +4,7 @@ A law enters where the chi squared that it removes passes a threshold for the wh
 residual with the signs of its blocks flipped), where it removes more than 1 % on blocks that were not used to fit it,
 and where the whole simulation confirms it. After each step every law that is in is challenged by every other one.
 
-How far it is searched is a matter of work counted, not of a clock: the same recording gets the same answer everywhere.
+How far it is searched is a matter of fits counted, not of a clock: the same recording gets the same answer everywhere.
 """
 
 from __future__ import annotations
@@ -14,35 +14,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..spatial import Array
 from .candidates import Candidate
 from .contest import (
     challenge_each,
-    in_pairs,
-    judged_rivals,
-    merged_terms,
+    challengers,
     pruned_terms,
-    settled_rivals,
-    terms_apart,
-    weighed_terms,
+    rearranged,
 )
 from .criteria import (
     BEYOND,
-    CLEAR_LEAD,
-    CLEARLY,
-    DETOURS,
     LEAST_GAIN,
+    MOST_FITS,
+    MOST_SIMULATED,
     MOST_TERMS,
-    ONE_PLACE,
-    TRIED_WHOLE,
     beyond_tolerance,
 )
 from .fit import Fit, Problem, Term
 from .held_out import cross_validated, threshold
-from .locate import yieldings
 from .screening import screen
-from .selection import Budget, Rival, Search, Selection, cost_of, is_clean
-from .whiteness import compared
+from .selection import Rival, Search, Selection, is_clean
 
 __all__ = [
     "needed",
@@ -57,36 +47,17 @@ def select(
     blocks: np.ndarray,
     first: Fit,
     tell: Callable[[str, float], None] = lambda stage, share: None,
-    budget: Budget | None = None,
+    most: int = MOST_FITS,
 ) -> Selection:
-    """Return the selection of laws that the recording asks for.
-
-    Where structure is left, the search is made again without one of the laws that it took: a law that came first may
-    have come for two others.
-    """
+    """Return the selection of laws that the recording asks for."""
     acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
     library = [candidate for candidate in library if candidate.law.physics not in acting]
-    search = Search(problem, budget or Budget())
-    best = _forward(search, library, blocks, first, tell)
-    tried: set[str] = set()
-    while len(tried) < DETOURS and not search.over:
-        if is_clean(problem, best.last) or _sits_in_one_place(problem, best.last):
-            break
-        banned = next((term.candidate.name for term in best.last.terms if term.candidate.name not in tried), None)
-        if banned is None:
-            break
-        tried.add(banned)
-        others = [candidate for candidate in library if candidate.name != banned]
-        other = _forward(search, others, blocks, first, tell)
-        if cost_of(other.last) < cost_of(best.last):
-            best = replace(other, library=library)
-    fit = best.last
-    rivals = best.rivals
-    if len(rivals) != len(fit.terms) or tried:
-        rivals = tuple(tuple(judged_rivals(search, fit, index, library)[0]) for index in range(len(fit.terms)))
-    rivals = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
-    rivals = tuple(tuple(settled_rivals(search, fit, index, each)) for index, each in enumerate(rivals))
-    return replace(best, rivals=rivals, work=search.spent)
+    search = Search(problem, most)
+    fit, rivals = _forward(search, library, blocks, first, tell)
+    if len(rivals) != len(fit.terms):
+        rivals = [challengers(problem, fit, index, library) for index in range(len(fit.terms))]
+    told = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
+    return Selection(first, fit, told, library, search.fits)
 
 
 def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
@@ -101,7 +72,7 @@ def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
 
 def needed(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
     """Return the selection without laws that samples left out do not ask for, beside all that was calibrated."""
-    search = Search(problem, Budget())
+    search = Search(problem)
     fit, rivals = selection.last, list(selection.rivals)
     while fit.terms:
         labels = blocks[fit.samples]
@@ -123,77 +94,49 @@ def _share(step: int, part: float) -> float:
     return 0.9 * (1 - 0.5 ** (step + part))
 
 
-def _sits_in_one_place(problem: Problem, fit: Fit) -> bool:
-    """Return True where what is left is the deformation of one module: then no other order of laws explains it."""
-    found = yieldings(problem, fit)
-    return bool(found) and found[0].gain > ONE_PLACE * (fit.chi2 - compared(problem, fit))
-
-
 def _forward(
     search: Search,
     library: Sequence[Candidate],
     blocks: np.ndarray,
     first: Fit,
     tell: Callable[[str, float], None],
-) -> Selection:
+) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit of the laws that the recording asks for, and the rivals of each, as they were looked at last."""
     problem, fit = search.problem, first
-    screened: list[Rival] = []
-    refused: set[str] = set()
     rivals: list[list[Rival]] = []
-    for step in range(MOST_TERMS + 1):
+    for step in range(MOST_TERMS):
+        if search.over:
+            break
         labels = blocks[fit.samples]
 
         def told(share: float, step: int = step) -> None:
             tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
 
-        screened = screen(search, fit, library, told)
-        if step == MOST_TERMS or search.over:
-            break
-        left = _left_beside(problem, fit)
-        least = asked = threshold(len(library), left, labels, screened)
-        before = cross_validated(problem, fit, labels)
-        rest: Fit | None = None
+        screened = screen(problem, fit, library, told)
+        # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
+        rest = search.released(fit)
+        left = problem.beyond(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
+        least = threshold(len(library), left, labels, screened)
+        before = cross_validated(problem, rest, labels)
         taken = None
-        for rival in sorted(screened, key=lambda rival: rival.score)[:TRIED_WHOLE]:
-            size = rival.term.candidate.size
-            if rival.term.candidate.name in refused or fit.chi2 - rival.chi2 < least(size):
+        for rival in screened[:MOST_SIMULATED]:
+            gain = least(rival.term.candidate.size)
+            if fit.chi2 - rival.chi2 < gain:
                 continue
             tell("the whole simulation", _share(step, 0.6))
-            trial = search.refine([*fit.terms, rival.term], fit)
-            clear = trial.chi2 <= CLEARLY * float((left**2).sum())
-            trial = trial if clear else search.released(trial)
+            trial = search.released(search.refine([*fit.terms, rival.term], fit))
             helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before
-            if rest is None and not (clear and helps):
-                # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
-                rest = search.released(fit)
-                asked = threshold(len(library), _left_beside(problem, rest), labels, screened)
-            without_it = rest or fit
-            helps = helps or _relieves(without_it, trial, asked(size))
-            if without_it.chi2 - trial.chi2 >= asked(size) and helps:
-                # what bends has not come to its end, and a second law would make up for that
-                taken = trial if trial.chi2 < rival.chi2 + CLEAR_LEAD else search.refine(trial.terms, trial)
+            if rest.chi2 - trial.chi2 >= gain and (helps or _relieves(rest, trial, gain)):
+                taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
                 break
-            refused.add(rival.term.candidate.name)
         if taken is None:
             break
         tell("earlier choices again", _share(step, 0.8))
-        if search.over:
-            fit, rivals = taken, []
-            continue
-        challenged, rivals = challenge_each(search, taken, library)
-        if rivals and (paired := in_pairs(search, challenged, rivals)) is not challenged:
-            challenged, rivals = challenge_each(search, paired, library)
-        fit = terms_apart(search, merged_terms(search, challenged, library), library)
-        fit = weighed_terms(search, pruned_terms(search, fit, least), library)
-        if fit is not challenged:
-            rivals = []
-    last = search.released(fit)
-    return Selection(first, last, tuple(tuple(each) for each in rivals), library, tuple(screened), search.spent)
-
-
-def _left_beside(problem: Problem, fit: Fit) -> Array:
-    """Return what toleranced parameters leave of a fit's residual, (n, K), in the metric of noise and tolerances."""
-    return problem.beyond(fit, problem.target(fit).ravel()).reshape(fit.residual.shape)
+        fit, rivals = challenge_each(search, taken, library)
+        other = pruned_terms(search, rearranged(search, fit, library), least)
+        if other is not fit:
+            fit, rivals = challenge_each(search, other, library)
+    return search.released(fit), rivals
 
 
 def _relieves(fit: Fit, trial: Fit, least: float) -> bool:

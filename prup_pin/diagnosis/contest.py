@@ -1,126 +1,62 @@
-"""What was taken, against its rivals: other names, pairs, one for two, two for one."""
+"""The laws that were taken, against their rivals: others in their places, one for two, several for one, one less."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import permutations
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
 from ..spatial import Array
 from .candidates import Candidate
 from .criteria import (
-    CHALLENGES,
-    CLEAR_LEAD,
     CURVATURE,
-    FAR_RIVAL,
-    FEW_ROUNDS,
-    FEW_SIMULATED,
-    FIRST_STEPS,
     INDISTINCT,
-    LARGE_MISJUDGED,
-    LAST_STEPS,
-    MERGE_ROUNDS,
-    MERGES_TRIED,
-    MORE_SIMULATED,
-    MOST_PAIRS,
+    LEAD,
+    MOST_SIMULATED,
     MOST_TERMS,
-    NEAR_RIVAL,
-    NEEDED,
-    PAIRED,
     PARALLEL,
-    RIVAL_MARGIN,
-    SAME_CHI2,
-    SMALL_MISJUDGED,
-    SWAP_LEAD,
-    TOLD_ALONE,
-    WEIGHT_ACTS,
     WORTH_SEPARATING,
 )
-from .fit import Beside, Fit, Problem, Term, without
-from .screening import Least, brought_to_end
+from .fit import Fit, Problem, Term, without
+from .screening import Bound
 from .selection import Rival, Search, cost_of, penalty, scale_of
 
 __all__ = [
     "challenge_each",
     "challengers",
-    "in_pairs",
     "judged_rivals",
-    "merged_terms",
     "pruned_terms",
-    "settled_rivals",
-    "terms_apart",
-    "weighed_terms",
+    "rearranged",
 ]
 
 
-@dataclass(frozen=True)
-class _Outlook:
-    """A fit about which candidates are taken to first order beside kept terms, and what is kept does there.
+def challengers(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
+    """Return what could stand in the place of term `index`, the term itself included, best first.
 
-    begun (n, K): what the term whose place is looked at does, beyond what the others may do.
+    To first order about the fit; about the simulation without the term where else nothing yields.
     """
-
-    fit: Fit
-    kept: Sequence[Term]
-    beside: Beside | None
-    begun: Array
-    least: Least
-
-    @classmethod
-    def of(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
-        """Return the outlook from a fit on the place of one of its terms."""
-        others = [place for place in range(len(fit.terms)) if place != index]
-        kept, beside = [fit.terms[place] for place in others], problem.beside(fit, others)
-        removed = problem.change(fit, [term.effect for term in kept])
-        begun = without(removed.ravel(), beside).reshape(removed.shape)
-        return cls(fit, kept, beside, begun, Least(problem, fit, kept, problem.target(fit) - removed, beside))
-
-    @classmethod
-    def without(cls, problem: Problem, fit: Fit, index: int) -> _Outlook:
-        """Return the outlook from the simulation without that term."""
-        kept = [term for place, term in enumerate(fit.terms) if place != index]
-        bare = problem.fit_at(kept, like=fit)
-        beside = problem.beside(bare, range(len(kept)))
-        return cls(bare, kept, beside, 0.0 * bare.residual, Least(problem, bare, kept, problem.target(bare), beside))
-
-    def rival(self, search: Search, candidate: Candidate, worst: float, finished: float, scale: float) -> Rival | None:
-        """Return a candidate as a rival, fitted to the end below `finished`; None where it leaves more than `worst`."""
-        if self.least(candidate) > worst:
-            return None
-        chi2, term, change = search.quick(self.fit, self.kept, candidate, limit=FIRST_STEPS, beside=self.beside)
-        self.least.heard(candidate, chi2)
-        if chi2 > worst:
-            return None
-        rival = Rival(term, chi2, change)
-        if chi2 < finished:
-            rival = brought_to_end(search, self.fit, self.kept, rival, self.beside)
-        return Rival(rival.term, rival.chi2, rival.change - self.begun, scale)
-
-
-def challengers(search: Search, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
-    """Return what could stand in the place of term `index`, the term itself included, best first."""
-    problem, own, scale = search.problem, fit.terms[index], scale_of(search.problem, fit)
-    here = _Outlook.of(problem, fit, index)
-    rivals = [Rival(own, fit.chi2, -here.begun, scale)]
-    weight = float((here.begun**2).sum())
-    misjudged = _misjudged(problem, fit, index)
-    margin = max(RIVAL_MARGIN * INDISTINCT, misjudged)
-    worst = fit.chi2 + max(FAR_RIVAL * weight, margin)
-    finished = fit.chi2 + max(NEAR_RIVAL * weight, margin)
-    outlooks = [here]
+    own, scale = fit.terms[index], scale_of(problem, fit)
+    others = [place for place in range(len(fit.terms)) if place != index]
+    kept = [fit.terms[place] for place in others]
+    about, places = fit, others
     if _loads_alone(problem, own):
-        # Without it nothing yields: what its rivals do is not what they do to the loaded robot.
-        outlooks = [_Outlook.without(problem, fit, index)]
-    elif misjudged > LARGE_MISJUDGED:
-        # A large turn is bent; one law's first order sees it from where another one's does not.
-        outlooks.append(_Outlook.without(problem, fit, index))
+        about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
+    beside, effects = problem.beside(about, places), [term.effect for term in kept]
+    removed = problem.change(about, effects)
+
+    def beyond(change: Array) -> Array:
+        return without(change.ravel(), beside).reshape(change.shape)
+
+    bound = Bound(problem, about, problem.target(about) - removed, beside)
+    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _first_order_error(problem, fit, index))
+    rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
-        if candidate.name not in present:
-            seen = (outlook.rival(search, candidate, worst, finished, scale) for outlook in outlooks)
-            rivals += sorted((rival for rival in seen if rival is not None), key=lambda rival: rival.chi2)[:1]
+        if candidate.name not in present and bound(candidate) <= worst:
+            chi2, term, change = problem.quick(about, kept, candidate, beside=beside)
+            rivals += [Rival(term, chi2, change - beyond(removed), scale)] if chi2 <= worst else []
     return sorted(rivals, key=lambda rival: rival.score)
 
 
@@ -131,7 +67,7 @@ def _loads_alone(problem: Problem, term: Term) -> bool:
     return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
 
 
-def _misjudged(problem: Problem, fit: Fit, index: int) -> float:
+def _first_order_error(problem: Problem, fit: Fit, index: int) -> float:
     """Return by how much first order may misjudge chi squared in the place of a term.
 
     It grows with all that the term moves, be it that parameters within tolerance could move most of it as well.
@@ -140,63 +76,29 @@ def _misjudged(problem: Problem, fit: Fit, index: int) -> float:
     return CURVATURE * float((problem.change(fit, kept) ** 2).sum())
 
 
-def judged_rivals(
-    search: Search, fit: Fit, index: int, library: Sequence[Candidate], leads: bool = False
-) -> tuple[list[Rival], Fit | None]:
-    """Return what could stand in the place of a term, best first, and with `leads` the first fit that is better by it.
+def judged_rivals(search: Search, fit: Fit, index: int, library: Sequence[Candidate]) -> tuple[list[Rival], Fit | None]:
+    """Return what could stand in the place of a term, best first, and the first fit that is better by it.
 
     First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
     """
-    found = challengers(search, fit, index, library)
-    scale = scale_of(search.problem, fit)
-    own = fit.chi2 + scale * penalty(fit.terms[index])
-    reach = _misjudged(search.problem, fit, index)
+    found = challengers(search.problem, fit, index, library)
+    own = fit.chi2 + scale_of(search.problem, fit) * penalty(fit.terms[index])
+    reach = _first_order_error(search.problem, fit, index)
     judged: list[Rival] = []
-    simulated, most = 0, FEW_SIMULATED if reach < LARGE_MISJUDGED else MORE_SIMULATED
+    simulated = 0
     for rival in found:
-        close = rival.score < own + reach and (rival.score < own - CLEAR_LEAD or reach > SMALL_MISJUDGED)
         twin = any(_alike(rival, other) for other in judged)
-        if rival.term is fit.terms[index] or not close or twin or simulated == most or search.over:
+        done = simulated == MOST_SIMULATED or search.over
+        if rival.term is fit.terms[index] or rival.score >= own + reach or twin or done:
             judged.append(rival)
             continue
         simulated += 1
-        terms = list(fit.terms)
-        terms[index] = rival.term
-        trial = search.refine(terms, fit, rounds=2)
-        if trial.chi2 < max(rival.chi2, fit.chi2) + RIVAL_MARGIN * scale * INDISTINCT:
-            trial = search.refine(trial.terms, trial, rounds=FEW_ROUNDS)
-        judged.append(_simulated(rival, index, trial))
-        if leads and judged[-1].score < own - SWAP_LEAD:
+        terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
+        trial = search.refine(terms, fit)
+        judged.append(replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x)))
+        if judged[-1].score < own - LEAD:
             return judged, trial
     return sorted(judged, key=lambda rival: rival.score), None
-
-
-def settled_rivals(search: Search, fit: Fit, index: int, rivals: Sequence[Rival]) -> list[Rival]:
-    """Return rivals of a term, those that data may leave beside it as the whole simulation has them.
-
-    What first order misjudges would be taken for a difference that another recording shows.
-    """
-    if not rivals or _misjudged(search.problem, fit, index) < SMALL_MISJUDGED:
-        return list(rivals)
-    own, found = fit.terms[index], []
-    change = next((rival for rival in rivals if rival.term is own), rivals[0])
-    simulated = 0
-    for rival in sorted(rivals, key=lambda rival: rival.chi2):
-        near = rival.chi2 - fit.chi2 <= WORTH_SEPARATING * rival.scale * INDISTINCT
-        law = rival.term.candidate.law.physics
-        twin = law == own.candidate.law.physics and _alike(rival, change)
-        dear = rival.term.candidate.remembers or search.over or simulated == MOST_PAIRS
-        if near and rival.whole is None and rival.term is not own and not twin and not dear:
-            simulated += 1
-            terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
-            rival = _simulated(rival, index, search.refine(terms, fit, rounds=FEW_ROUNDS))
-        found.append(rival)
-    return sorted(found, key=lambda rival: rival.score)
-
-
-def _simulated(rival: Rival, index: int, trial: Fit) -> Rival:
-    """Return a rival as a fit has it in the place of term `index`."""
-    return replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x))
 
 
 def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
@@ -206,110 +108,44 @@ def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tu
     what was wrong with the first.
     """
     rivals: dict[int, list[Rival]] = {}
-    index = replaced = 0
+    index = 0
     while len(rivals) < len(fit.terms):
-        if search.over or replaced == CHALLENGES:
+        if search.over:
             return fit, []
-        judged, better = judged_rivals(search, fit, index, library, leads=True)
+        judged, better = judged_rivals(search, fit, index, library)
         if better is None:
             rivals[index] = judged
         else:
-            fit, rivals, replaced = better, {}, replaced + 1
+            fit, rivals = better, {}
         index = (index + 1) % len(fit.terms)
     return fit, [rivals[place] for place in range(len(fit.terms))]
 
 
-def in_pairs(search: Search, fit: Fit, rivals: Sequence[Sequence[Rival]]) -> Fit:
-    """Return the fit with one law at another place that looks alike, and with it another weight, or a law less.
-
-    Weight acts through what yields. Of places in series, which look alike under the tool's load, one was taken beside a
-    wrong weight, or with a small law to make up for the difference; beside the right place neither is wanted.
-    """
-    problem, scale = search.problem, scale_of(search.problem, fit)
-    best, found = fit, cost_of(fit, scale) - SWAP_LEAD
-
-    def better(terms: Sequence[Term], chi2: float, start: Fit) -> None:
-        nonlocal best, found
-        if chi2 + scale * sum(map(penalty, terms)) > found:
-            return
-        trial = search.refine(terms, start, rounds=FEW_ROUNDS)
-        if cost_of(trial, scale) < found:
-            best, found = trial, cost_of(trial, scale)
-
-    for place, other in permutations(range(len(fit.terms)), 2):
-        physics, far = fit.terms[place].candidate.law.physics, fit.chi2 + RIVAL_MARGIN * scale * INDISTINCT
-        weighs = "gravity" in fit.terms[other].candidate.law.needs
-        alike = [rival for rival in rivals[place] if rival.term.candidate.law.physics == physics and rival.chi2 < far]
-        for twin in _others(alike, fit.terms[place])[:PAIRED]:
-            if search.over:
-                return best
-            terms = [twin.term if index == place else term for index, term in enumerate(fit.terms)]
-            start = search.settled(terms, fit)
-            kept = [index for index in range(len(terms)) if index != other]
-            rest, beside = [terms[index] for index in kept], problem.beside(start, kept)
-            changed = problem.target(start) - problem.change(start, [term.effect for term in rest])
-            left = Least(problem, start, rest, changed, beside).left
-            better(rest, float(left @ left), start)
-            for rival in _others(rivals[other], fit.terms[other])[:PAIRED] if weighs else ():
-                candidate = rival.term.candidate
-                if "gravity" in candidate.law.needs and candidate.name not in {term.candidate.name for term in rest}:
-                    chi2, term, _ = search.quick(start, rest, candidate, limit=LAST_STEPS, beside=beside)
-                    better([*rest, term], chi2, start)
-    return best
-
-
-def _others(rivals: Sequence[Rival], term: Term) -> list[Rival]:
-    """Return rivals other than a term itself, without those that remember: these are dear."""
-    name = term.candidate.name
-    return [rival for rival in rivals if rival.term.candidate.name != name and not rival.term.candidate.remembers]
-
-
-def merged_terms(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
-    """Return the fit with one law in the place of two that act on the same part, where it does as well."""
-    for one in range(len(fit.terms)):
-        for other in range(one + 1, len(fit.terms)):
-            parts = fit.terms[one].candidate.parts
-            if fit.terms[other].candidate.parts != parts:
-                continue
-            places = [index for index in range(len(fit.terms)) if index not in (one, other)]
-            kept, beside = [fit.terms[index] for index in places], search.problem.beside(fit, places)
-            both = fit.chi2 + penalty(fit.terms[one]) + penalty(fit.terms[other])
-            rivals = []
-            for candidate in library:
-                if candidate.parts == parts:
-                    chi2, term, change = search.quick(fit, kept, candidate, beside=beside)
-                    rivals.append(Rival(term, chi2, change))
-            for rival in sorted(rivals, key=lambda rival: rival.score)[:MERGES_TRIED]:
-                trial = search.refine([*kept, rival.term], fit, rounds=MERGE_ROUNDS)
-                if trial.chi2 + penalty(trial.terms[-1]) < both:
-                    return trial
+def rearranged(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
+    """Return the fit with one law for two, several for one, or the robot's own weight, where that costs less."""
+    for proposed in (_one_for_two, _several_for_one, _with_weight):
+        scale = scale_of(search.problem, fit)
+        trials = (search.refine(terms, fit) for terms in proposed(search.problem, fit, library) if not search.over)
+        fit = next((trial for trial in trials if cost_of(trial, scale) < cost_of(fit, scale) - LEAD), fit)
     return fit
 
 
-def weighed_terms(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
-    """Return the fit with the robot's own weight beside what hangs on it, or instead, where that is likelier.
-
-    Weight has nothing to be fitted, and where something else weighs it is no news: it need not pass what a law must
-    that nobody expects. Alone, a payload of any mass takes the place of both.
-    """
-    heavy = [term.candidate for term in fit.terms if "gravity" in term.candidate.law.needs]
-    if not heavy or any(candidate.known.any() for candidate in heavy):
-        return fit
-    best, found = fit, cost_of(fit) - WEIGHT_ACTS * scale_of(search.problem, fit)
-    others = [term for term in fit.terms if term.candidate not in heavy]
-    for candidate in library:
-        if "gravity" in candidate.law.needs and candidate.known.any() and not search.over:
-            own = candidate.term(candidate.starts()[0])
-            trials = [search.refine([*kept, own], fit) for kept in (fit.terms, others)]
-            trial = min(trials, key=cost_of)
-            if cost_of(trial) < found:
-                best, found = trial, cost_of(trial)
-    return best
+def _one_for_two(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with one law in the place of two that act on the same part, the best first."""
+    for pair in combinations(range(len(fit.terms)), 2):
+        parts = fit.terms[pair[0]].candidate.parts
+        if fit.terms[pair[1]].candidate.parts != parts:
+            continue
+        places = [index for index in range(len(fit.terms)) if index not in pair]
+        kept, beside = [fit.terms[index] for index in places], problem.beside(fit, places)
+        own = [candidate for candidate in library if candidate.parts == parts]
+        rivals = [problem.quick(fit, kept, candidate, beside=beside) for candidate in own]
+        rivals.sort(key=lambda rival: rival[0] + penalty(rival[1]))
+        yield from ([*kept, term] for _, term, _ in rivals[:MOST_SIMULATED])
 
 
-def terms_apart(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
-    """Return the fit with laws at a few places in the place of one at all of them, where they do as well for less."""
-    problem, scale = search.problem, scale_of(search.problem, fit)
+def _several_for_one(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with laws at the places that are sure in the place of one at all of them."""
     single = {(candidate.law.physics, candidate.place): candidate for candidate in library if candidate.size == 1}
     for index, term in enumerate(fit.terms):
         law, names = term.candidate.law, [quantity.name for quantity in term.candidate.quantities]
@@ -317,17 +153,30 @@ def terms_apart(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
         if not all(name in places and (law.physics, places[name]) in single for name in names):
             continue
         sure = _surety(problem, fit, index)
-        kept = [other for place, other in enumerate(fit.terms) if place != index]
-        told = [place for place in np.argsort(-sure) if sure[place] > TOLD_ALONE]
-        if not told or len(told) + len(kept) > MOST_TERMS:
-            continue
-        for place in told:
-            candidate, name = single[law.physics, places[names[place]]], names[place]
-            kept.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
-        trial = search.refine(kept, fit, rounds=MERGE_ROUNDS)
-        if cost_of(trial, scale) < cost_of(fit, scale):
-            return trial
-    return fit
+        terms = [other for place, other in enumerate(fit.terms) if place != index]
+        for place in np.argsort(-sure):
+            if sure[place] > 1.96:
+                candidate, name = single[law.physics, places[names[place]]], names[place]
+                terms.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
+        if len(fit.terms) <= len(terms) <= MOST_TERMS:
+            yield terms
+
+
+def _with_weight(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with the robot's own weight in the place of what hangs on it, or beside.
+
+    Weight has nothing to be fitted, and where something else weighs it is no news: it need not pass what a law must
+    that nobody expects. Alone, a payload of any mass takes the place of both.
+    """
+    heavy = [term.candidate for term in fit.terms if "gravity" in term.candidate.law.needs]
+    if not heavy or any(candidate.known.any() for candidate in heavy):
+        return
+    others = [term for term in fit.terms if term.candidate not in heavy]
+    for candidate in library:
+        if "gravity" in candidate.law.needs and candidate.known.any():
+            own = candidate.term(candidate.starts()[0])
+            yield [*others, own]
+            yield [*fit.terms, own]
 
 
 def _surety(problem: Problem, fit: Fit, index: int) -> Array:
@@ -343,7 +192,7 @@ def _surety(problem: Problem, fit: Fit, index: int) -> Array:
 def _alike(one: Rival, other: Rival) -> bool:
     """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
     a, b = one.change.ravel(), other.change.ravel()
-    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < SAME_CHI2
+    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
 
 
 def pruned_terms(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:
@@ -354,9 +203,9 @@ def pruned_terms(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit
             others = [place for place in range(len(fit.terms)) if place != index]
             kept = [fit.terms[place] for place in others]
             changed = problem.change(fit, [other.effect for other in kept]).ravel()
-            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > NEEDED * least(term.candidate.size):
+            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > least(term.candidate.size):
                 continue
-            smaller = search.refine(kept, fit, rounds=FEW_ROUNDS)
+            smaller = search.refine(kept, fit)
             if smaller.chi2 - fit.chi2 < least(term.candidate.size):
                 fit = smaller
                 break

@@ -17,29 +17,24 @@ from .chances import normal_isf
 NOISE_LIKE: Final = 1.10
 #: Standard deviations by which a residual of noise alone exceeds 1 less than once in 10^4 recordings.
 CHANCE_DEVIATIONS: Final = 4.0
-#: The same where a curve over a module's load tells besides that something is left.
-CURVE_DEVIATIONS: Final = 2.5
-#: ... and takes away this share of it: a smaller one is no news for a builder.
-CURVE_SHARE: Final = 0.02
 #: Chance of calling pure noise a structure, over all tests of one residual.
 STRUCTURE_CHANCE: Final = 1e-4
 #: Samples that follow another one in the same pose, or poses, without which a residual larger than a declared noise is
 #: not called noise: fewer could not show that it is none.
 FEWEST_FOLLOWERS: Final = 12
 FEWEST_POSES: Final = 40
-#: Where a law takes away all but this share, a slightly rough law is still the right one ...
-ROUGH_SHARE: Final = 0.01
-#: ... or this one beside toleranced parameters, which shift the load at which a gap closes or a joint slides ...
-ROUGH_SHARE_WITHIN: Final = 0.02
+#: Where a law takes away all but this share, a slightly rough law is still the right one, beside toleranced parameters
+#: that shift the load at which a gap closes or a joint slides ...
+ROUGH_SHARE: Final = 0.02
 #: ... up to this many times the noise.
 ROUGH: Final = 1.25
 #: Declared noise this many times what repeats show hides effects, and is told.
 MUCH_LARGER: Final = 3.0
 
 
-def chance_bound(count: int, deviations: float = CHANCE_DEVIATIONS) -> float:
+def chance_bound(count: int) -> float:
     """Return how many times the noise the root mean square of `count` numbers of pure noise may be."""
-    return 1 + deviations * float(np.sqrt(0.5 / max(count, 1)))
+    return 1 + CHANCE_DEVIATIONS * float(np.sqrt(0.5 / max(count, 1)))
 
 
 def clean_bound(count: int) -> float:
@@ -53,9 +48,8 @@ def clean_bound(count: int) -> float:
 SAME_LOAD: Final = 0.02
 #: Repeats of a block beyond this many say nothing new, and cost their square.
 MOST_REPEATS: Final = 200
-#: Fewer repeats, or numbers in them, tell no scatter.
-FEWEST_REPEATS: Final = 8
-FEWEST_NUMBERS: Final = 12
+#: Fewer numbers tell no scatter: those of eight repeats of a position.
+FEWEST_NUMBERS: Final = 24
 #: Numbers farther out than this many standard deviations are outliers.
 CLIP: Final = 2.5
 #: What a good sensor has, where nothing is declared and nothing repeats [m, rad].
@@ -79,12 +73,8 @@ FALSE_ALARM: Final = 0.01
 LEAST_GAIN: Final = 0.01
 #: Parts into which blocks fall for that; each is left out once.
 FOLDS: Final = 7
-#: A logarithm that only few samples tell (the load that closes a gap) moves by about so much when these are left out:
-#: farther, its first order says nothing of them.
-FOLD_STEP: Final = 1.0
-#: Fewer blocks than this leave too little to fit; samples are then held out by time, in so many segments.
+#: Fewer blocks than this leave too little to fit; samples are then held out by time.
 FEWEST_FOR_FOLDS: Final = 5
-SEGMENTS: Final = 10
 #: So often the signs of the residual's pieces are flipped to see what chance removes.
 FLIPS: Final = 200
 #: Pieces below which flipping all signs alike is a likely accident.
@@ -98,13 +88,10 @@ PARAMETER_COST: Final = 8.0
 USUAL_MULTIPLE: Final = 30.0
 #: ... but where they are, they may be so by far: of a square that is larger than this the logarithm counts.
 TAIL: Final = 4.0
-#: Decides between places that these data cannot tell apart at all: small enough to decide nothing else.
-UNLIKELY_PLACE: Final = 1.0
 #: Alternatives whose chi squared is larger by less than this cannot be told apart.
 INDISTINCT: Final = 13.0
-#: ... nor, for builders, those that cost this many times as much more by values that are unusual.
-INDISTINCT_COST: Final = 2.5
-#: Alternatives within this many times INDISTINCT are worth an experiment that separates them.
+#: Alternatives within this many times INDISTINCT are worth an experiment that separates them; those that cost so much
+#: more by values that are unusual are none.
 WORTH_SEPARATING: Final = 3
 #: ... so many of them: the plan is for the best ones.
 MOST_PAIRS: Final = 10
@@ -113,84 +100,33 @@ MOST_PAIRS: Final = 10
 
 #: Each further effect makes the others harder to tell apart; beyond these the rest is called unknown.
 MOST_TERMS: Final = 4
-#: Searches made again without one of the laws found, where structure is left.
-DETOURS: Final = 2
-#: Share of what is left that one module's deformation must take away to be all of it: no detour explains that.
-ONE_PLACE: Final = 0.9
-#: Steps of a fit, to first order: for all candidates; for those in front of them.
-FIRST_STEPS: Final = 4
-LAST_STEPS: Final = 20
-#: Candidates that get the latter: the others are far behind, or twins of these.
-FRONT: Final = 24
-#: ... if they gain more chi squared than this, which chance gives to anything.
-FRONT_GAIN: Final = 4.0
-#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes ...
+#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes.
 HOPELESS: Final = 0.2
-#: ... and that is more than this: where little is left, all are tried.
-MODEST: Final = 300.0
-#: A law at all like places may remove so many times what it does in the direction in which its fit starts: laws bend.
-BENT: Final = 2.0
-#: Candidates of a round that are tried in the whole simulation before the round is given up.
-TRIED_WHOLE: Final = 6
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
 CURVATURE: Final = 1.5e-3
-#: Rivals of one term that are simulated: few, and more where an effect is so large that first order misjudges by this.
-FEW_SIMULATED: Final = 3
-MORE_SIMULATED: Final = 6
-LARGE_MISJUDGED: Final = 100.0
-#: A misjudgement smaller than this is not worth a simulation, nor a lead smaller than the next ...
-SMALL_MISJUDGED: Final = 2.0
-CLEAR_LEAD: Final = 1.0
-#: ... and a rival takes a term's place with a lead of this, so that two equals do not swap for ever.
-SWAP_LEAD: Final = 0.5
-#: So many places that look alike are tried once more, beside so many other weights.
-PAIRED: Final = 3
-#: Rounds of challenges after a law has come in.
-CHALLENGES: Final = 2
-#: Rivals are heard whose chi squared exceeds the fit's by at most this share of the term's effect ...
-FAR_RIVAL: Final = 0.5
-#: ... and fitted to the end within this one,
-NEAR_RIVAL: Final = 0.1
-#: or within so many times INDISTINCT.
-RIVAL_MARGIN: Final = 4
+#: Candidates that are simulated before a round, a term's place or a merger is given up.
+MOST_SIMULATED: Final = 6
+#: A lead in chi squared that decides nothing else: a likely place has it before one that data cannot tell from it, a
+#: rival takes a term's place with more, so that two equals do not swap for ever, and what first order misjudges by less
+#: is not simulated.
+LEAD: Final = 1.0
 #: Rivals that change the pose in directions this close to parallel, and chi squared alike, are tried once.
 PARALLEL: Final = 1e-6
-SAME_CHI2: Final = 1.0
-#: Single laws tried in the place of two at one part.
-MERGES_TRIED: Final = 3
-#: Standard deviations from nothing at which one of many values of a law is told alone, in the place of all.
-TOLD_ALONE: Final = 1.96
-#: A term whose whole effect exceeds this many times the threshold needs no check that the others made it needless.
-NEEDED: Final = 4
-#: Steps of a refinement that starts near its end.
-FEW_ROUNDS: Final = 4
-MERGE_ROUNDS: Final = 5
 
 # -- what may a search cost? -------------------------------------------------------------------------------------------
-# Counted, never timed: the same recording is searched equally far on every machine. One unit is a candidate fitted to
-# first order on one sample, some 50 µs on one core.
+# Counted, never timed: the same recording is searched equally far on every machine.
 
-#: A candidate costs no less than on so many samples: 40 of them took as long as 400 do.
-LEAST_COUNTED: Final = 400
-#: A law with memory is followed through the samples one by one.
-MEMORY_WORK: Final = 2.0
-#: A refinement solves the whole simulation some ten times; with memory, each of them to and fro until it agrees.
-REFINE_WORK: Final = 45.0
-REFINE_MEMORY_WORK: Final = 440.0
-#: ... in so many rounds and one; fewer cost less.
-FULL_ROUNDS: Final = 5
-#: Work after which no further law is looked for: twice what two effects on a bench test of 400 samples took, so that
-#: it ends what would not end well, and nothing else.
-SEARCH_WORK: Final = 800_000.0
-#: The same for what else there is beside something unknown: a third, since most of it has been found before.
-BESIDE_WORK: Final = 250_000.0
+#: Fits through the whole simulation after which no further law is looked for: twice what two effects took, so that it
+#: ends what would not end well, and nothing else.
+MOST_FITS: Final = 60
+#: One with a law that remembers follows the samples to and fro until it agrees, and takes the time of so many.
+MEMORY_FITS: Final = 6
 
 # -- where does it sit? ------------------------------------------------------------------------------------------------
 
-#: Places that take away at least this share of what the best one does cannot be told from it.
+#: Places, and variables that a deformation may follow, that take away at least this share of what the best one does
+#: cannot be told from it.
 ALIKE: Final = 0.95
-#: Another variable must take away this much more than the module's own load to be named.
-CLEARER: Final = 1.1
 #: Knots of a recovered curve: enough for a gap with its two edges, few enough for 40 samples.
 KNOTS: Final = 7
 #: Preference for smooth curves, as a share of what the data say: too weak to be seen, enough where there are none.
@@ -210,21 +146,13 @@ NO_LOAD: Final = 2e-3
 
 # -- is a law an imitation? --------------------------------------------------------------------------------------------
 
-#: A law is doubtful that gains less than so many times what is left ...
-IMITATED: Final = 10.0
-#: ... all the more where what is left sits in its place.
-IMITATED_HERE: Final = 100.0
-#: What is found beside something unknown is taken where all together fit no worse than this, in chi squared ...
-WORSE: Final = 1.3
-#: ... and where it is no more laws than this: several that have to help each other stand for what is unknown.
-MOST_BESIDE: Final = 1
+#: A law is doubtful that gains less than so many times what is left.
+IMITATED: Final = 100.0
 
 # -- did equilibrium in the deformed position show? --------------------------------------------------------------------
 
-#: Chi squared, and share of its own effect and of the residual, that it must remove.
-DEFLECTION_GAIN: Final = 25.0
-DEFLECTION_OF_ITSELF: Final = 0.5
-DEFLECTION_SHARE: Final = 0.01
+#: Share of its own effect that it must remove; the least chi squared is that of weight.
+DEFLECTION_SHARE: Final = 0.5
 
 # -- how sure is a value? ----------------------------------------------------------------------------------------------
 
@@ -328,7 +256,7 @@ CALIBRATION_STEP: Final = 0.01
 #: Cosine of two parameters' changes beyond which they are told only together.
 TWINS: Final = 0.995
 #: A parameter farther than this many tolerances from the robot file is a finding, or farther where chance takes one of
-#: so many parameters there.
+#: so many parameters there; nor is a kind's tolerance declared wrong by more: what is farther off is something else.
 BEYOND: Final = 3.0
 #: Chi squared by which the robot's own weight may make a calibration worse and still be taken to act, as it does on
 #: every real robot: what noise does to it once in two hundred times; and by which weight beside a payload must be
@@ -345,14 +273,8 @@ FREELY: Final = 3.0
 NOT_BEHIND: Final = 1.5
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
-#: A law is in without asking what parameters do beyond their tolerance, where it leaves this share of what they would.
-CLEARLY: Final = 0.5
-#: Work of a refinement beside toleranced parameters, relative to one without: it is differentiated anew as they move.
-HELD_WORK: Final = 4.0
 #: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
 MISJUDGED_COST: Final = 9.0
-#: ... and by how many times at most: what is farther off is something else.
-MISJUDGED: Final = 3.0
 
 
 def beyond_tolerance(count: int) -> float:

@@ -21,7 +21,7 @@ from .compete import needed, select
 from .conventions import logs_read
 from .criteria import (
     FEWEST_FOR_FOLDS,
-    SEGMENTS,
+    FOLDS,
     beyond_tolerance,
 )
 from .diagnosis import Diagnosis, Finding
@@ -175,7 +175,7 @@ def _fold_labels(given: Asked) -> np.ndarray:
         return blocks
     first = np.searchsorted(blocks, blocks)
     place = np.arange(len(blocks)) - first
-    return blocks * SEGMENTS + place * SEGMENTS // np.bincount(blocks)[blocks]
+    return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
 
 
 def _noisier(noise: Noise, larger: Noise) -> str:

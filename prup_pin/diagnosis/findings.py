@@ -18,13 +18,12 @@ from .calibrate import (
 )
 from .candidates import Candidate
 from .criteria import (
-    DEFLECTION_GAIN,
-    DEFLECTION_OF_ITSELF,
     DEFLECTION_SHARE,
     INDISTINCT,
-    INDISTINCT_COST,
     UNSEEN,
+    WEIGHT_SHOWS,
     WIDEST_LOGARITHM,
+    WORTH_SEPARATING,
 )
 from .diagnosis import Finding, FittedParameter
 from .fit import Fit, Problem, Term
@@ -237,7 +236,7 @@ def finding_of(
     places += term.candidate.law.same_places(term.candidate.place, robot.mechanism)
     for rival in selection.rivals[index]:
         # indistinct: as good a fit, with values that are not absurd; more parameters only rank it lower
-        absurd = rival.chi2 + scale * implausible(rival.term) > own + INDISTINCT_COST * scale * INDISTINCT
+        absurd = rival.chi2 + scale * implausible(rival.term) > own + WORTH_SEPARATING * scale * INDISTINCT
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
@@ -337,8 +336,7 @@ def finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = False
     with_linear = last.residual + difference
     worse = float((with_linear**2).sum())
     gained = worse - last.chi2
-    least = max(DEFLECTION_OF_ITSELF * size, DEFLECTION_GAIN, DEFLECTION_SHARE * worse)
-    if size < DEFLECTION_GAIN or (not silent and gained < least):
+    if size < WEIGHT_SHOWS or (not silent and gained < max(DEFLECTION_SHARE * size, WEIGHT_SHOWS)):
         return None
     return Finding(
         physics="finite_deflection",

@@ -205,10 +205,6 @@ class Problem:
         )
         return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
 
-    def module_of(self, candidate: Candidate) -> str | None:
-        """Return the module through whose deformation alone a candidate acts, or None where it acts otherwise too."""
-        return candidate.only_module
-
     def beyond(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
         return without(values, self.beside(fit, ()))
@@ -220,8 +216,6 @@ class Problem:
         fit: Fit,
         kept: Sequence[Term],
         candidate: Candidate,
-        starts: Sequence[Array] | None = None,
-        limit: int = 25,
         beside: Beside | None = None,
     ) -> tuple[float, Term, Array]:
         """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
@@ -262,7 +256,7 @@ class Problem:
                 columns.append((left(moved) - here) / step)
             return np.array(columns).T
 
-        begins = [np.clip(start, low, high) for start in (starts if starts is not None else candidate.scan())]
+        begins = [np.clip(start, low, high) for start in candidate.scan()]
         if len(begins) > 1:
             begins.sort(key=lambda start: float((left(start) ** 2).sum()))
         found = least_squares(
@@ -271,9 +265,9 @@ class Problem:
             slope,
             bounds=(low - 1e-12 * np.abs(low) - 1e-300, high + 1e-12 * np.abs(high) + 1e-300),
             x_scale=candidate.scales(),
-            max_nfev=limit,
-            ftol=1e-6,
-            xtol=1e-6,
+            max_nfev=_MOST_EVALUATIONS,
+            ftol=1e-4,
+            xtol=1e-4,
             gtol=1e-10,
         )
         term = Term(candidate, found.x)
@@ -309,7 +303,7 @@ class Problem:
         """Return True where a parameter would go farther than laws are looked for."""
         return bool(np.abs(fit.x).max(initial=0.0) > _AT_REACH * self.farthest)
 
-    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:
+    def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return the fit of all terms and toleranced parameters together through the whole simulation.
 
         Gauss-Newton steps, shortened where they do not help; parameters within `reach` tolerances, by default the
@@ -318,7 +312,7 @@ class Problem:
         reach = self.farthest if reach is None else reach
         fit = self.fit_at(terms, start.run, start)
         taken_at = fit.x
-        for _ in range(rounds):
+        for _ in range(_MOST_STEPS):
             if not (fit.terms or len(fit.x)) or not np.isfinite(fit.chi2):
                 return fit
             if np.abs(fit.x - taken_at).max(initial=0.0) > STALE:
@@ -330,10 +324,8 @@ class Problem:
                 trial, place = [], 0
                 for term, size in zip(fit.terms, sizes, strict=True):
                     low, high = term.candidate.bounds
-                    moved = share * step[place : place + size]
-                    moved = np.clip(moved, -2.0 * term.candidate.scales(), 2.0 * term.candidate.scales() + 0)
-                    if not term.candidate.logarithmic.all():
-                        moved = np.where(term.candidate.logarithmic, moved, share * step[place : place + size])
+                    widest = np.where(term.candidate.logarithmic, _WIDEST_STEP, np.inf)
+                    moved = np.clip(share * step[place : place + size], -widest, widest)
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
                 attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])
@@ -419,6 +411,8 @@ def _stepped(
     return moved if (left(moved) ** 2).sum() < (left(start) ** 2).sum() else start
 
 
+#: Steps through the whole simulation, and evaluations to first order, in which nearly all fits have ended.
+_MOST_STEPS, _MOST_EVALUATIONS = 6, 25
 #: Step of a logarithm that a slope is trusted for.
 _WIDEST_STEP = 2.0
 

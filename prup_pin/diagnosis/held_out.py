@@ -12,10 +12,8 @@ from .criteria import (
     FALSE_ALARM,
     FEWEST_FOR_FOLDS,
     FLIPS,
-    FOLD_STEP,
     FOLDS,
     LEAST_PIECES,
-    SEGMENTS,
 )
 from .fit import Fit, Problem, with_priors
 from .selection import Rival
@@ -30,7 +28,6 @@ def cross_validated(
     problem: Problem,
     fit: Fit,
     blocks: np.ndarray,
-    folds: int = FOLDS,
     *,
     less: int | None = None,
     parameters: np.ndarray | None = None,
@@ -44,7 +41,8 @@ def cross_validated(
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
     held, x, residual = fit.held.reshape(*fit.residual.shape, -1), fit.x, fit.residual
     candidates = [term.candidate for term in fit.terms]
-    own = [np.where(each.known > 0, each.known, each.logarithmic / FOLD_STEP) for each in candidates]
+    # a logarithm that only few samples tell (the load that closes a gap) is trusted for a step of one
+    own = [np.where(each.known > 0, each.known, each.logarithmic) for each in candidates]
     narrow, off = np.concatenate([np.zeros(0), *own]), np.concatenate([np.zeros(0), *(term.off for term in fit.terms)])
     if less is not None:
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
@@ -56,14 +54,13 @@ def cross_validated(
     if parameters is not None:
         residual = residual + held[..., parameters] @ x[parameters]
         held, x = held[..., ~parameters], x[~parameters]
-    return _held_out(residual, jacobian, blocks, folds, held, x, (narrow, off), strained)
+    return _held_out(residual, jacobian, blocks, held, x, (narrow, off), strained)
 
 
 def _held_out(
     residual: Array,
     jacobian: Array,
     blocks: np.ndarray,
-    folds: int,
     held: Array,
     x: Array,
     firm: tuple[Array, Array],
@@ -74,7 +71,7 @@ def _held_out(
     total = 0.0
     labels = _segments(blocks)
     kinds = np.unique(labels)
-    part = {label: index % folds for index, label in enumerate(kinds)}
+    part = {label: index % FOLDS for index, label in enumerate(kinds)}
     fold = np.array([part[label] for label in labels])
     for index in np.unique(fold):
         out = fold == index
@@ -101,7 +98,7 @@ def _segments(blocks: np.ndarray) -> np.ndarray:
     """Return blocks, or pieces in time where there are too few of them."""
     if len(np.unique(blocks)) >= FEWEST_FOR_FOLDS:
         return blocks
-    return np.arange(len(blocks)) * SEGMENTS // max(len(blocks), 1)
+    return np.arange(len(blocks)) * FOLDS // max(len(blocks), 1)
 
 
 def _pieces(blocks: np.ndarray) -> np.ndarray:

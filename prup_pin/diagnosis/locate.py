@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..spatial import Array
-from .criteria import ALIKE, CHANCE_DEVIATIONS, CLEARER, NOT_REACHING
+from .criteria import ALIKE, CHANCE_DEVIATIONS, NOT_REACHING
 from .fit import Beside, Fit, Problem
 from .local_curve import LocalCurve, curve_against, local_curve
 
@@ -116,7 +116,7 @@ def locate(problem: Problem, fit: Fit) -> Located | None:
     if own is None:
         return None
     follows = None
-    if clearest is not None and clearest[1].gain > CLEARER * own.gain + chance:
+    if clearest is not None and clearest[1].gain > own.gain / ALIKE + chance:
         words, best = clearest
         follows = words, best.gain / total
         curve = local_curve(problem, fit, best.module, best.component)

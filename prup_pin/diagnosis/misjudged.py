@@ -21,7 +21,7 @@ import numpy as np
 from ..numbers import number
 from ..spatial import Array
 from .calibrate import Toleranced
-from .criteria import MISJUDGED, MISJUDGED_COST, beyond_tolerance
+from .criteria import BEYOND, MISJUDGED_COST, beyond_tolerance
 from .fit import Fit, Problem
 from .selection import penalty
 
@@ -118,7 +118,7 @@ def _likeliest(normal: Array, right: Array, labels: np.ndarray, free: Sequence[s
         new = variances.copy()
         for here in members:
             size = float((mean[here] ** 2).sum()) / max(float(known[here].sum()), 1e-12)
-            new[here] = np.clip(size, 1.0, MISJUDGED**2)
+            new[here] = np.clip(size, 1.0, BEYOND**2)
         moved = np.abs(np.log(new / variances)).max(initial=0.0)
         variances = new
         if moved < _AGREED:

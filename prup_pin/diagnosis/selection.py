@@ -1,4 +1,4 @@
-"""What a search for laws keeps: its budget, rivals for a place, what was selected, and what terms cost."""
+"""What a search for laws keeps: how many fits it took, rivals for a place, what was selected, and what terms cost."""
 
 from __future__ import annotations
 
@@ -9,23 +9,11 @@ import numpy as np
 
 from ..spatial import Array
 from .candidates import Candidate
-from .criteria import (
-    FULL_ROUNDS,
-    HELD_WORK,
-    LEAST_COUNTED,
-    MEMORY_WORK,
-    PARAMETER_COST,
-    REFINE_MEMORY_WORK,
-    REFINE_WORK,
-    SEARCH_WORK,
-    UNLIKELY_PLACE,
-    clean_bound,
-)
-from .fit import Beside, Fit, Problem, Term
+from .criteria import LEAD, MEMORY_FITS, MOST_FITS, PARAMETER_COST, clean_bound
+from .fit import Fit, Problem, Term
 from .whiteness import compared
 
 __all__ = [
-    "Budget",
     "Rival",
     "Search",
     "Selection",
@@ -34,52 +22,27 @@ __all__ = [
     "is_clean",
     "penalty",
     "scale_of",
-    "unlikely",
 ]
 
 
-@dataclass(frozen=True)
-class Budget:
-    """What a search may cost before it looks for no further law, in units of `criteria`: counted, never timed."""
-
-    work: float = SEARCH_WORK
-
-
 class Search:
-    """A problem that is asked for fits, and counts what they cost. What is begun is ended."""
+    """A problem that is asked for fits through the whole simulation, and counts them. What is begun is ended.
 
-    def __init__(self, problem: Problem, budget: Budget):
-        self.problem, self.budget, self.spent = problem, budget, 0.0
+    `most` of them; one with a law that remembers counts for `MEMORY_FITS`.
+    """
+
+    def __init__(self, problem: Problem, most: int = MOST_FITS):
+        self.problem, self.most, self.fits = problem, most, 0
 
     @property
     def over(self) -> bool:
-        return self.spent > self.budget.work
+        """True where no further law is looked for."""
+        return self.fits > self.most
 
-    def quick(
-        self,
-        fit: Fit,
-        kept: Sequence[Term],
-        candidate: Candidate,
-        starts: Sequence[Array] | None = None,
-        limit: int = 25,
-        beside: Beside | None = None,
-    ) -> tuple[float, Term, Array]:
-        """Return what `Problem.quick` does."""
-        self.spent += max(len(fit.samples), LEAST_COUNTED) * (MEMORY_WORK if candidate.remembers else 1.0)
-        return self.problem.quick(fit, kept, candidate, starts, limit, beside)
-
-    def refine(self, terms: Sequence[Term], start: Fit, rounds: int = 6, reach: float | None = None) -> Fit:
+    def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return what `Problem.refine` does."""
-        remembers = any(term.candidate.remembers for term in terms)
-        each = REFINE_MEMORY_WORK if remembers else REFINE_WORK
-        each *= min((1 + rounds) / FULL_ROUNDS, 1.0)
-        self.spent += len(start.samples) * each * (HELD_WORK if len(start.x) else 1.0)
-        return self.problem.refine(terms, start, rounds, reach)
-
-    def settled(self, terms: Sequence[Term], like: Fit) -> Fit:
-        """Return what `Problem.fit_at` does."""
-        self.spent += len(like.samples) * REFINE_WORK
-        return self.problem.fit_at(terms, like=like)
+        self.fits += MEMORY_FITS if any(term.candidate.remembers for term in terms) else 1
+        return self.problem.refine(terms, start, reach)
 
     def released(self, fit: Fit) -> Fit:
         """Return a fit with its toleranced parameters as far off as they would go."""
@@ -111,19 +74,18 @@ class Rival:
 
 @dataclass(frozen=True)
 class Selection:
-    """The outcome: fits from the nominal simulation to the last one, rivals of every term, thresholds."""
+    """The outcome: the fits before any law and of all laws found, rivals of every term, and what competed."""
 
     first: Fit
     last: Fit
     rivals: tuple[tuple[Rival, ...], ...]
     library: Sequence[Candidate]
-    screened: tuple[Rival, ...]  # what the last round tried on top, best first
-    work: float = 0.0  # what the search cost, in units of its budget
+    fits: int = 0  # that the search took, through the whole simulation
 
     @classmethod
     def nothing(cls, first: Fit, library: Sequence[Candidate]) -> Selection:
         """Return what is selected where there is nothing to compare."""
-        return cls(first, first, (), library, ())
+        return cls(first, first, (), library)
 
 
 def penalty(term: Term) -> float:
@@ -138,14 +100,14 @@ def implausible(term: Term) -> float:
     starts = candidate.starts()
     far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
     far += float((candidate.unusual(term.coordinates) ** 2).sum())
-    return far + candidate.law.cost + unlikely(candidate)
+    return far + candidate.law.cost + _unlikely(candidate)
 
 
-def unlikely(candidate: Candidate) -> float:
+def _unlikely(candidate: Candidate) -> float:
     """Return a small cost that decides between places that these data cannot tell apart at all."""
     likely = candidate.law.likely
     names = {module.name for module in candidate.mechanism.modules if module.kind.kind in likely}
-    return 0.0 if not likely or names.intersection(candidate.parts) else UNLIKELY_PLACE
+    return 0.0 if not likely or names.intersection(candidate.parts) else LEAD
 
 
 def is_clean(problem: Problem, fit: Fit) -> bool:

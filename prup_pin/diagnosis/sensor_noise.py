@@ -12,7 +12,6 @@ from .chances import normal_cdf, normal_pdf
 from .criteria import (
     CLIP,
     FEWEST_NUMBERS,
-    FEWEST_REPEATS,
     MOST_REPEATS,
     SAME_LOAD,
     USUAL_POSITION_NOISE,
@@ -62,8 +61,6 @@ def scatter_of_repeats(
     """
     first, second = _repeats(inputs, here)
     wrench = inputs.wrench
-    if len(first) < FEWEST_REPEATS:
-        return None, None
     moved: list[Array] = []
     turned: list[Array] = []
     for measured in stack.channels:

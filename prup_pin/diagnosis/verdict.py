@@ -17,22 +17,12 @@ from .asked import Asked, Tell
 from .calibrate import (
     calibrated_parameters,
 )
-from .chances import chi2_sf
 from .compete import select
 from .criteria import (
-    BESIDE_WORK,
-    CURVE_DEVIATIONS,
-    CURVE_SHARE,
     IMITATED,
-    IMITATED_HERE,
-    MOST_BESIDE,
     ROUGH,
     ROUGH_SHARE,
-    ROUGH_SHARE_WITHIN,
-    STRUCTURE_CHANCE,
     WEIGHT_SHOWS,
-    WORSE,
-    chance_bound,
     clean_bound,
 )
 from .detectable import not_detectable
@@ -52,11 +42,10 @@ from .findings import (
 )
 from .fit import Fit, Problem
 from .held_out import cross_validated
-from .local_curve import LocalCurve, strongest_curve
 from .locate import Located, locate
 from .next_experiment import next_experiment
 from .recovered import recovered, residuals
-from .selection import Budget, Selection, is_clean
+from .selection import Selection, is_clean
 from .whiteness import compared
 
 __all__ = ["verdict_of"]
@@ -87,14 +76,13 @@ def verdict_of(
         finding_of(problem, last, index, selection, robot, held, labels if given.kinds else None)
         for index in range(len(last.terms))
     ]
-    curves = strongest_curve(problem, last) if count else []
     unknown: list[Finding] = []
     final = last
     if not count:
         unknown = [nothing_compared(problem, unused)]
     elif doubt is not None:
         unknown = [doubt]
-    elif _unexplained(_without_laws(problem, first, last), last, count, curves, bool(findings)):
+    elif _unexplained(_without_laws(problem, first, last), last, count, bool(findings)):
         findings, located, final = _with_unknown(findings, problem, selection, blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
         unknown = [located or located_nowhere(problem, final, selection, count)]
@@ -200,17 +188,11 @@ def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
     return last.chi2 + float((problem.change(last, ()) ** 2).sum())
 
 
-def _unexplained(start: float, last: Fit, count: int, curves: Sequence[LocalCurve], named: bool) -> bool:
+def _unexplained(start: float, last: Fit, count: int, named: bool) -> bool:
     """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
-    if not count:
-        return False
     rms, began = rms_of_sum(last.chi2, count), rms_of_sum(start, count)
-    structured = bool(curves) and chi2_sf(curves[0].gain, curves[0].degrees) * len(curves) < STRUCTURE_CHANCE
-    if rms <= clean_bound(count):
-        shows = rms > chance_bound(count, CURVE_DEVIATIONS)
-        return structured and not named and shows and curves[0].gain > CURVE_SHARE * last.chi2
-    share = ROUGH_SHARE_WITHIN if len(last.x) else ROUGH_SHARE
-    return not (named and rms <= ROUGH and (rms**2 - 1) <= share * (began**2 - 1))
+    rough = named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1)
+    return rms > clean_bound(count) and not rough
 
 
 def _with_unknown(
@@ -224,28 +206,23 @@ def _with_unknown(
 ) -> tuple[list[Finding], Finding | None, Fit]:
     """Return the findings that stand, what no law explains (None where it has no place), the fit of those that stand.
 
-    A law that takes most of the residual and leaves a shape behind is an imitation, all the more where the shape sits
-    in the same place. Beside what is unknown a law stands that leaves noise where the unknown's place may deform as it
-    likes; else only what far outweighs the rest. Laws in a row that together still miss are nobody's faults.
+    A law that takes most of the residual and leaves a shape behind is an imitation. Beside what is unknown a law stands
+    that leaves noise where the unknown's place may deform as it likes; else only what far outweighs the rest. Laws in a
+    row that together still miss are nobody's faults.
     """
-    kept, found, fit = _surest(list(findings), selection.last, problem, selection.first, count, robot, IMITATED)
+    kept, found, fit = _surest(list(findings), selection.last, problem, selection.first, count, robot)
     if found is None:
-        kept, _, fit = _surest(kept, fit, problem, selection.first, count, robot, IMITATED_HERE)
         return kept, None, fit
     # what else there is, whatever happens at that place
     freed = problem.freed(fit.influence, found.module)
     begin = freed.fit_at((), selection.first.run)
-    again = select(freed, selection.library, labels, begin, tell, Budget(BESIDE_WORK))
+    again = select(freed, selection.library, labels, begin, tell)
     beside = problem.fit_at(again.last.terms, again.last.run)
     # else what was freed has taken what the others explain, or they explain what it alone did
-    stands = beside.chi2 < WORSE * fit.chi2 and _no_worse(problem, selection.first, beside, labels)
-    if stands and len(beside.terms) <= MOST_BESIDE and _leaves_noise(problem, again.last, found.module):
+    if _leaves_noise(problem, again.last, found.module) and _no_worse(problem, selection.first, beside, labels):
         around = cross_validated(freed, again.last, labels[again.last.samples])
         kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
         fit, found = beside, locate(problem, beside) or found
-    else:
-        kept, other, fit = _surest(kept, fit, problem, selection.first, count, robot, IMITATED_HERE)
-        found = other or found
     statement = (
         "structure is left over that no law of the library takes away; a deformation of "
         f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
@@ -267,21 +244,15 @@ def _with_unknown(
 
 
 def _surest(
-    kept: list[Finding], fit: Fit, problem: Problem, first: Fit, count: int, robot: Robot, least: float
+    kept: list[Finding], fit: Fit, problem: Problem, first: Fit, count: int, robot: Robot
 ) -> tuple[list[Finding], Located | None, Fit]:
-    """Return the findings that each take `least` times what is left, where that sits, and their fit."""
+    """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit."""
     while True:
-        left = max(fit.chi2 - count, 0.0)
-        found = locate(problem, fit)
+        least = IMITATED * max(fit.chi2 - count, 0.0)
         gains = [growth_without(problem, fit, index) for index in range(len(kept))]
-        doubtful = [
-            index
-            for index, gain in enumerate(gains)
-            if gain < (IMITATED_HERE if _same_place(kept[index], found) else least) * left
-        ]
-        if not doubtful:
-            return kept, found, fit
-        kept.pop(min(doubtful, key=lambda index: gains[index]))
+        if min(gains, default=np.inf) >= least:
+            return kept, locate(problem, fit), fit
+        kept.pop(int(np.argmin(gains)))
         terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
         fit = problem.refine(terms, first) if terms else first
         kept = [
@@ -306,10 +277,6 @@ def _no_worse(problem: Problem, first: Fit, fit: Fit, labels: np.ndarray) -> boo
     """Return True where the laws of a fit do not raise the residual: neither the whole nor that of blocks left out."""
     held = [cross_validated(problem, each, labels[each.samples]) for each in (first, fit)]
     return fit.chi2 <= first.chi2 and held[1] <= held[0]
-
-
-def _same_place(finding: Finding, found: Located | None) -> bool:
-    return found is not None and any(name in found.candidates for name in finding.candidates)
 
 
 def _channels(

@@ -65,10 +65,10 @@ def test_a_payload_of_any_mass_gives_way_to_the_weight_that_acts(bench):
     simulator, library = bench
     problem = measured(simulator)
     wrong = problem.refine([library[PAYLOAD].term(library[PAYLOAD].starts()[0])], problem.first)
-    search = selection.Search(problem, selection.Budget())
-    assert values(contest.weighed_terms(search, wrong, list(library.values()))).keys() == {WEIGHT}
+    search = selection.Search(problem)
+    assert values(contest.rearranged(search, wrong, list(library.values()))).keys() == {WEIGHT}
     right = problem.refine([library["stiffness_changed at leg1/drive"].term(np.zeros(1))], problem.first)
-    assert contest.weighed_terms(search, right, list(library.values())) is right
+    assert contest.rearranged(search, right, list(library.values())) is right
 
 
 def test_weight_costs_no_parameter_and_has_no_rival_but_weight(bench):

@@ -10,7 +10,7 @@ import pytest
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.compete import _relieves, strain_of
-from prup_pin.diagnosis.criteria import MISJUDGED
+from prup_pin.diagnosis.criteria import BEYOND
 from prup_pin.diagnosis.misjudged import factors_of_kinds
 from prup_pin.recordings import read_recording
 
@@ -64,7 +64,7 @@ def test_what_may_not_be_misjudged_is_not():
 
 
 def test_nothing_is_off_by_more_than_a_tolerance_can_be_misjudged():
-    assert factors_of_kinds(*seen(2, {"position": 30.0}), KINDS, FREE)["position"] == MISJUDGED
+    assert factors_of_kinds(*seen(2, {"position": 30.0}), KINDS, FREE)["position"] == BEYOND
 
 
 def test_a_kind_that_is_off_by_less_is_left_alone():

@@ -13,7 +13,7 @@ import prup_pin
 from prup_pin.diagnosis import compete, diagnose
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.compete import select
-from prup_pin.diagnosis.selection import Budget
+from prup_pin.diagnosis.criteria import MOST_FITS
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, inputs_of
 from prup_pin.views.report.diagnosis_json import diagnosis_as_json
@@ -101,10 +101,10 @@ def test_a_search_ends_when_its_budget_is_spent(small):
     first = problem.fit_at(())
     whole = select(problem, library, blocks, first)
     assert len(whole.last.terms) == 2
-    assert whole.work < Budget().work
-    short = select(problem, library, blocks, first, budget=Budget(1.0))
+    assert whole.fits < MOST_FITS
+    short = select(problem, library, blocks, first, most=1)
     assert len(short.last.terms) <= 1
-    assert 0 < short.work < whole.work
-    plenty = select(problem, library, blocks, first, budget=Budget(2 * whole.work))
-    assert plenty.work == whole.work
+    assert 0 < short.fits < whole.fits
+    plenty = select(problem, library, blocks, first, most=2 * whole.fits)
+    assert plenty.fits == whole.fits
     np.testing.assert_array_equal(plenty.last.residual, whole.last.residual)
