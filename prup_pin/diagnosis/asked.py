@@ -22,11 +22,7 @@ from .calibrate import (
     within_tolerances,
 )
 from .candidates import Candidate, candidates, under_load
-from .criteria import (
-    FEWEST_BLOCKS,
-    MOST_SAMPLES,
-    MUCH_LARGER,
-)
+from .criteria import FEWEST_BLOCKS, FEWEST_STATIONS, MOST_SAMPLES, MUCH_LARGER
 from .fit import Problem
 from .plausible import beside_allowed, check_belongs, unused_columns, what_is_missing
 from .registration import OWN_STATIONS, Registered, own_frames, registered
@@ -157,9 +153,9 @@ def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) 
         return None
     heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
     weight = [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
-    # A station for each run is a kind as any other, which the data ask for or not.
+    # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
     own = bool(together.stations) or "pose_sensor" not in together.groups
-    several = own and len(np.unique(together.recording.run)) > 1
+    several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_STATIONS)
     found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, weight, several)
     if not several or found is None or found.stations is not None:
         return found

@@ -390,6 +390,8 @@ FAR_BEYOND: Final = 3.0
 #: Steps of the whole simulation in which spreads are found; a step below this share of its own uncertainty is the last.
 SPREAD_ROUNDS: Final = 12
 SPREAD_SETTLED: Final = 0.1
+#: Runs without which it is not asked whether the pose sensor stands elsewhere in each, unless that is declared.
+FEWEST_STATIONS: Final = 3
 #: Freedom of Student's t, with which numbers far off weigh little while nothing is known: few, since some may be gross.
 SPREAD_FREEDOM: Final = 3.0
 
