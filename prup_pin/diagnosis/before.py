@@ -20,6 +20,7 @@ from .efforts.gather import Efforts
 from .efforts.merged import has_efforts, has_poses, unused_by_efforts
 from .efforts.plausible import check_efforts
 from .efforts.search import pulls
+from .limits import limits_heard
 from .plausible import unused_columns
 from .selection import Selection
 
@@ -60,7 +61,7 @@ class Prospects:
 
 def prospects(robot: Robot, recording: Recording) -> Prospects:
     """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
-    with threadpool_limits(1, user_api="blas"):
+    with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
         logs = logs_read(robot, recording)
         (recording,) = logs.recordings
         adapted = as_recorded(robot, recording)
@@ -84,7 +85,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
             remarks += more
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
-        remarks += told
+        remarks += [*told, *beyond]
     return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.told)
 
 

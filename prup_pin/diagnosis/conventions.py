@@ -22,6 +22,7 @@ from .diagnosis import Diagnosis, Finding
 from .efforts.conventions import conventions_of_efforts
 from .efforts.merged import has_efforts, has_poses
 from .evidence import Evidence, merged
+from .limits import limits_heard
 from .pose_conventions import conventions_of_loads, conventions_of_poses
 
 __all__ = ["Logs", "as_diagnosed", "logs_read"]
@@ -77,7 +78,8 @@ def logs_read(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs
         found: list[Evidence] = []
         for look in (_of_poses, _of_loads, _of_efforts):
             item = None
-            with suppress(PrupPinError):  # what cannot be compared at all is told where it is diagnosed
+            # what cannot be compared at all is told where it is diagnosed; readings that are given up stand anywhere
+            with suppress(PrupPinError), limits_heard():
                 item = look(robot, recording)
             if item is not None:
                 _check_only(item, recording, robot)

@@ -91,6 +91,21 @@ def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, sai
     assert told(ur5, written(recording, *said)) == list(said)
 
 
+@pytest.mark.parametrize("turned", ["shoulder_lift_joint", "elbow_joint", None])
+def test_a_sign_is_told_of_a_motion_so_slow_and_small_that_most_drives_say_nothing(ur5, turned):
+    """What noise of the positions makes of wrists is larger than all that they give."""
+    rng, time = np.random.default_rng(6), np.arange(3000) * 0.004
+    home = np.array([0.0, -1.1, 1.0, -0.3, 0.5, 0.0])
+    q = home + 0.15 * np.sin(0.5 * time[:, None] + rng.uniform(0, 6, 6))
+    motion = motion_of(Recording(time=time, positions=dict(zip(ur5.actuated, q.T, strict=True))), ur5, ur5.actuated)
+    tau = InMotion.of(ur5, motion).rigid
+    tau = tau * [-1.0 if name == turned else 1.0 for name in ur5.actuated] + 0.05 * rng.normal(size=tau.shape)
+    q = q + 2e-4 * rng.normal(size=q.shape)
+    whole = Recording(time=time, positions=dict(zip(ur5.actuated, q.T, strict=True)))
+    log = replace(whole.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
+    assert told(ur5, log) == ([f"tau.{turned}=reversed"] if turned else [])
+
+
 def test_nearly_equal_gains_of_all_drives_are_a_unit(ur5, recording):
     (said,) = told(ur5, written(recording, "tau=gain:0.09"))
     assert float(said.removeprefix("tau=gain:")) == pytest.approx(0.09, rel=0.05)

@@ -7,7 +7,7 @@ log is not what it says, and no law is to be made of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -154,8 +154,27 @@ class _Search:
             tried.append(self._found((), replace(self.written, efforts=own)))
         found = [item for item in tried if item.conventions]
         if not found:
-            return self._geared(first)
+            return self._turned(signed) or self._geared(first)
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
+
+    def _turned(self, signed: Mapping[str, float]) -> Evidence | None:
+        """Return drives whose efforts are minus the rigid robot's, each by itself; signed: gains of those that follow.
+
+        Where most drives do little, what noise makes of them would hide one that says it surely.
+        """
+        motion, efforts = self.read(self.written)
+        both = [_shares(motion, sign * efforts, self.rigid) for sign in (1, -1)]
+        which = [
+            name
+            for name, written, read in zip(motion.driven, *both, strict=True)
+            if signed.get(name, 0.0) < 0 and read < CONVENTION_LEAVES**2 < EFFORT_MEANT * written
+        ]
+        if not which or len(which) == len(signed) or self._hung(self.written) < np.inf:
+            return None  # or gravity pulls another way
+        own = [motion.driven.index(name) for name in which]
+        written, read = (float(np.sqrt(np.mean(shares[own]))) for shares in both)
+        conventions = tuple(Convention(f"tau.{name}", "reversed") for name in which)
+        return Evidence(conventions, "efforts", "", written, read, 1 - (read / written) ** 2)
 
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
         """Return what is read otherwise beside a unit; begin: as that is read."""
