@@ -64,7 +64,9 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
             key = re.sub(rf"{numbers[-1]}(?!.*{numbers[-1]})", "#", name)
         groups.setdefault((kind, key), []).append((number, name, joint))
     if mechanism is not None:
-        told = {kind for kind, _ in groups}
+        # some of them may have a number besides: base, shoulder, elbow, wrist 1
+        many = len(driven(mechanism))
+        told = {kind for (kind, _), group in groups.items() if len(group) >= many or any(own for _, _, own in group)}
         groups |= {key: group for key, group in _spoken(stream, times, mechanism).items() if key[0] not in told}
     by_kind: dict[str, list[tuple[float, str]]] = {}
     for kind, key in groups:

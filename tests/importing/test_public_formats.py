@@ -94,11 +94,14 @@ def test_a_table_without_names_is_blocks_of_joints(tmp_path, ur5):
     assert_motion(done.recording, "q", "qd", "tau")
 
 
-def test_joints_that_the_log_calls_otherwise_go_in_order_and_say_so(tmp_path, ur5):
-    called = ("base", "shoulder", "elbow", "wristA", "wristB", "wristC")
+@pytest.mark.parametrize(
+    ("wrists", "doubts"), [(("wristA", "wristB", "wristC"), 6), (("wrist1", "wrist2", "wrist3"), 3)]
+)
+def test_joints_that_the_log_calls_otherwise_go_in_order_and_say_so(tmp_path, ur5, wrists, doubts):
+    called = ("base", "shoulder", "elbow", *wrists)
     columns = {"t": T} | {f"actual {name} position": Q[:, k] for k, name in enumerate(called)}
     columns |= {f"target {name} position": 2 * Q[:, k] for k, name in enumerate(called)}
-    done = imported(tmp_path, ur5, logs.csv(tmp_path / "log.csv", columns), doubts=6)
+    done = imported(tmp_path, ur5, logs.csv(tmp_path / "log.csv", columns), doubts=doubts)
     assert "which the log calls otherwise" in (tmp_path / "map.yaml").read_text()
     assert_motion(done.recording, "q")
 
