@@ -221,7 +221,7 @@ def test_what_is_a_little_of_the_effort_or_of_the_noise_is_no_matter(two):
     left, measured, noise = comes_and_goes(two, 0.03)
     assert changing(two, left, measured, noise) is None
     # more than that is left, but less of it follows
-    left, measured, noise = comes_and_goes(two, 0.045, 0.06)
+    left, measured, noise = comes_and_goes(two, 0.045, 0.045)
     assert changing(two, left, measured, noise) is None
     assert changing(two, 2 * left, measured, noise).of == "joint_2"
     left, measured, noise = comes_and_goes(two, 0.2)

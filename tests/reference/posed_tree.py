@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -69,6 +70,12 @@ class PosedTree:
 
     def __post_init__(self) -> None:
         self.model = pin.buildModelFromUrdf(str(self.path))
+        told = {joint.get("name"): joint.find("mimic") for joint in ElementTree.parse(self.path).iter("joint")}
+        self.follows = {
+            name: (mimic.get("joint"), float(mimic.get("multiplier", 1)), float(mimic.get("offset", 0)))
+            for name, mimic in told.items()
+            if mimic is not None
+        }
         self.twists: list[np.ndarray] = [np.zeros(6)]
         for joint in list(self.model.joints)[1:]:
             data = joint.createData()
@@ -99,7 +106,8 @@ class PosedTree:
             name, twist, drawn = self.model.names[joint], self.twists[joint], self.model.jointPlacements[joint]
             rotation = drawn.rotation @ turned(self.tilted.get(name, np.zeros(3)))
             seat = bodies[self.model.parents[joint]] @ placed(rotation, drawn.translation + self.moved.get(name, 0.0))
-            at = q.get(name, 0.0) + self.offsets.get(name, 0.0)
+            leader, ratio, offset = self.follows.get(name, (name, 1.0, 0.0))
+            at = ratio * q.get(leader, 0.0) + offset + self.offsets.get(name, 0.0)
             seats.append(seat)
             slide = placed(shift=twist[:3] * (at + slid[joint]))
             own = at + (slid[joint] if np.any(twist[3:]) else 0.0)
