@@ -286,8 +286,8 @@ def beyond_tolerance(count: int) -> float:
 
 #: Blocks of time whose residuals are taken to be independent of each other; fewer where they would be too short.
 EFFORT_BLOCKS = 40
-#: Fewest kept samples in a block.
-FEWEST_IN_BLOCK = 12
+#: Fewest kept samples in a block; and postures at rest, of which each is on its own.
+FEWEST_IN_BLOCK, FEWEST_POSTURES = 12, 2
 #: Folds of blocks that are held out in turn.
 EFFORT_FOLDS = 8
 #: Turned residuals that chance is judged by, and the share of them that may look as good as what is accepted.

@@ -270,7 +270,7 @@ def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple
         names=names,
         driven=driven,
         time=np.asarray(recording.time)[rows],
-        piece=np.arange(len(rows)),
+        piece=recording.select(rows).blocks(),
         rate=1.0,
         position=position,
         speed=np.zeros_like(position),

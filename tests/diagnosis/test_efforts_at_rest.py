@@ -115,3 +115,20 @@ def test_a_target_seen_without_rotations_is_not_said_to_be_turned(ur5, bench):
     assert finding.statement == "the measured target sits 1.32 mm beside the tool frame"
     assert finding.effect.values["rx"] == finding.parameters["rx"].value == 0.0
     assert [finding.parameters[axis].value for axis in "xyz"] == pytest.approx(SHIFT, abs=1e-5)
+
+
+def test_postures_measured_once_tell_a_gain_from_a_zero_point_though_no_noise_is_known(ur5):
+    """Each of eighty postures is on its own, as a stretch of a motion is: a few of these could not tell chance."""
+    rng, count = np.random.default_rng(3), 80
+    q = np.array([0, -1.2, 1.0, -0.3, 0.5, 0]) + rng.uniform(-0.8, 0.8, (count, 6))
+    names = ur5.mechanism.actuated
+    positions, none = dict(zip(names, q.T, strict=True)), dict.fromkeys(names, np.zeros(count))
+    recording = Recording(time=10.0 * np.arange(count), positions=positions, efforts=none)
+    held = dict(zip(names, at_rest(ur5, recording).rigid.T, strict=True))
+    gains = {"elbow_joint": 1.15}
+    efforts = {name: gains.get(name, 1.0) * held[name] + 0.05 * rng.normal(size=count) for name in names}
+    diagnosis = diagnose(ur5, recording.with_measurements(efforts=efforts))
+    assert np.isnan(diagnosis.efforts.noise).all()
+    (finding,) = (finding for finding in diagnosis.findings if finding.physics != "unknown")
+    assert (finding.physics, finding.location) == ("effort_gain", "elbow_joint")
+    assert finding.parameters["gain"].value == pytest.approx(0.15, abs=0.01)

@@ -20,7 +20,7 @@ from ...laws import Place
 from ...laws.efforts import EffortLaw
 from ...mechanism import Mechanism
 from ...spatial import Array
-from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK
+from ..criteria import AR_FLOOR, AR_ORDER, EFFORT_BLOCKS, EFFORT_FOLDS, FEWEST_IN_BLOCK, FEWEST_POSTURES
 
 __all__ = ["ByJoint", "Columns", "EffortCandidate", "Gathered", "Whitening", "column_blocks"]
 
@@ -90,10 +90,13 @@ class Whitening:
         return out
 
 
-def column_blocks(every: np.ndarray, count: int = EFFORT_BLOCKS) -> np.ndarray:
-    """Return labels (n,) of the blocks of time that kept samples belong to; none is too short to stand for itself."""
+def column_blocks(every: np.ndarray, count: int = EFFORT_BLOCKS, postures: int = 0) -> np.ndarray:
+    """Return labels (n,) of the blocks of time that kept samples belong to; none is too short to stand for itself.
+
+    Of different postures at rest each stands for itself.
+    """
     n = len(every)
-    count = int(np.clip(n // FEWEST_IN_BLOCK, 2, count))
+    count = int(np.clip(max(n // FEWEST_IN_BLOCK, postures // FEWEST_POSTURES), 2, count))
     return np.arange(n) * count // max(n, 1)
 
 

@@ -65,7 +65,7 @@ class Efforts:
         self.judged = Band(tuple(min(most, cutoff) for cutoff in motion.band.cutoffs), motion.band.rate)
         self.every = kept_samples(at)
         self.piece = motion.piece[self.every]
-        self.blocks = column_blocks(self.every)
+        self.blocks = column_blocks(self.every, postures=len(np.unique(self.piece)) if motion.standing else 0)
         self.measured = self.filter(motion.efforts)
         self.rigid = self.filter(at.rigid)
         self.good = self._good()
