@@ -59,7 +59,7 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     takes = _takes(before, after)
     read = [convention for item in diagnosis.findings for convention in item.conventions]
     if read:
-        takes += f" of the log read with {', '.join(map(str, read))}"
+        takes = f"{takes} (the log read with {', '.join(map(str, read))})"
     if diagnosis.verdict == "explained" and not named:
         return f"Explained: {takes}{left and f', and {left} are left'}."
     if diagnosis.verdict == "explained":
