@@ -75,14 +75,7 @@ class Outcome:
         kept = [term for term in surely(given, self.named).terms if not term.law.is_curve]
         self.laws = [term for term in kept if not any(term is other for other in imitating)]
         self.x_named, self._apart, self.matrix_named = self._coefficients()
-        self.laws = [term for term in self.laws if self.named.stays(term) or self._matters(term)]
-        # what cannot be negative may be nothing in the end, and what every drive has is told where it surely is
-        self.laws = [
-            term
-            for term in self.laws
-            if np.any(self.x_named[self.named.own(term)])
-            and not (self.named.stays(term) and self.may_be_nothing(term) > FALSE_ALARM)
-        ]
+        self.laws = self._that_matter(self.laws)
         self.held = held_out(given, self.named)
         self.impossible = self._no_bodies(fit(given, self.named)[0])
         self.laws = [term for term in self.laws if not self._stands_for_one(term)]
@@ -140,15 +133,23 @@ class Outcome:
         degrees = max(count - 1, 1)
         return white, white @ middle @ white * count / degrees + white + np.outer(self._apart, self._apart), degrees
 
-    def _matters(self, term: EffortCandidate) -> bool:
-        """Return whether a law adds to the effort of some joint what one sample could show, or more.
+    def _that_matter(self, laws: Sequence[EffortCandidate]) -> list[EffortCandidate]:
+        """Return laws that add to the effort of some joint what one sample could show, or more, where that is known.
 
-        Gears yield, filters have other shapes: thousands of samples tell of a rigid robot that it is none.
+        Gears yield, filters have other shapes: thousands of samples tell of a rigid robot that it is none. What cannot
+        be negative may be nothing in the end, and what every drive has is told where it surely is.
         """
-        own = self.named.own(term)
-        added = self.efforts.columns_of(self.given, self.named)[:, :, own] @ self.x_named[own]
-        size = np.sqrt(np.mean(added**2, axis=0)) * self.scale
-        return bool((size > EFFORT_MATTERS * np.array([noise.size for noise in self.noise.values()])).any())
+        columns, least = self.efforts.columns_of(self.given, self.named), np.nan_to_num(self.noise_sizes)
+        told = []
+        for term in laws:
+            own = self.named.own(term)
+            if self.named.stays(term):
+                matters = bool(self.x_named[own].any()) and self.may_be_nothing(term) <= FALSE_ALARM
+            else:
+                added = np.sqrt(np.mean((columns[:, :, own] @ self.x_named[own]) ** 2, axis=0))
+                matters = bool((added > EFFORT_MATTERS * least).any())
+            told += [term] * matters
+        return told
 
     @cached_property
     def noise(self) -> Mapping[str, EffortNoise]:
@@ -157,6 +158,11 @@ class Outcome:
         if declared:
             return dict.fromkeys(self.at.driven, EffortNoise(declared, "declared", self.motion.rate))
         return noise_of_efforts(self.recording, self.at.driven)
+
+    @property
+    def noise_sizes(self) -> Array:
+        """The same in N or N m, (k,); NaN of a joint of which nothing tells it."""
+        return np.array([self.noise[name].size for name in self.at.driven]) / self.scale
 
     def may_be_nothing(self, term: EffortCandidate) -> float:
         """Return the chance of coefficients as large as a law's where it does not act."""

@@ -51,7 +51,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     predicted = (rigid + efforts.filter(added)[every]) * outcome.scale
     told = outcome.noise
     declared = bool(outcome.recording.noise.effort)
-    noise = np.array([told[name].size for name in outcome.at.driven]) / outcome.scale
+    noise = outcome.noise_sizes
     before, after, by_joint = residuals_of(outcome, added, noise)
     findings = [
         *gains_found(outcome),
