@@ -8,7 +8,7 @@ from typing import SupportsFloat
 
 import numpy as np
 
-__all__ = ["finer_units", "fixed", "number", "quantity", "readable_unit"]
+__all__ = ["counted", "finer_units", "fixed", "number", "quantity", "readable_unit"]
 
 #: SI values below this are rounding, whatever their unit: a proton is as wide as 1e-15 m.
 _NOTHING = 1e-15
@@ -92,3 +92,8 @@ def quantity(value: float, unit: str, digits: int = 3, signed: bool = False) -> 
         value = 0.0
     text = number(value * factor, digits, signed)
     return text if math.isinf(value) or not name else f"{text} {name}"
+
+
+def counted(count: int, noun: str) -> str:
+    """Return '1 pose', '2 poses', 'no poses'."""
+    return f"{count or 'no'} {noun}{'' if count == 1 else 's'}"

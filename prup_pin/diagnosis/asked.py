@@ -34,6 +34,8 @@ __all__ = ["Asked", "Tell", "asked"]
 
 
 Tell = Callable[[str, float], None]
+#: Rows of a table that a remark lists.
+_ROWS_TOLD = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +111,10 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
             raise InputError(together.told(source, str(error))) from error
     tell("the nominal simulation", 0.0)
     nominal = simulator.run()
-    lost = int((stack.exists.any(axis=1) & ~nominal.solved).sum())
-    if lost:
-        remarks.append(f"{lost} of {len(inputs)} samples could not be simulated, and say nothing here")
+    for source, here in together.each():
+        lost = together.rows[here & stack.exists.any(axis=1) & ~nominal.solved]
+        if len(lost):
+            remarks.append(together.told(source, _not_simulated(lost, int(here.sum()))))
     noises = []
     for source, here in together.each():
         noises.append(estimate_noise(source.recording, stack, linear, inputs, here))
@@ -216,3 +219,10 @@ def _quieter(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs,
                 f"{number(1e6 * found, 3)} {unit} only: if it is declared too large, effects are overlooked"
             )
     return remarks
+
+
+def _not_simulated(rows: np.ndarray, count: int) -> str:
+    """Return that samples of a table, by their places from 0, could not be simulated; row 1 holds its names."""
+    listed = ", ".join(str(row + 2) for row in rows[:_ROWS_TOLD]) + (", …" if len(rows) > _ROWS_TOLD else "")
+    which = f"row{'s' if len(rows) > 1 else ''} {listed}"
+    return f"{len(rows)} of {count} samples could not be simulated ({which}), and say nothing here"

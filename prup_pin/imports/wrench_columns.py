@@ -9,6 +9,10 @@ from .log import Log
 from .units import dimension_of, spelled
 from .words import WISHED, unit_in_name, words_of
 
+#: What forces and moments are called, in English, German, French, Spanish and Italian.
+_FORCES = ("force", "kraft", "fuerza", "forza")
+_MOMENTS = ("torque", "moment", "drehmoment", "couple", "momento", "coppia")
+
 
 def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
     """Return the lines of a wrench: fx … mz, or force.x … torque.z."""
@@ -21,8 +25,8 @@ def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
             last = words[-1]
             if re.fullmatch(r"[fmt][xyz]", last):
                 component = ("f" if last[0] == "f" else "m") + last[1]
-            elif last in ("x", "y", "z") and len(words) > 1 and words[-2] in ("force", "torque", "moment"):
-                component = ("f" if words[-2] == "force" else "m") + last
+            elif last in ("x", "y", "z") and len(words) > 1 and words[-2] in (*_FORCES, *_MOMENTS):
+                component = ("f" if words[-2] in _FORCES else "m") + last
             else:
                 continue
             said = stream.units.get(name) or unit_in_name(name)

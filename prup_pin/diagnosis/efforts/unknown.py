@@ -20,6 +20,7 @@ __all__ = [
     "body_unknown",
     "changing_unknown",
     "curve_unknown",
+    "foreign_unknown",
     "loud_unknown",
     "unknown_at",
     "untold_unknown",
@@ -73,6 +74,16 @@ def untold_unknown(name: str, left: float, here: float, multiple: float) -> Find
         name,
         f"{number(100 * here, 3)} % of the effort of {name} are left, {loud} ({number(100 * left, 3)} % of all "
         "efforts); no law of the library takes it away, and no noise was declared that it could be",
+    )
+
+
+def foreign_unknown(drawn: float, left: float) -> Finding:
+    """Return that the log is hardly one of this robot: nothing that may be off in the drawing tells its efforts."""
+    return unknown_at(
+        "robot",
+        f"what the robot file leaves is {number(drawn, 3)} times the efforts themselves, and with all that was "
+        f"corrected {number(100 * left, 3)} % of them are left: this is hardly a log of this robot. Check --robot, "
+        "which joint each column belongs to, and whether the log holds efforts without weight",
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...spatial import Array
 from ..criteria import (
+    EFFORT_FOREIGN,
     EFFORT_LOUD,
     EFFORT_NO_MATTER,
     EFFORT_NO_NOISE,
@@ -31,6 +32,7 @@ from .unknown import (
     body_unknown,
     changing_unknown,
     curve_unknown,
+    foreign_unknown,
     loud_unknown,
     unknown_at,
     untold_unknown,
@@ -78,6 +80,8 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
             if declared
             else list(_no_noise(outcome, measured, shares, by_joint)) or list(_changing(outcome, added, told))
         )
+        if not unknown and _is_foreign(shares["all"]):
+            unknown = [foreign_unknown(shares["all"]["rigid"], shares["all"]["heldout"])]
         named = {finding.location for finding in unknown}
         unknown += [item for item in _worse(outcome, measured, rigid, held, shares) if item.location not in named]
     doubtful = _doubtful(outcome, unknown)
@@ -116,6 +120,14 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         rows=motion.rows[every],
         standing=motion.standing,
     )
+
+
+def _is_foreign(share: Mapping[str, float]) -> bool:
+    """Return True where the drawing foretells less than nothing of the efforts, and no correction most of them.
+
+    A correction that takes the drawn efforts away leaves the noise, which speaks for no robot at all.
+    """
+    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > EFFORT_UNTOLD
 
 
 def _beyond_declared(after: Mapping[str, float], by_joint: Mapping[str, Mapping[str, float]]) -> Iterator[Finding]:

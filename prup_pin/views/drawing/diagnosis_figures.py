@@ -30,6 +30,8 @@ BEFORE, AFTER = "#9AA3AD", "#0B6AA8"
 #: Letters that stand beside a row.
 _LINE = 18
 _BAND = "#DCE3EA"
+#: Times its range that a law may go up and down along its load and still be drawn as a line.
+_ZIGZAG = 3
 _WIDE = Layout(
     (11, 6.6), (0.02, 0.02, 0.62, 0.86), (0.725, 0.49, 0.255, 0.34), (0.015, 0.02, 0.13, 0.19), (0.715, 0.39),
     (0, 0, 0, 0), 40,
@@ -259,7 +261,10 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
                 axes.plot(x[here], law[here], color=FOUND, lw=0.6, alpha=0.35, zorder=4)
         else:
             order = np.argsort(x, kind="stable")
-            axes.plot(x[order], law[order], color=FOUND, lw=2.2, zorder=5, label=f"the law: {name}")
+            if np.abs(np.diff(law[order])).sum() > _ZIGZAG * np.ptp(law):  # it hangs on more than this load
+                axes.scatter(x, law, s=9, color=FOUND, linewidths=0, zorder=5, label=f"the law: {name}")
+            else:
+                axes.plot(x[order], law[order], color=FOUND, lw=2.2, zorder=5, label=f"the law: {name}")
     top = 1.25 * float(max((y_factor * reach).max(), np.quantile(np.abs(y), 0.5)))
     low, high = min(float(np.quantile(y, 0.02)), 0.0), max(float(np.quantile(y, 0.98)), 0.0)
     pad = 0.12 * max(high - low, 1e-12)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...diagnosis.calibration import Calibration
-from ...numbers import number, readable_unit
+from ...numbers import counted, number, readable_unit
 from ...recordings import Recording
 from ...robot import Robot
 from .tables import some
@@ -33,8 +33,8 @@ def print_calibration(out: Console, robot: Robot, recordings: Sequence[Recording
     listed(out, "robot", [robot.name])
     for recording in recordings:
         name = [Path(recording.path).name] if len(recordings) > 1 else []
-        listed(out, "recording", [*name, f"{len(recording)} samples"], ", ")
-    listed(out, "used", [f"{found.samples} samples"])
+        listed(out, "recording", [*name, counted(len(recording), "sample")], ", ")
+    listed(out, "used", [counted(found.samples, "sample")])
     listed(out, "parameters", [f"{len(found.parameters)} that may be off"], ", ")
     acting = [effect.statement(robot.mechanism) for effect in found.effects[1:]]
     if acting:

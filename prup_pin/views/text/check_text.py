@@ -12,7 +12,7 @@ from rich.text import Text
 from ...errors import MissingExtraError, NoStiffnessError, PrupPinError
 from ...mechanism.second_reader import second_opinion
 from ...modules import WrenchModule
-from ...numbers import number, quantity
+from ...numbers import counted, number, quantity
 from ...robot import Robot
 from ...statics import Compliance
 from .tables import mobility_text, redundancy_text, some
@@ -50,9 +50,9 @@ def robot_remarks(robot: Robot) -> Iterator[str]:
     moving = found.mobility - len(found.idle_joints)
     if mechanism.loops and moving != driven:
         yield (
-            f"{found.mobility} degrees of freedom, {len(found.idle_joints)} of them idle, and {driven} actuated "
-            "joints: expected as many actuated joints as degrees of freedom that move the tool"
-            + (_SURPLUS if driven > moving else "")
+            f"{counted(found.mobility, 'degree')} of freedom, {len(found.idle_joints)} of them idle, and "
+            f"{counted(driven, 'actuated joint')}: expected as many actuated joints as degrees of freedom that move "
+            "the tool" + (_SURPLUS if driven > moving else "")
         )
     yield from _fixed_coordinates(robot)
     yield from _odd_beams(robot)
@@ -167,9 +167,9 @@ def print_check(out: Console, robot: Robot) -> None:
         out,
         "holds",
         [
-            f"{_count(len(mechanism.joints), 'joint')}, {len(mechanism.actuated)} actuated",
-            _count(len(mechanism.loops), "loop"),
-            _count(len(mechanism.modules), "compliant module"),
+            f"{counted(len(mechanism.joints), 'joint')}, {len(mechanism.actuated)} actuated",
+            counted(len(mechanism.loops), "loop"),
+            counted(len(mechanism.modules), "compliant module"),
         ],
         ", ",
     )
@@ -183,10 +183,6 @@ def print_check(out: Console, robot: Robot) -> None:
     except PrupPinError:
         pass  # among the remarks
     print_remarks(out, list(robot_remarks(robot)), list(robot.assumptions))
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
 
 
 def print_remarks(out: Console, remarks: list[str], assumed: list[str]) -> None:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...diagnosis import Diagnosis, Finding
-from ...numbers import number
+from ...numbers import counted, number
 from ...recordings import Recording
 from ...robot import Robot
 from .diagnosis_words import (
@@ -44,7 +44,7 @@ def print_diagnosis(
     else:
         used = len(diagnosis.samples)
         held = length_of(diagnosis, recordings[0])
-        listed(out, "recording", [f"{len(recordings[0])} samples, {used} used", held], ", ")
+        listed(out, "recording", [f"{counted(len(recordings[0]), 'sample')}, {used} used", held], ", ")
     listed(out, "noise", noise_text(diagnosis), ", ")
     if diagnosis.findings:
         heading(out, "Left out")

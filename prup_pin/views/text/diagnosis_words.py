@@ -10,7 +10,7 @@ import numpy as np
 from ...diagnosis import Diagnosis, Finding
 from ...diagnosis.diagnosis import Detectable, FittedParameter
 from ...laws.efforts import EFFORT
-from ...numbers import number, quantity, readable_unit
+from ...numbers import counted, number, quantity, readable_unit
 from ...recordings import Recording
 
 __all__ = [
@@ -54,9 +54,14 @@ def verdict_text(diagnosis: Diagnosis) -> str:
     left = "" if diagnosis.efforts is None else f"{_percent(diagnosis.efforts.shares['all']['heldout'])} of the efforts"
     if diagnosis.verdict == "nothing_missing":
         return _nothing_missing(diagnosis, left)
-    named = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
+    named = [item for item in diagnosis.findings if item.physics != "unknown" and not item.conventions]
     told = _joined(_all_told(named))
     takes = _takes(before, after)
+    read = [convention for item in diagnosis.findings for convention in item.conventions]
+    if read:
+        takes = f"{takes} (the log read with {', '.join(map(str, read))})"
+    if diagnosis.verdict == "explained" and not named:
+        return f"Explained: {takes}{left and f', and {left} are left'}."
     if diagnosis.verdict == "explained":
         return f"Explained: with {told} {takes}{left and f', and {left} are left'}."
     unknown = next((finding for finding in diagnosis.findings if finding.physics == "unknown"), None)
@@ -85,6 +90,8 @@ def _takes(before: float, after: float) -> str:
     """Return from where to where the residual falls."""
     if math.isnan(before):
         return "the residual falls"
+    if number(before, 3) == number(after, 3):
+        return f"the residual is {_times(after)}"
     return f"the residual falls from {number(before, 3)} to {_times(after)}"
 
 
@@ -140,17 +147,23 @@ def summary_text(diagnosis: Diagnosis) -> str:
     first, last = _beside(diagnosis)
     if not first:
         return ""
+    logs = [finding for finding in diagnosis.findings if finding.conventions]
     every = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
+    every = [finding for finding in every if finding not in logs]
     named = [finding for finding in every if finding.physics != "finite_deflection"] or every  # that is no fault
     causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
-    texts = [first]
+    texts = [*(f"{finding.statement}." for finding in logs), first]
+    if logs:
+        texts[-1] = f"Read so: {first}"
     if diagnosis.verdict == "nothing_missing":
-        return f"{first} That is what the sensors scatter by themselves: nothing has to be mended."
+        return f"{' '.join(texts)} That is what the sensors scatter by themselves: nothing has to be mended."
     if causes:
         count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
         things = f"{count} thing{'s' if len(causes) > 1 else ''}"
         texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for it: {'; '.join(causes)}.")
+        if len(named) < len(every):
+            texts.append("The robot's deflection under load changes how it carries the load; that is no fault.")
     if diagnosis.verdict == "explained":
         times = diagnosis.after.get("heldout", math.nan)
         scatter = "little more than the sensors scatter by themselves"
@@ -161,7 +174,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
         texts[-1] += ": something is missing that has no name here, and the corrected model holds only near these data."
-    first_remedy = next((finding.remedy for finding in named if finding.remedy), "")
+    first_remedy = next((finding.remedy for finding in (*logs, *named) if finding.remedy), "")
     if first_remedy:
         texts.append(f"To do first: {first_remedy}.")
     return " ".join(texts)
@@ -175,7 +188,10 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
             ends = [quantity(1e-6 * value, unit) for value in (before, values[f"after_u{unit}"])]
             what = "the tool" if name in ("position", "rotation") else name.removesuffix(f" {name.split()[-1]}")
             does = "stood" if unit == "m" else "was turned"
-            text = f"Where it was measured, {what} {does} {ends[0]} (root mean square) beside what the robot file says."
+            text = (
+                f"Where it was measured, {what} {does} {ends[0]} (root mean square) away from where the simulation "
+                "of the robot file puts it."
+            )
             return text, f"{ends[1]} are left"
     if diagnosis.efforts is None:
         return "", ""
@@ -208,6 +224,9 @@ def parameter_texts(parameters: Mapping[str, FittedParameter]) -> list[tuple[str
         low, high = sorted(fitted.interval)
         value = f"{number(factor * fitted.value, 4)} {unit}".strip()
         words = name if "." in name else name.replace("_", " ")  # else it names a part of the robot
+        if fitted.value == 0 and factor * max(abs(low), abs(high)) > 0.99 * _ABSURD:
+            rows.append((words, "not determined by this recording", "any size"))
+            continue
         rows.append((words, value, f"{_end(factor * low)} to {_end(factor * high)} {unit}".strip()))
     return rows
 
@@ -287,7 +306,7 @@ def length_of(diagnosis: Diagnosis, recording: Recording) -> str:
     """Return how much a recording holds: '8 poses', or '21.8 s of motion'."""
     poses = len(set(recording.blocks().tolist())) if len(recording) else 0
     if diagnosis.efforts is None or 2 * poses <= len(recording):
-        return f"{poses} poses"
+        return counted(poses, "pose")
     return f"{number(float(np.ptp(diagnosis.efforts.time)), 3)} s of motion"
 
 
@@ -297,19 +316,20 @@ def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     for part in diagnosis.recordings:
         ends = " → ".join(number(value, 3) for value in (part.before, part.after))
         own = f"its own {', '.join(name.replace('_', ' ') for name in part.own)}" if part.own else ""
-        texts = (f"{part.samples} samples, {len(part.used)} used", f"{ends} × noise", own)
+        texts = (f"{counted(part.samples, 'sample')}, {len(part.used)} used", f"{ends} × noise", own)
         rows.append((part.name, *(text for text in texts if text)))
     return rows
 
 
 def noise_text(diagnosis: Diagnosis) -> list[str]:
-    """Return the noise of each sensor; what is zero was not declared."""
+    """Return the noise of each sensor that measured something; what is zero was not declared."""
     noise = diagnosis.noise
     items = (("position", "m"), ("rotation", "rad"), ("force", "N"), ("moment", "N m"), ("effort", "N or N m"))
     texts = []
+    compared = {unit for name, unit, _ in diagnosis.columns if name in diagnosis.by_channel}
     for name, unit in items:
         value = getattr(noise, name)
-        if value:
+        if value and (unit not in ("m", "rad") or unit in compared):
             texts.append(f"{name} {quantity(value, unit)}")
     efforts = diagnosis.efforts
     if efforts is None or efforts.declared:

@@ -11,7 +11,7 @@ from rich.text import Text
 from ...imports import Conversion, Log, LogMap
 from ...imports.map import Column
 from ...imports.units import SI_WORDS, dimension_of
-from ...numbers import number
+from ...numbers import counted, number
 from ...recordings import suspicions
 from ...recordings.columns import unit_of
 from ...spatial import WRENCH_NAMES
@@ -24,7 +24,8 @@ def print_log(out: Console, log: Log) -> None:
     """Print what a log holds, stream by stream."""
     out.print(Text(log.path, style="bold"))
     for stream in log.streams:
-        listed(out, "", [f"{stream.name}: {len(stream)} rows, {len(stream.columns)} columns of numbers"])
+        size = f"{counted(len(stream), 'row')}, {counted(len(stream.columns), 'column')}"
+        listed(out, "", [f"{stream.name}: {size} of numbers"])
 
 
 def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> None:
@@ -34,7 +35,8 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
     span = recording.time[-1] - recording.time[0]
     steps = np.diff(recording.time)
     rate = 1 / float(np.median(steps)) if len(steps) else 0.0
-    listed(out, "recording", [f"{len(recording)} rows, {number(float(span), 4)} s, {number(rate, 4)} rows a second"])
+    sizes = f"{counted(len(recording), 'row')}, {number(float(span), 4)} s, {number(rate, 4)} rows a second"
+    listed(out, "recording", [sizes])
     heading(out, "Columns", "(SI = sign x scale x value + offset)")
     names = [("recording", "left"), ("column of the log", "left"), ("in", "left")]
     table = make_table(*names, ("from", "right"), ("to", "right"), ("", "left"))

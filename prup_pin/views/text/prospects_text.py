@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 
 from ...diagnosis.before import Prospects
-from ...numbers import number
+from ...numbers import counted, number
 from ...recordings import Recording
 from ...robot import Robot
 from .diagnosis_words import hidden_rows
@@ -17,7 +17,7 @@ __all__ = ["print_prospects"]
 def print_prospects(out: Console, robot: Robot, recording: Recording, found: Prospects) -> None:
     """Print how the joints move, what could not be told apart or seen, and remarks."""
     listed(out, "robot", [robot.name])
-    listed(out, "recording", [f"{len(recording)} samples"])
+    listed(out, "recording", [counted(len(recording), "sample")])
     if found.conventions:
         heading(out, "Written otherwise than it says")
         for text in found.conventions:

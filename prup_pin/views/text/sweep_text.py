@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...numbers import fixed, readable_unit
+from ...numbers import counted, fixed, readable_unit
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .joints import coordinate_text
 from .terminal import heading, listed, make_table, paragraph, print_table
@@ -22,7 +22,7 @@ _ENTRIES = 8
 def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str, str]) -> None:
     """Print the summary of a sweep; `about` says where it went and under what."""
     robot = found.mechanism
-    out.print(Text(f"{robot.name}, {found.status.size} poses", style="bold"))
+    out.print(Text(f"{robot.name}, {counted(found.status.size, 'pose')}", style="bold"))
     for label, text in about.items():
         listed(out, label, [text])
     counts = found.counts

@@ -1,0 +1,68 @@
+"""What strangers stumbled over in the words of a diagnosis: each was a sentence that nobody understood."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from prup_pin.diagnosis.asked import _not_simulated
+from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.imports.log import Log, Stream
+from prup_pin.imports.wrench_columns import wrench_lines
+from prup_pin.numbers import counted
+from prup_pin.recordings import Convention
+from prup_pin.views.text.diagnosis_words import noise_text, parameter_texts, summary_text, verdict_text
+
+
+def test_what_is_left_after_a_log_is_read_otherwise_is_told_as_such(diagnosed):
+    _, _, diagnosis = diagnosed
+    convention = Convention("q.elbow", "reversed")
+    log = Finding("log_convention", "elbow", ("elbow",), {}, 1.0, "x.csv is read reversed", conventions=(convention,))
+    found = replace(diagnosis, findings=(log, *diagnosis.findings))
+    said = summary_text(found)
+    assert said.startswith("x.csv is read reversed. Read so: Where it was measured, the tool stood ")
+    assert "away from where the simulation of the robot file puts it" in said
+    assert "account for it: x.csv" not in said
+    assert f"log read with {convention}" in verdict_text(found)
+    assert "log convention" not in verdict_text(found)
+    alone = replace(found, findings=(log,), before=found.after)
+    assert "falls" not in verdict_text(alone)
+
+
+def test_a_noise_is_told_of_what_was_measured_alone(diagnosed):
+    _, _, diagnosis = diagnosed
+    assert any(text.startswith("rotation") for text in noise_text(diagnosis))
+    channels = {name: values for name, values in diagnosis.by_channel.items() if name != "rotation"}
+    assert not any(text.startswith("rotation") for text in noise_text(replace(diagnosis, by_channel=channels)))
+
+
+def test_a_second_finding_that_is_no_fault_is_told_beside_what_accounts_for_it(diagnosed):
+    _, _, diagnosis = diagnosed
+    moved = Finding("finite_deflection", "robot", ("robot",), {}, 0.1, "loads move it far")
+    said = summary_text(replace(diagnosis, findings=(diagnosis.findings[0], moved)))
+    assert "One thing accounts for it" in said
+    assert "that is no fault" in said
+    assert "that is no fault" not in summary_text(replace(diagnosis, findings=(diagnosis.findings[0],)))
+
+
+def test_what_data_do_not_bound_is_not_nothing():
+    rows = parameter_texts({"wrist": FittedParameter(0.0, "rad/(N m)", (0.0, 1.0))})
+    assert rows == [("wrist", "not determined by this recording", "any size")]
+    seen = parameter_texts({"wrist": FittedParameter(0.0, "rad/(N m)", (0.0, 1e-5))})
+    assert "not determined" not in seen[0][1]
+
+
+def test_a_sample_that_cannot_be_simulated_is_told_by_its_row():
+    assert _not_simulated(np.array([7]), 210).startswith("1 of 210 samples could not be simulated (row 9)")
+    assert "(rows 2, 3, 4, 5, 6, 7, …)" in _not_simulated(np.arange(9), 210)
+
+
+def test_a_force_is_one_in_other_languages():
+    names = ("Kraft X [N]", "Drehmoment Z [Nm]", "fuerza y [N]", "X [mm]")
+    log = Log("x.csv", (Stream("table", {name: np.zeros(3) for name in names}),))
+    lines = {line.target: line for line in wrench_lines(log, set())}
+    assert set(lines) == {"w.fx", "w.mz", "w.fy"}
+    assert all(line.doubt for line in lines.values())
+
+
+def test_one_of_a_thing_is_one():
+    assert (counted(1, "sample"), counted(2, "sample"), counted(0, "pose")) == ("1 sample", "2 samples", "no poses")
