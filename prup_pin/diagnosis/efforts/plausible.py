@@ -9,7 +9,7 @@ from ...errors import InputError
 from ...numbers import number
 from ...recordings.columns import LARGEST_NUMBER
 from ...spatial import Array
-from ..criteria import EFFORT_FEWEST, EFFORT_SENSE, EFFORT_STRANGE, FAR_BEYOND
+from ..criteria import EFFORT_FEWEST, EFFORT_STRANGE, FAR_BEYOND
 from .conventions import gains_apart, gains_of_efforts, left_of_efforts, sampled
 
 __all__ = ["check_efforts"]
@@ -33,21 +33,21 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
     first = left_of_efforts(motion, efforts / scale, rigid)
     if first > EFFORT_STRANGE:
         _check_limits(at, motion, first)
-    if first > EFFORT_SENSE and float(np.abs(rigid).max()) > 0:
-        asks = float(np.sqrt(np.mean(rigid**2) / np.mean((efforts / scale) ** 2)))
-        return [
-            f"this log hardly fits this robot at all: the robot file asks for {number(asks, 3)} times the efforts that "
-            "were recorded, and no other way to read the columns makes sense of them. Is it another robot's log? "
-            "Check --robot, which joint each column belongs to, and whether the log holds efforts without weight"
-        ]
     gains = {name: gain for name, gain in gains_of_efforts(motion, efforts, rigid).items() if gain > 0}
-    if in_units or not gains_apart(gains):
-        return []
-    told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:_SHOWN])
-    return [
-        f"the efforts follow the rigid robot's, but are other multiples of them at each joint ({told}): are they in "
-        "per cent or A? Expected N m or N"
-    ]
+    if not in_units and gains_apart(gains):
+        told = ", ".join(f"tau.{name} {number(gain, 3)}" for name, gain in list(gains.items())[:_SHOWN])
+        return [
+            "the efforts follow the rigid robot's, but are other multiples of them at each joint "
+            f"({told}): are they in per cent or A? Expected N m or N"
+        ]
+    if first > 1.0:  # no robot at all would leave less
+        return [
+            f"this log hardly fits this robot at all: the robot file leaves {number(100 * first, 3)} % of the recorded "
+            "efforts, more than they are, and no other way to read the columns makes sense of them. Is it another "
+            "robot's log? Check --robot, which joint each column belongs to, and whether the log holds efforts without "
+            "weight"
+        ]
+    return []
 
 
 def _check_places(at: InMotion) -> None:
