@@ -42,7 +42,6 @@ __all__ = [
     "replaces",
     "scores",
     "searched",
-    "shows_beside",
     "surely",
     "threshold",
     "uncertainty",
