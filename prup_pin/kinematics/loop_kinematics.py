@@ -631,6 +631,8 @@ class LoopKinematics:
             f"joint '{name}' would stand at {number(value, 6)} {unit}, outside its limits {number(lower, 6)} … "
             f"{number(upper, 6)} {unit}"
         )
+        if unit == "rad" and abs(value) > 2 * np.pi:
+            text += f" (were degrees meant? {number(value, 6)} of them are {number(np.radians(value), 6)} rad)"
         if not self.mechanism.description.described:
             warnings.warn(f"{text} (of a controller: C is defined there all the same)", JointLimitWarning, stacklevel=4)
             return

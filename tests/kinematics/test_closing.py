@@ -131,6 +131,19 @@ def test_actuators_beyond_their_limits(robot):
     assert caught.value.nearest == {"leg1_slide": 0.35, "leg2_slide": 0.609, "leg3_slide": 0.36}
 
 
+def test_a_home_in_degrees_is_suspected(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        '<robot name="arm"><link name="base"/><link name="link"/>'
+        '<joint name="hinge" type="revolute"><parent link="base"/>'
+        '<child link="link"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" velocity="9"/></joint>'
+        '<prup_pin version="1"><tool frame="link"/><home hinge="70"/></prup_pin></robot>',
+        encoding="utf-8",
+    )
+    with pytest.raises(prup_pin.UnreachablePoseError, match=r"70 rad, .* \(were degrees meant\? 70 of them are 1.22"):
+        _ = prup_pin.load(path).home
+
+
 @pytest.mark.parametrize(("height", "told"), [(0.7, "108 mm"), (1.0, "408 mm"), (400.0, "399 m")])
 def test_out_of_reach_is_told_by_how_far_that_is(height, told):
     """Both legs of the five-bar are stretched at most: 0.6 m from motors 0.1 m beside the middle."""
