@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.before import prospects
-from prup_pin.diagnosis.efforts.band import coherent_band
+from prup_pin.diagnosis.efforts.band import Spectra, _cutoffs, coherent_band
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import BODIES_OFF, SOME_BODY, near_body, pseudo_inertia, some_body
 from prup_pin.laws import Effect, Place
@@ -82,6 +82,30 @@ def test_a_motor_that_vibrates_ends_what_is_compared(carriage):
         bands.append(coherent_band(at)[0]["carriage"])
     assert bands[0] > 40.0
     assert 4.0 < bands[1] < 30.0
+
+
+def test_what_a_coherent_prediction_leaves_more_of_again_ends_what_is_compared():
+    """Efforts of a motion below 3 Hz, of motors that vibrate about 25 Hz, and of white noise."""
+    frequency = np.arange(0.25, 60.0, 0.25)
+    motion = 10.0 / (1 + frequency**8)
+    shaken, noise = 0.2 * np.exp(-(((frequency - 25) / 6) ** 2)), np.full(frequency.shape, 1e-5)
+
+    def cutoffs(gain, measured_noise, predicted_noise):
+        """The prediction knows the motion; of the vibration it has so much."""
+        measured = motion + shaken + measured_noise
+        predicted, both = motion + gain**2 * shaken + predicted_noise, motion + gain * shaken
+        cut, vibrates = _cutoffs(Spectra(frequency, *(each[None] for each in (measured, predicted, both))), 4.0, 50.0)
+        return cut[0], vibrates
+
+    cut, vibrates = cutoffs(0.6, noise, noise)
+    assert vibrates
+    assert cut < 12.0
+    cut, vibrates = cutoffs(1.0, noise, noise)  # a rigid robot that is shaken on purpose
+    assert not vibrates
+    assert cut > 40.0
+    cut, vibrates = cutoffs(1.0, 1e3 * noise, 1e-9 * frequency**6)  # what noise of encoders adds is not coherent
+    assert not vibrates
+    assert cut > 20.0
 
 
 def test_a_late_or_filtered_effort_is_still_compared(carriage):

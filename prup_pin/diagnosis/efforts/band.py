@@ -8,8 +8,8 @@ of both together (Bendat and Piersol 2010, ch. 6). At the phase that suits it be
 
     S_m + S_p - 2 |S_mp|
 
-of S_m: where that is more than there was to begin with, the motion says nothing of this effort, and it is compared
-below that frequency alone. Bodies, rotor, friction and offset are the best fit up to where it counts.
+of S_m: where that is more than there was to begin with, or has risen again though it is no noise, the motion says
+nothing of this effort, and it is compared below that frequency alone. Bodies, rotor, friction and offset are the best fit up to where it counts.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ _WORSE = 0.5
 #: frequency up to which efforts are then compared: a gear that yields deviates from a rigid one by 1 / (1 - r^2) at the
 #: share r of its resonance, a third at half of it.
 _COHERENT, _FOOT = 0.25, 0.5
+#: ... as where what a coherent prediction leaves has risen so many times above what it left before.
+_RISEN = 10.0
 #: The prediction is fitted again up to the frequencies that the one before found.
 _ROUNDS = 3
 #: Share of what the drawn bodies miss that stays missed, squared; and the rounding that keeps columns apart.
@@ -142,10 +144,24 @@ def _cutoffs(spectra: Spectra, lowest: float, highest: float) -> tuple[Array, bo
     coherent = spectra.coherence[np.arange(len(first)), first] > _COHERENT
     cut = np.where(worse.any(axis=1), spectra.frequency[first] * np.where(coherent, _FOOT, 1.0), highest)
     shaken = coherent & worse.any(axis=1)
+    rising = _rising(spectra, lowest) & (spectra.frequency < cut[:, None])
+    cut = np.where(rising.any(axis=1), spectra.frequency[np.argmax(rising, axis=1)], cut)
+    shaken |= rising.any(axis=1)
     if shaken.any():
         most = _SHAKEN_TIMES * lowest
         cut = np.minimum(cut, np.sqrt(most * np.clip(cut[shaken].min(), lowest, most)))
     return np.maximum(cut, lowest), bool(shaken.any())
+
+
+def _rising(spectra: Spectra, lowest: float) -> np.ndarray:
+    """Return where (k, f), above a frequency, what the prediction leaves has risen again though it is no noise.
+
+    What noise adds to a prediction is not coherent with the effort, and noise of efforts does not rise.
+    """
+    above = spectra.frequency > lowest
+    left = np.where(above, np.clip(1 - spectra.explained, 0.0, None) * spectra.measured, np.inf)
+    least = np.minimum.accumulate(left, axis=1)
+    return above & (left > _RISEN * least) & (spectra.coherence > _COHERENT)
 
 
 def _own_frequency(at: InMotion) -> float:
