@@ -9,7 +9,8 @@ of both together (Bendat and Piersol 2010, ch. 6). At the phase that suits it be
     S_m + S_p - 2 |S_mp|
 
 of S_m: where that is more than there was to begin with, or has risen again though it is no noise, the motion says
-nothing of this effort, and it is compared below that frequency alone. Bodies, rotor, friction and offset are the best fit up to where it counts.
+nothing of this effort, and it is compared below that frequency alone. Bodies, rotor, friction and offset are the best
+fit up to where it counts.
 """
 
 from __future__ import annotations
