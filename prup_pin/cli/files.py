@@ -29,9 +29,9 @@ __all__ = [
 ]
 
 
-def file_name(name: str) -> str:
-    """Return a robot's name as that of a file in the current folder."""
-    return re.sub(r"[^\w.-]+", "_", name).strip("._-")[:80] or "robot"
+def file_name(robot: str) -> str:
+    """Return the name of a robot, or of its file, as that of a file in the current folder."""
+    return re.sub(r"[^\w.-]+", "_", Path(robot).stem).strip("._-")[:80] or "robot"
 
 
 def check_folder(path: Path | None, option: str, whole: bool = False) -> None:

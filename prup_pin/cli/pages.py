@@ -57,7 +57,7 @@ def view(
     if isinstance(shown, Explorer) or serve:
         _serve(shown, live if open_browser is None else open_browser)
         return
-    path = html if html is not None else Path(f"{file_name(Path(question.robot).stem)}.html")
+    path = html if html is not None else Path(f"{file_name(question.robot)}.html")
     write(path, text_of(shown.static_html()), "--html")
     say_written(path, bool(open_browser))
 
@@ -86,7 +86,7 @@ def report(
         changes=case.changes,
         notes=case.notes,
     )
-    path = out if out is not None else Path(f"{file_name(Path(question.robot).stem)}_report.html")
+    path = out if out is not None else Path(f"{file_name(question.robot)}_report.html")
     write(path, text_of(page), "--out")
     say_written(path, open_browser)
 

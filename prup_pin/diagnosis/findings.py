@@ -9,7 +9,7 @@ import numpy as np
 
 from ..laws import Effect
 from ..laws.deeds import Moved
-from ..numbers import number
+from ..numbers import counted, number
 from ..recordings import SENSORS
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, rotation_log
@@ -183,17 +183,12 @@ def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Findi
     if selection.last.terms or could_show_structure(blocks[samples]):
         return None
     noise, poses = problem.noise, len(np.unique(blocks[samples]))
-    counted = f"{_counted(len(samples), 'sample')} of {_counted(poses, 'pose')}"
     return unknown_at_robot(
-        f"nothing can be said: the noise is not declared, and {counted} are too few to tell noise of "
-        f"{number(1e6 * noise.position, 3)} µm and {number(1e6 * noise.rotation, 3)} µrad from something left "
-        "out. Declare "
+        f"nothing can be said: the noise is not declared, and {counted(len(samples), 'sample')} of "
+        f"{counted(poses, 'pose')} are too few to tell noise of {number(1e6 * noise.position, 3)} µm and "
+        f"{number(1e6 * noise.rotation, 3)} µrad from something left out. Declare "
         "position_noise and rotation_noise beside the recording, or record more"
     )
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'s' if count != 1 else ''}"
 
 
 def unknown_at_robot(statement: str) -> Finding:

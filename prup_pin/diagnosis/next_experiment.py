@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numbers import number
+from ..numbers import counted, number
 from ..robot import Robot
 from ..spatial import WRENCH_NAMES, Array
 from .criteria import (
@@ -250,7 +250,7 @@ class _Told:
             for term, rivals in groups.items()
         ]
         more = len(told) - MOST_LISTED
-        return "; ".join(sentences) + (f"; and {more} pair{'s' if more > 1 else ''} more" if more > 0 else "")
+        return "; ".join(sentences) + (f"; and {counted(more, 'pair')} more" if more > 0 else "")
 
     def _test(self, times: float = 1.0, gravity: Array | None = None, chosen: Sequence[int] | None = None) -> Test:
         search, places = self.search, self.chosen if chosen is None else list(chosen)

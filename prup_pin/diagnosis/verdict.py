@@ -9,6 +9,7 @@ import numpy as np
 
 from ..channels import Stack
 from ..laws import Effect
+from ..numbers import counted
 from ..recordings import SENSORS
 from ..robot import Robot
 from ..spatial import Array
@@ -112,7 +113,7 @@ def verdict_of(
         # what no law explains drives them: they are no findings of their own
         listed = ", ".join(item.name for item in beyond[:MOST_LISTED]) + (", …" if len(beyond) > MOST_LISTED else "")
         remarks.append(
-            f"{len(beyond)} parameter{'s' if len(beyond) > 1 else ''} would lie beyond tolerance ({listed}), but while "
+            f"{counted(len(beyond), 'parameter')} would lie beyond tolerance ({listed}), but while "
             "structure is left over they may only stand for that"
         )
         beyond = []

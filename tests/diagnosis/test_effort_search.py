@@ -11,6 +11,7 @@ from prup_pin.diagnosis.efforts.chosen import Chosen
 from prup_pin.diagnosis.efforts.columns import EffortCandidate
 from prup_pin.diagnosis.efforts.combinations import Combinations
 from prup_pin.diagnosis.efforts.gather import Efforts
+from prup_pin.diagnosis.efforts.noise import noise_of_efforts
 from prup_pin.diagnosis.efforts.outcome import Outcome
 from prup_pin.diagnosis.efforts.relief import relieved
 from prup_pin.diagnosis.efforts.search import scores, worth
@@ -156,7 +157,8 @@ def test_a_law_is_needless_that_may_be_nothing_by_its_own_uncertainty():
     given, chosen = efforts.gathered(), efforts.start()
     for word in ("viscous_friction", "effort_offset"):
         chosen = chosen.with_term(named(given, word))
-    outcome = Outcome(robot, recording, efforts, given, chosen, (), ())
+    noise = noise_of_efforts(recording, efforts.at.driven)
+    outcome = Outcome(robot, recording, efforts, noise, given, chosen, (), ())
     friction, offset = chosen.terms
     assert outcome.may_be_nothing(friction) < 1e-6
     assert outcome.may_be_nothing(offset) > 0.05

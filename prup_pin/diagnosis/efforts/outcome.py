@@ -22,7 +22,7 @@ from .combinations import Combinations
 from .consistent import consistent_fit
 from .gains import Gains
 from .gather import Efforts
-from .noise import EffortNoise, noise_of_efforts
+from .noise import EffortNoise
 from .normal import Normal
 from .relief import squared_strain
 from .search import held_out, surely, worth
@@ -46,8 +46,8 @@ class Outcome:
 
     `named`: what the corrected model holds, with its coefficients `x_named` and their normal matrix; `laws`: those of
     its terms that are told by name; `impossible`: links whose parameters no body has; `free`: curves of no law; `scale`
-    (k,): of each effort in its recording's unit; `held` (B,): squares left of held-out blocks; `strained`: the squared
-    strain of what is within tolerance.
+    (k,): of each effort in its recording's unit; `noise`: of a sample of each, as recorded; `held` (B,): squares left
+    of held-out blocks; `strained`: the squared strain of what is within tolerance.
     """
 
     def __init__(
@@ -55,6 +55,7 @@ class Outcome:
         robot: Robot,
         recording: Recording,
         efforts: Efforts,
+        noise: Mapping[str, EffortNoise],
         given: Gathered,
         chosen: Chosen,
         free: Sequence[EffortCandidate],
@@ -66,7 +67,7 @@ class Outcome:
         self.gains, self.stretches, self.doubts = gains, stretches, doubts
         # reported per true effort: all figures are in the recording's own unit
         self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
-        self.robot, self.recording, self.efforts = robot, recording, efforts
+        self.robot, self.recording, self.efforts, self.noise = robot, recording, efforts, noise
         self.given, self.chosen, self.free = given, chosen, list(free)
         self.mechanism, self.at = robot.mechanism, efforts.at
         self.motion: Motion = efforts.at.motion
@@ -140,7 +141,7 @@ class Outcome:
         be negative may be nothing in the end, and what every drive has is told where it surely is.
         """
         columns, least = self.efforts.columns_of(self.given, self.named), np.nan_to_num(self.noise_sizes)
-        told = []
+        found = []
         for term in laws:
             own = self.named.own(term)
             if self.named.stays(term):
@@ -148,20 +149,13 @@ class Outcome:
             else:
                 added = np.sqrt(np.mean((columns[:, :, own] @ self.x_named[own]) ** 2, axis=0))
                 matters = bool((added > EFFORT_MATTERS * least).any())
-            told += [term] * matters
-        return told
-
-    @cached_property
-    def noise(self) -> Mapping[str, EffortNoise]:
-        """The noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
-        declared = self.recording.noise.effort
-        if declared:
-            return dict.fromkeys(self.at.driven, EffortNoise(declared, "declared", self.motion.rate))
-        return noise_of_efforts(self.recording, self.at.driven)
+            if matters:
+                found.append(term)
+        return found
 
     @property
     def noise_sizes(self) -> Array:
-        """The same in N or N m, (k,); NaN of a joint of which nothing tells it."""
+        """The noise of a sample in N or N m, (k,); NaN of a joint of which nothing tells it."""
         return np.array([self.noise[name].size for name in self.at.driven]) / self.scale
 
     def may_be_nothing(self, term: EffortCandidate) -> float:

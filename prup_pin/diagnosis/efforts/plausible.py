@@ -12,7 +12,10 @@ from ...spatial import Array
 from ..criteria import EFFORT_FEWEST, EFFORT_STRANGE, FAR_BEYOND
 from .conventions import gains_apart, gains_of_efforts, left_of_efforts, sampled
 
-__all__ = ["check_efforts"]
+__all__ = ["CHECK_ROBOT", "check_efforts"]
+
+#: What to do about a log that hardly fits its robot.
+CHECK_ROBOT = "Check --robot, which joint each column belongs to, and whether the log holds efforts without weight"
 
 #: Numbers that a sentence shows.
 _SHOWN = 8
@@ -44,8 +47,7 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
         return [
             f"this log hardly fits this robot at all: the robot file leaves {number(100 * first, 3)} % of the recorded "
             "efforts, more than they are, and no other way to read the columns makes sense of them. Is it another "
-            "robot's log? Check --robot, which joint each column belongs to, and whether the log holds efforts without "
-            "weight"
+            f"robot's log? {CHECK_ROBOT}"
         ]
     return []
 

@@ -14,6 +14,7 @@ from .changing import changing
 from .columns import EffortCandidate
 from .gather import Efforts
 from .outcome import Outcome
+from .plausible import CHECK_ROBOT
 from .search import held_out
 
 __all__ = [
@@ -82,8 +83,7 @@ def foreign_unknown(drawn: float, left: float) -> Finding:
     return unknown_at(
         "robot",
         f"what the robot file leaves is {number(drawn, 3)} times the efforts themselves, and with all that was "
-        f"corrected {number(100 * left, 3)} % of them are left: this is hardly a log of this robot. Check --robot, "
-        "which joint each column belongs to, and whether the log holds efforts without weight",
+        f"corrected {number(100 * left, 3)} % of them are left: this is hardly a log of this robot. {CHECK_ROBOT}",
     )
 
 
