@@ -35,6 +35,7 @@ from ..criteria import (
     EFFORT_UNIT_SHARE,
 )
 from ..evidence import GEARS, POSITION_UNITS, Evidence, exchanged, merged
+from .noise import noise_of
 
 __all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of_efforts", "sampled"]
 
@@ -118,7 +119,10 @@ def sampled(at: InMotion) -> tuple[np.ndarray, Motion, Array]:
 
 
 class _Search:
-    """Samples of a motion, written as a recording, so that conventions read them like any other."""
+    """Samples of a motion, written as a recording, so that conventions read them like any other.
+
+    Its last row is not one of them: its efforts are their noise, which is read like them.
+    """
 
     def __init__(self, at: InMotion, recording: Recording):
         self.at, self.mechanism, self.recording = at, at.mechanism, recording
@@ -130,14 +134,20 @@ class _Search:
         columns = {name: at.motion.names.index(name) for name in table}
         driven = {name: at.driven.index(name) for name in recording.efforts if name in at.driven}
         self.all_driven = len(driven) == len(recording.efforts)
-        motion = self.motion
+        motion, noise = self.motion, self._noise()
         self.written = Recording(
-            time=np.arange(len(motion), dtype=float),
-            positions={name: motion.position[:, k] for name, k in columns.items()},
-            velocities={name: motion.speed[:, k] for name, k in columns.items()},
-            accelerations={name: motion.acceleration[:, k] for name, k in columns.items()},
-            efforts={name: self.efforts[:, k] for name, k in driven.items()},
+            time=np.arange(len(motion) + 1, dtype=float),
+            positions={name: np.append(motion.position[:, k], 0.0) for name, k in columns.items()},
+            velocities={name: np.append(motion.speed[:, k], 0.0) for name, k in columns.items()},
+            accelerations={name: np.append(motion.acceleration[:, k], 0.0) for name, k in columns.items()},
+            efforts={name: np.append(self.efforts[:, k], noise[k]) for name, k in driven.items()},
         )
+
+    def _noise(self) -> Array:
+        """Return what each effort (k,) scatters by in the band in which it is compared; 0 where nothing tells that."""
+        told, cutoffs = noise_of(self.recording, self.at), self.at.motion.band.cutoffs
+        sizes = [told[name].below(cutoff) for name, cutoff in zip(self.at.driven, cutoffs, strict=True)]
+        return np.nan_to_num(np.array(sizes))
 
     def found(self) -> Evidence | None:
         """Return what would be read otherwise, and how much less that leaves."""
@@ -165,8 +175,8 @@ class _Search:
         Where most drives do little, what noise makes of them would hide one that says it surely. signed: gains of those
         that follow the rigid robot.
         """
-        motion, efforts = self.read(self.written)
-        both = [_shares(motion, sign * efforts, self.rigid) for sign in (1, -1)]
+        motion, efforts, noise = self.read(self.written)
+        both = [_shares(motion, sign * efforts, self.rigid, noise) for sign in (1, -1)]
         which = [
             name
             for name, written, read in zip(motion.driven, *both, strict=True)
@@ -192,8 +202,8 @@ class _Search:
         if name not in self.written.positions or self.mechanism.loops:
             return False
         convention = Convention(f"q.{name}", "reversed")
-        motion, efforts = self.read(read_as(self.written, [convention], self.drawn))
-        shares = _shares(motion, efforts, self.at.rigid_of(motion))
+        motion, efforts, noise = self.read(read_as(self.written, [convention], self.drawn))
+        shares = _shares(motion, efforts, self.at.rigid_of(motion), noise)
         return bool(shares[motion.driven.index(name)] < CONVENTION_AS_GOOD**2 * left)
 
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
@@ -213,10 +223,10 @@ class _Search:
         return Evidence(conventions, "efforts", "", written, least, held, equal)
 
     def left(self, recording: Recording) -> float:
-        """Return what rigid efforts and friction leave of the efforts: a share, RMS of the joints."""
-        motion, efforts = self.read(recording)
+        """Return what rigid efforts and friction leave of the efforts but noise: a share, RMS of the joints."""
+        motion, efforts, noise = self.read(recording)
         try:
-            return left_of_efforts(motion, efforts, self.at.rigid_of(motion))
+            return left_of_efforts(motion, efforts, self.at.rigid_of(motion), noise)
         except InputError:  # loops that do not close
             return np.inf
 
@@ -225,27 +235,32 @@ class _Search:
 
         What positions scatter by is less of a motion that is read in a smaller unit: that speaks for no unit.
         """
-        motion, efforts = self.read(recording)
+        motion, efforts, noise = self.read(recording)
         rigid = self.at.rigid_of(motion)
-        both = [_shares(motion, efforts, needed) for needed in (rigid, np.zeros_like(rigid))]
+        both = [_shares(motion, efforts, needed, noise) for needed in (rigid, np.zeros_like(rigid))]
         return float(np.sqrt(np.nanmean(np.minimum(*both))))
 
-    def read(self, recording: Recording) -> tuple[Motion, Array]:
-        """Return motion and efforts (n, k) of samples that are written as a recording."""
-        names = self.motion.names
+    def read(self, recording: Recording, rows: np.ndarray | None = None) -> tuple[Motion, Array, Array]:
+        """Return motion, efforts (n, k) and their noise (k,) of samples, or of some rows, as a recording has them."""
+        rows = np.arange(len(self.motion)) if rows is None else rows
         moved = [
-            np.column_stack([columns[name] for name in names])
+            np.column_stack([columns[name][rows] for name in self.motion.names])
             for columns in (recording.positions, recording.velocities, recording.accelerations)
         ]
         efforts = np.column_stack([recording.efforts[name] for name in self.motion.driven])
-        return self.motion.with_motion(*moved), efforts
+        return self.motion.select(rows).with_motion(*moved), efforts[rows], np.abs(efforts[-1])
 
     def _forward(
         self, begin: Recording, first: float
     ) -> tuple[tuple[Convention, ...], float, tuple[tuple[Convention, ...], ...]]:
+        """Return what is read otherwise, one step after the other, what that leaves, and what would do as well.
+
+        As far as each reading leaves less than friction alone would before it: it is to make sense of the rigid robot.
+        """
         taken: tuple[Convention, ...] = ()
         others: tuple[tuple[Convention, ...], ...] = ()
-        now, least = begin, first
+        found = taken, first, others
+        now, least, without = begin, first, self._left_by_friction(begin)
         while len(taken) < _MOST:
             tried = []
             for step in self._readings(now):
@@ -255,19 +270,23 @@ class _Search:
             if not tried:
                 break
             left, step, read = min(tried, key=lambda item: item[0] * (1 + 0.02 * len(item[1])))
-            if left > EFFORT_STEP * min(least, self._left_by_friction(now)):
+            if left > EFFORT_STEP * least:
                 break
             others = tuple((*taken, *item[1]) for item in tried
                            if item[0] < 1.01 * left and item[1] is not step)  # fmt: skip
             taken, now, least = (*taken, *step), read, left
-        return taken, least, others
+            if left < EFFORT_STEP * without:
+                found = taken, left, others
+            without = min(without, self._left_by_friction(now))
+        return found
 
     def _readings(self, recording: Recording) -> Iterator[tuple[Convention, ...]]:
         """Yield what columns may be instead, the commonest first."""
-        motion, efforts = self.read(recording)
+        motion, efforts, noise = self.read(recording)
         rigid = self.at.rigid_of(motion)
         driven, names = list(recording.efforts), list(recording.positions)
-        turned = _shares(motion, -efforts, rigid) < EFFORT_MEANT * _shares(motion, efforts, rigid)
+        written, read = (_shares(motion, sign * efforts, rigid, noise) for sign in (1, -1))
+        turned = read < EFFORT_MEANT * written
         which = [name for name, other in zip(motion.driven, turned, strict=True) if other]
         if len(driven) > 1:
             yield (Convention("tau", "reversed"),)
@@ -331,22 +350,16 @@ class _Search:
         if self.mechanism.loops or not first > EFFORT_STRANGE or self.at.motion.standing:
             return None
         few = _rows(len(self.rows), _SCANNED)
-        part = self.written.select(few)
-        motion, rows = self.motion, self.motion.select(few)
         tried = []
         for ratio in GEARS:
-            read = read_as(part, [Convention("q", "gear", (ratio,))], self.drawn)
-            moved = rows.with_motion(*(
-                np.column_stack([columns[name] for name in motion.names])
-                for columns in (read.positions, read.velocities, read.accelerations)
-            ))  # fmt: skip
-            efforts = np.column_stack([read.efforts[name] for name in motion.driven])
+            read = read_as(self.written, [Convention("q", "gear", (ratio,))], self.drawn)
+            moved, efforts, _ = self.read(read, few)
             tried.append((_unlike(moved, efforts, self.at.rigid_of(moved)), ratio))
         found = []
         for _, ratio in sorted(tried)[:_RATIOS]:
             steps = [Convention("q", "gear", (ratio,))]
             read = read_as(self.written, steps, self.drawn)
-            moved, efforts = self.read(read)
+            moved, efforts, _ = self.read(read)
             gains = list(gains_of_efforts(moved, efforts, self.at.rigid_of(moved)).values())
             if gains and abs(np.log(np.median(np.abs(gains)) * ratio)) < np.log(EFFORT_UNIT) / 2:
                 steps.append(Convention("tau", "gear", (ratio,)))
@@ -365,7 +378,7 @@ class _Search:
         if not self.mechanism.gravity.any():
             return np.inf
         table, values = [], []
-        motion, efforts = self.read(recording)
+        motion, efforts, noise = self.read(recording)
         pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
         for column, name in enumerate(motion.driven):
             size = float(np.linalg.norm(efforts[:, column]))
@@ -375,7 +388,7 @@ class _Search:
         more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return np.inf
-        return left_of_efforts(motion, efforts, self.rigid + pulled @ more)
+        return left_of_efforts(motion, efforts, self.rigid + pulled @ more, noise)
 
 
 def _limit(written: float) -> float:
@@ -399,20 +412,24 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     yield from exchanged(names)
 
 
-def left_of_efforts(motion: Motion, efforts: Array, rigid: Array) -> float:
-    """Return what rigid efforts and friction leave of efforts (n, k): a share, RMS of the joints."""
-    shares = _shares(motion, efforts, rigid)
+def left_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array | float = 0.0) -> float:
+    """Return what rigid efforts and friction leave of efforts (n, k): a share, RMS of the joints.
+
+    noise (k,): of a sample of each, which is not counted: a wrist whose efforts are hardly more tells nothing.
+    """
+    shares = _shares(motion, efforts, rigid, noise)
     return float(np.sqrt(np.nanmean(shares))) if np.isfinite(shares).any() else 0.0
 
 
-def _shares(motion: Motion, efforts: Array, rigid: Array) -> Array:
+def _shares(motion: Motion, efforts: Array, rigid: Array, noise: Array | float) -> Array:
     """Return the same of the squares of each joint (k,); NaN of one without efforts."""
     shares = np.full(len(motion.driven), np.nan)
+    alone = np.broadcast_to(noise, shares.shape) ** 2 * len(efforts)
     for column, name in enumerate(motion.driven):
         size = float(efforts[:, column] @ efforts[:, column])
         if size > 0:
-            rest = _rubbed(motion, name, efforts[:, column] - rigid[:, column])
-            shares[column] = min(rest**2 / size, 100.0)
+            left = _rubbed(motion, name, efforts[:, column] - rigid[:, column]) ** 2 - alone[column]
+            shares[column] = min(max(left, 0.0) / size, 100.0)
     return shares
 
 

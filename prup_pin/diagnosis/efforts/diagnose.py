@@ -31,7 +31,7 @@ from .diagnosis import EffortDiagnosis
 from .gains import Gains, gains_of, in_newtons
 from .gather import Efforts
 from .likelier import likelier
-from .noise import EffortNoise, noise_of_efforts
+from .noise import noise_of
 from .outcome import Outcome
 from .plausible import check_efforts
 from .relief import relieved, relieving, squared_strain
@@ -112,7 +112,7 @@ def _outcome(
     given, chosen = relieved(given, chosen, efforts.with_curves)
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
-    noise = _noise(recording, at)
+    noise = noise_of(recording, at)
     while True:
         found = Outcome(robot, recording, efforts, noise, given, chosen, free, imitating, gains, stretches, doubts)
         if (needless := found.needless) is None:
@@ -169,13 +169,6 @@ def _holding(at: InMotion, held: Mapping[str, Array]) -> InMotion:
 def _efforts(recording: Recording, at: InMotion, below: float | None) -> Efforts:
     noise = recording.noise.effort
     return Efforts(at, _tolerances(recording), np.full(len(at.driven), noise) if noise else None, below)
-
-
-def _noise(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
-    """Return the noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
-    if declared := recording.noise.effort:
-        return dict.fromkeys(at.driven, EffortNoise(declared, "declared", at.motion.rate))
-    return noise_of_efforts(recording, at.driven)
 
 
 def _tolerances(recording: Recording) -> dict[str, float]:

@@ -15,17 +15,17 @@ what is compared below a few tens of hertz: there 1 is no promise either. So mul
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...dynamics import is_standing
+from ...dynamics import InMotion, is_standing
 from ...recordings import Recording
 from ...recordings.recording import STANDSTILL
 from ...spatial import Array
 
-__all__ = ["EffortNoise", "noise_of_efforts"]
+__all__ = ["EffortNoise", "noise_of", "noise_of_efforts"]
 
 #: Samples from which the next one is foretold, and samples for each of them at least.
 _ORDER, _FOR_EACH = 40, 10
@@ -59,6 +59,13 @@ class EffortNoise:
         """Return what is left of it below a frequency [Hz]: at rest it may be slow, the others are white."""
         share = 1.0 if self.how == "rest" else min(2 * frequency / self.rate, 1.0)
         return self.size * float(np.sqrt(share))
+
+
+def noise_of(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
+    """Return the noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
+    if declared := recording.noise.effort:
+        return dict.fromkeys(at.driven, EffortNoise(declared, "declared", at.motion.rate))
+    return noise_of_efforts(recording, at.driven)
 
 
 def noise_of_efforts(recording: Recording, joints: Sequence[str]) -> dict[str, EffortNoise]:
