@@ -43,6 +43,8 @@ __all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of
 _SAMPLES, _SCANNED = 600, 80
 #: Conventions one after the other, and joints of which some would show what one thing does to all.
 _MOST, _FEWEST = 6, 3
+#: What is left of a joint is the same where both differ by less.
+_SAME = 0.9
 #: Ratios that come nearest, which are looked at more closely.
 _RATIOS = 12
 #: Units of a clock by its median step: s below the first, then ms, us, ns.
@@ -182,7 +184,7 @@ class _Search:
             for name, written, read in zip(motion.driven, *both, strict=True)
             if not signed.get(name, 0.0) > 0 and read < CONVENTION_LEAVES**2 < EFFORT_MEANT * written
         ]
-        if not which or set(which) >= set(signed) or self._hung(self.written) < np.inf:
+        if not which or set(which) >= set(signed) or np.isfinite(self._hung(self.written)).any():
             return None  # or gravity pulls another way
         own = [motion.driven.index(name) for name in which]
         written, read = (float(np.sqrt(np.mean(shares[own]))) for shares in both)
@@ -214,7 +216,7 @@ class _Search:
         least = now
         if now > EFFORT_STRANGE:
             taken, least, others = self._forward(begin, now)
-            if taken and not least < min(_limit(now), self._hung(begin)):
+            if taken and not self._makes_sense(begin, read_as(begin, taken, self.drawn)):
                 taken, least, others = (), now, ()
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
@@ -222,13 +224,32 @@ class _Search:
         equal = tuple((*start, *other) for other in others)
         return Evidence(conventions, "efforts", "", written, least, held, equal)
 
+    def _makes_sense(self, written: Recording, read: Recording) -> bool:
+        """Return whether a log leaves so much less as it is read, and less than where gravity may pull any way.
+
+        Of all joints, or of those of which it changes what is left: the others cannot hide it.
+        """
+        before, after, hung = self.shares(written), self.shares(read), self._hung(written)
+        if _rms(after) < min(_limit(_rms(before)), _rms(hung)):
+            return True
+        changed = (np.minimum(before, after) < _SAME * np.maximum(before, after)) & np.isfinite(before)
+        if not changed.any():
+            return False
+        left = _rms(before[changed])
+        several = changed.sum() > 1 or left > 1
+        return bool(several and _rms(after[changed]) < min(CONVENTION_LEAVES * min(left, 1.0), _rms(hung[changed])))
+
     def left(self, recording: Recording) -> float:
         """Return what rigid efforts and friction leave of the efforts but noise: a share, RMS of the joints."""
+        return _rms(self.shares(recording))
+
+    def shares(self, recording: Recording) -> Array:
+        """Return the same of the squares of each joint's effort (k,)."""
         motion, efforts, noise = self.read(recording)
         try:
-            return left_of_efforts(motion, efforts, self.at.rigid_of(motion), noise)
+            return _shares(motion, efforts, self.at.rigid_of(motion), noise)
         except InputError:  # loops that do not close
-            return np.inf
+            return np.full(efforts.shape[1], np.inf)
 
     def _left_by_friction(self, recording: Recording) -> float:
         """Return what is left where no joint needs more for its rigid body than it helps: a share, RMS of the joints.
@@ -237,8 +258,7 @@ class _Search:
         """
         motion, efforts, noise = self.read(recording)
         rigid = self.at.rigid_of(motion)
-        both = [_shares(motion, efforts, needed, noise) for needed in (rigid, np.zeros_like(rigid))]
-        return float(np.sqrt(np.nanmean(np.minimum(*both))))
+        return _rms(np.minimum(*(_shares(motion, efforts, own, noise) for own in (rigid, np.zeros_like(rigid)))))
 
     def read(self, recording: Recording, rows: np.ndarray | None = None) -> tuple[Motion, Array, Array]:
         """Return motion, efforts (n, k) and their noise (k,) of samples, or of some rows, as a recording has them."""
@@ -373,12 +393,13 @@ class _Search:
             return None
         return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
 
-    def _hung(self, recording: Recording) -> float:
-        """Return what is left where gravity may pull any way, as strong as it is, which turned columns imitate."""
-        if not self.mechanism.gravity.any():
-            return np.inf
+    def _hung(self, recording: Recording) -> Array:
+        """Return what is left of each joint (k,) where gravity may pull any way, which turned columns imitate."""
         table, values = [], []
         motion, efforts, noise = self.read(recording)
+        never = np.full(efforts.shape[1], np.inf)
+        if not self.mechanism.gravity.any():
+            return never
         pulled = np.stack([self.at.rigid_under(axis)[self.rows] for axis in np.eye(3)], axis=-1)
         for column, name in enumerate(motion.driven):
             size = float(np.linalg.norm(efforts[:, column]))
@@ -387,8 +408,8 @@ class _Search:
                 values.append(_freed(motion, name, efforts[:, column] - self.rigid[:, column]) / size)
         more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
-            return np.inf
-        return left_of_efforts(motion, efforts, self.rigid + pulled @ more, noise)
+            return never
+        return _shares(motion, efforts, self.rigid + pulled @ more, noise)
 
 
 def _limit(written: float) -> float:
@@ -417,8 +438,13 @@ def left_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array |
 
     noise (k,): of a sample of each, which is not counted: a wrist whose efforts are hardly more tells nothing.
     """
-    shares = _shares(motion, efforts, rigid, noise)
-    return float(np.sqrt(np.nanmean(shares))) if np.isfinite(shares).any() else 0.0
+    return _rms(_shares(motion, efforts, rigid, noise))
+
+
+def _rms(shares: Array) -> float:
+    """Return the root of the mean of shares of squares (k,) that are known."""
+    known = shares[~np.isnan(shares)]
+    return float(np.sqrt(known.mean())) if len(known) else 0.0
 
 
 def _shares(motion: Motion, efforts: Array, rigid: Array, noise: Array | float) -> Array:
