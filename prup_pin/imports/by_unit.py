@@ -1,4 +1,4 @@
-"""Which columns may be those of joints that no name led to: columns that are left, in a unit that such joints alone have."""
+"""Which columns may be those of joints that no name led to: those that are left, in a unit that such joints have."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _DIMENSIONS = {
 def add_by_unit(log: Log, taken: set[str], mechanism: NamedRobot, found: Guessing) -> None:
     """Add, with a doubt, the columns of driven joints that have none yet.
 
-    Where as many columns are left in a unit of length as joints that slide are without a position, they are these joints'; where
-    the numbers differ the joints are told as open. A joint without any position stands at home.
+    Where as many columns are left in a unit of length as joints that slide are without a position, they are these
+    joints'; where the numbers differ the joints are told as open. A joint without any position stands at home.
     """
     slides = {joint.name: joint.slides for joint in mechanism.joints}
     placed = {line.target for line in found.lines}

@@ -56,7 +56,11 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         return _nothing_missing(diagnosis, left)
     named = [item for item in diagnosis.findings if item.physics != "unknown" and not item.conventions]
     told = _joined(_all_told(named))
-    takes = _takes(before, after)
+    guessed = only_efforts and not diagnosis.efforts.declared
+    if guessed and diagnosis.verdict == "explained" and math.isfinite(after):
+        takes, left = _of_efforts(diagnosis, after), ""
+    else:
+        takes = _takes(before, after)
     read = [convention for item in diagnosis.findings for convention in item.conventions]
     if read:
         takes = f"{takes} (the log read with {', '.join(map(str, read))})"
@@ -93,6 +97,17 @@ def _takes(before: float, after: float) -> str:
     if number(before, 3) == number(after, 3):
         return f"the residual is {_times(after)}"
     return f"the residual falls from {number(before, 3)} to {_times(after)}"
+
+
+def _of_efforts(diagnosis: Diagnosis, after: float) -> str:
+    """Return what is left of efforts whose noise nobody declared: as a share, for that noise proves little."""
+    shares = diagnosis.efforts.shares["all"]
+    ends = [_percent(shares[key]) for key in ("rigid", "heldout")]
+    falls = "" if ends[0] == ends[1] else f"what is left of the efforts falls from {ends[0]} to {ends[1]}"
+    return (
+        f"{falls or f'{ends[1]} of the efforts are left'}, {number(after, 3)} times what a sample scatters by itself, "
+        "and follows no motion to an extent that matters"
+    )
 
 
 def _times(multiple: float) -> str:

@@ -30,13 +30,14 @@ def print_simulation(
     recording: Recording,
     prediction: Prediction,
     notes: Sequence[str] = (),
+    effort_noise: Mapping[str, float] | None = None,
 ) -> None:
     """Print the closing summary of a simulation; `recording` holds what was measured, if anything was."""
     how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
     out.print(Text(f"{robot.name}, {how}", style="bold"))
     listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
     _print_rows(out, prediction)
-    found = compare(recording, prediction)
+    found = compare(recording, prediction, effort_noise)
     if found:
         _print_agreement(out, robot, found)
     odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
@@ -80,7 +81,7 @@ def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> 
     table = make_table(*columns, *[("% of the effort", "right")] * efforts)
     for item in found:
         unit, factor = _unit(robot, item.channel)
-        noise = "not declared" if item.noise is None else number(factor * item.noise, 3)
+        noise = "not known" if item.noise is None else number(factor * item.noise, 3)
         multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
         cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
         table.add_row(*cells, *["" if item.share is None else number(100 * item.share, 3)] * efforts)
