@@ -142,8 +142,8 @@ def predict(
         notes.append("The noise of efforts is that which the diagnosis found.")
     if corrected.band:
         notes.append(
-            "Efforts are compared row by row as they were measured; a diagnosis compares them below the frequencies that "
-            "its remarks say, where less is left."
+            "Efforts are compared row by row as they were measured; a diagnosis compares them below the frequencies "
+            "that its remarks say, where less is left."
         )
     _predict(loaded, read, corrected.effects, out, workers, stop, notes, (), corrected.band, corrected.effort_noise)
 

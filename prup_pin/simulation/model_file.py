@@ -73,8 +73,8 @@ class CorrectedModel:
     noise: that of the sensors with which they were found, as far as it is known. band: by driven joint, the frequency
     [Hz] up to which its motion is the rigid robot's; beyond it lie the encoder's noise and motors that vibrate.
     conventions: how logs of this device are written, which declare none themselves. own_by_run: sensors that are set up
-    anew for each run of a recording. effort_noise: by driven joint, the noise [N or N m] of its effort, where a diagnosis
-    estimated it.
+    anew for each run of a recording. effort_noise: by driven joint, the noise [N or N m] of its effort, where a
+    diagnosis estimated it.
     """
 
     robot: str

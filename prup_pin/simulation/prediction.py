@@ -224,7 +224,7 @@ def simulate(
                 word = STATUSES[status[row]]
                 text = reasons[int(status[row])][1]
                 raise SimulationStoppedError(
-                    f"stopped at row {row + 1} of {n} (time {recording.time[row]:g} s): {word}: {text}",
+                    f"stopped at line {row + 2} of the table (time {recording.time[row]:g} s): {word}: {text}",
                     row,
                     word,
                     result(slice(0, row)),

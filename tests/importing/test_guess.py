@@ -136,7 +136,7 @@ def test_what_is_not_sure_says_so(ur5):
     assert "the joint's name is made up" in doubts(q, None)
     assert "is it what acts on the tool point" in doubts(q | {"Fz": logs.T})
     assert "named after a motor" in doubts(logs.numbered("motor_pos_{}", Q))
-    assert "no column is a time: write the rows a second" in "\n".join(guess(log_of(q), ur5).doubts)
+    assert "no column is a time: write how many rows a second" in "\n".join(guess(log_of(q), ur5).doubts)
 
 
 def test_turns_of_an_endless_joint_are_seen(ur5):

@@ -23,6 +23,7 @@ __all__ = [
     "finding_text",
     "hidden_rows",
     "length_of",
+    "multiple_text",
     "noise_text",
     "parameter_texts",
     "places_text",
@@ -40,6 +41,13 @@ _MOST_TOLD = 3
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
+#: How the noise of an effort was told, in words.
+_WAYS = {
+    "innovations": "what their past does not foretell",
+    "rest": "their scatter at rest",
+    "quantisation": "their steps",
+    "repeats": "rows that repeat",
+}
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
 _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
 
@@ -147,7 +155,7 @@ def finding_text(finding: Finding) -> str:
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the verdict, and a paragraph for each finding."""
     lines = [verdict_text(diagnosis)]
-    for index, finding in enumerate(diagnosis.findings, 1):
+    for index, finding in enumerate(diagnosis.told, 1):
         lines += ["", f"{index}  {finding_text(finding)}", f"   {finding.statement}"]
         lines += [f"   {text}" for text in (cost_text(finding), f"to do: {finding.remedy}") if text]
         lines += [
@@ -212,7 +220,8 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
         return "", ""
     ends = [_percent(diagnosis.efforts.shares["all"][key]) for key in ("rigid", "heldout")]
     return (
-        f"In motion, the drives' efforts are {ends[0]} (root mean square) beside those that the robot file asks for.",
+        f"In motion, the drives' efforts are {ends[0]} (root mean square) away from those that the robot file asks "
+        "for.",
         f"{ends[1]} are left",
     )
 
@@ -339,18 +348,39 @@ def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def noise_text(diagnosis: Diagnosis) -> list[str]:
     """Return the noise of each sensor that measured something; what is zero was not declared."""
     noise = diagnosis.noise
-    items = (("position", "m"), ("rotation", "rad"), ("force", "N"), ("moment", "N m"), ("effort", "N or N m"))
+    items = (
+        ("position", "m"),
+        ("rotation", "rad"),
+        ("force", "N"),
+        ("moment", "N m"),
+        ("effort", _effort_unit(diagnosis)),
+    )
     texts = []
     compared = {unit for name, unit, _ in diagnosis.columns if name in diagnosis.by_channel}
     for name, unit in items:
         value = getattr(noise, name)
-        if value and (unit not in ("m", "rad") or unit in compared):
+        if value and unit and (unit not in ("m", "rad") or unit in compared):
             texts.append(f"{name} {quantity(value, unit)}")
     efforts = diagnosis.efforts
     if efforts is None or efforts.declared:
         return [*texts, noise.source]
-    ways = _joined([way for way in dict.fromkeys(efforts.how) if way])
-    return [*texts, f"{noise.source}, efforts by their {ways}" if ways else f"{noise.source}, of efforts unknown"]
+    ways = _joined([_WAYS.get(way, way) for way in dict.fromkeys(efforts.how) if way])
+    return [*texts, f"{noise.source}, of efforts by {ways}" if ways else f"{noise.source}, of efforts unknown"]
+
+
+def _effort_unit(diagnosis: Diagnosis) -> str:
+    """Return the unit of efforts' noise; '' where estimates of some are in N and others in N m: none is all theirs."""
+    efforts = diagnosis.efforts
+    units = sorted({*efforts.units}) if efforts is not None else ["N", "N m"]
+    return " or ".join(units) if len(units) == 1 or efforts is None or efforts.declared else ""
+
+
+def multiple_text(diagnosis: Diagnosis) -> str:
+    """Return what a multiple of the noise is, where one may be asked what less than 1 means; else nothing."""
+    if diagnosis.efforts is None or math.isnan(diagnosis.after["heldout"]):
+        return ""
+    text = "1 × noise is what a sample of an effort scatters by itself"
+    return text if diagnosis.efforts.standing else f"{text}; below the frequencies of the comparison less of it is left"
 
 
 def places_text(names: Iterable[str]) -> str:

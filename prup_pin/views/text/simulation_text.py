@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...laws import Effect
-from ...numbers import number
+from ...numbers import counted, number
 from ...recordings import Recording, suspicions
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
@@ -65,13 +65,13 @@ def _print_rows(out: Console, prediction: Prediction) -> None:
 
 
 def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Mapping[str, str]) -> None:
-    """Print which rows, counted from 0, have no answer, by status, and why."""
+    """Print which rows, counted from 0, have no answer, as lines of the file, whose first one holds names, and why."""
     for word, rows in failures.items():
-        first = ", ".join(str(row + 1) for row in rows[:_SHOWN].tolist())
+        first = ", ".join(str(row + 2) for row in rows[:_SHOWN].tolist())
         more = ", …" if len(rows) > _SHOWN else ""
-        listed(out, word, [f"{len(rows)} row{'s' if len(rows) > 1 else ''}: {first}{more}"])
+        listed(out, word, [f"{counted(len(rows), 'row')}: line{'s' if len(rows) > 1 else ''} {first}{more}"])
         if word in reasons:
-            paragraph(out, f"row {rows[0] + 1}: {reasons[word]}", "  ")
+            paragraph(out, f"line {rows[0] + 2}: {reasons[word]}", "  ")
 
 
 def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> None:
