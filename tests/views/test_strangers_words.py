@@ -114,3 +114,13 @@ def test_rows_without_an_answer_are_lines_of_the_file_as_everywhere(capsys):
     print_failures(console(), {"no input": np.array([1])}, {"no input": "no position"})
     said = " ".join(capsys.readouterr().out.split())
     assert said == "no input 1 row: line 3 line 3: no position"
+
+
+def test_what_accounts_for_a_part_is_not_said_to_account_for_all(diagnosed):
+    _, _, diagnosis = diagnosed
+    unknown = Finding("unknown", "lift", ("lift",), {}, 0.0, "it never changes", advice="check the column q.lift")
+    said = summary_text(replace(diagnosis, findings=(*diagnosis.findings, unknown), verdict="unexplained"))
+    assert "account" in said
+    assert "for a part of it: " in said
+    assert said.endswith("To do first: check the column q.lift.")
+    assert "for it: " in summary_text(diagnosis)

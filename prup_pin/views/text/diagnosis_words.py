@@ -64,9 +64,9 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         return _nothing_missing(diagnosis, left)
     named = [item for item in diagnosis.findings if item.physics != "unknown" and not item.conventions]
     told = _joined(_all_told(named))
-    guessed = only_efforts and not diagnosis.efforts.declared
-    if guessed and diagnosis.verdict == "explained" and math.isfinite(after):
-        takes, left = _of_efforts(diagnosis, after), ""
+    efforts = None if diagnosis.columns else diagnosis.efforts
+    if efforts is not None and not efforts.declared and diagnosis.verdict == "explained" and math.isfinite(after):
+        takes, left = _of_efforts(efforts.shares["all"], after), ""
     else:
         takes = _takes(before, after)
     read = [convention for item in diagnosis.findings for convention in item.conventions]
@@ -107,9 +107,8 @@ def _takes(before: float, after: float) -> str:
     return f"the residual falls from {number(before, 3)} to {_times(after)}"
 
 
-def _of_efforts(diagnosis: Diagnosis, after: float) -> str:
+def _of_efforts(shares: Mapping[str, float], after: float) -> str:
     """Return what is left of efforts whose noise nobody declared: as a share, for that noise proves little."""
-    shares = diagnosis.efforts.shares["all"]
     ends = [_percent(shares[key]) for key in ("rigid", "heldout")]
     falls = "" if ends[0] == ends[1] else f"what is left of the efforts falls from {ends[0]} to {ends[1]}"
     return (
@@ -184,7 +183,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
     if causes:
         count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
         things = f"{count} thing{'s' if len(causes) > 1 else ''}"
-        texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for it: {'; '.join(causes)}.")
+        much = "it" if diagnosis.verdict == "explained" else "a part of it"
+        texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for {much}: {'; '.join(causes)}.")
         if len(named) < len(every):
             texts.append("The robot's deflection under load changes how it carries the load; that is no fault.")
     if diagnosis.verdict == "explained":
@@ -197,7 +197,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
         texts[-1] += ": something is missing that has no name here, and the corrected model holds only near these data."
-    first_remedy = next((finding.remedy for finding in (*logs, *named) if finding.remedy), "")
+    doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
+    first_remedy = next((finding.remedy for finding in (*logs, *doubted, *named) if finding.remedy), "")
     if first_remedy:
         texts.append(f"To do first: {first_remedy}.")
     return " ".join(texts)
