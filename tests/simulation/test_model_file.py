@@ -236,6 +236,6 @@ def test_the_noise_of_efforts_is_kept_by_joint_in_its_unit(tmp_path):
     assert json.loads(path.read_text())["effort_noise"] == {"leg1_slide": {"value": 2.5, "unit": "N"}}
     assert read_model(path).effort_noise == {"leg1_slide": 2.5}
     path.write_text(path.read_text().replace("2.5", "-1").replace('"N"', '"N m"'))
-    with pytest.raises(RecordingFileError, match="effort_noise.leg1_slide.unit") as caught:
+    with pytest.raises(RecordingFileError, match=r"effort_noise\.leg1_slide\.unit") as caught:
         read_model(path)
     assert "expected a number above 0" in str(caught.value)
