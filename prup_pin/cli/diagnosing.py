@@ -9,7 +9,7 @@ import typer
 
 from ..views.text import terminal
 from . import progress
-from .files import list_written
+from .files import file_name, list_written
 from .options import (
     ConventionOption,
     Reading,
@@ -25,7 +25,14 @@ __all__ = ["diagnose"]
 
 def diagnose(
     recordings: RecordingFiles,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for verdict, corrected model and report. Default: ./RECORDING_diagnosis.",
+        ),
+    ] = None,
     robot: RobotOption = None,
     tolerances: TolerancesOption = None,
     convention: ConventionOption = None,
@@ -39,6 +46,7 @@ def diagnose(
     from ..views.report.diagnosis_files import REPORT, check_before, missing_for_report, write_diagnosis
     from ..views.text.diagnosis_text import print_diagnosis
 
+    out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
     check_before(out, recordings)
     missing = missing_for_report() if report else ""
     read, name = recorded(recordings, tolerances, robot, convention)

@@ -70,7 +70,10 @@ def import_(
             )
     understood = read_map(plan, content, mechanism)
     if out is None:
-        raise InputError(f"'{plan}' is there already; give --out RECORDING.csv to make a recording by it")
+        raise InputError(
+            f"'{plan}' is there already; give --out RECORDING.csv to make a recording by it, or remove it "
+            "to have it guessed anew"
+        )
     done = convert(content, understood, mechanism)
     write_recording(done.recording, out)
     print_conversion(shown, content, understood, done)

@@ -138,7 +138,14 @@ def predict(
         notes.append(f"The noise of {', '.join(known)} is that with which the model was found.")
     if "pose_sensor" in corrected.own_by_run:
         read = replace(read, own_by_run=tuple(dict.fromkeys((*read.own_by_run, "pose_sensor"))))
-    _predict(loaded, read, corrected.effects, out, workers, stop, notes, band=corrected.band)
+    if corrected.effort_noise and not read.noise.effort:
+        notes.append("The noise of efforts is that which the diagnosis found.")
+    if corrected.band:
+        notes.append(
+            "Efforts are compared row by row as they were measured; a diagnosis compares them below the frequencies "
+            "that its remarks say, where less is left."
+        )
+    _predict(loaded, read, corrected.effects, out, workers, stop, notes, (), corrected.band, corrected.effort_noise)
 
 
 def _predict(
@@ -151,6 +158,7 @@ def _predict(
     notes: Sequence[str],
     markers: Sequence[str] = (),
     band: Mapping[str, float] | None = None,
+    effort_noise: Mapping[str, float] | None = None,
 ) -> None:
     """Write what the robot would have measured, as the log is written, and print how it compares."""
     logged = recording
@@ -166,7 +174,7 @@ def _predict(
         raise
     prediction = _placed(prediction, recording)
     _write_prediction(out, recording, prediction, robot, logged.conventions)
-    print_simulation(terminal.console(), robot, effects, recording, prediction, notes)
+    print_simulation(terminal.console(), robot, effects, recording, prediction, notes, effort_noise)
     list_written((out,))
 
 

@@ -25,7 +25,7 @@ from ..views.text.answer import yielding_beside
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
-from .files import folder_for, list_written, write_figures
+from .files import check_folder, folder_for, list_written, write_figures
 from .options import Reading, RobotName, SetParameters, Workers
 
 __all__ = ["sweep"]
@@ -94,6 +94,12 @@ def sweep(
         _print_quantities()
         return
     folder_for(plots, "--plots")
+    check_folder(out, "--out")
+    if out is not None and out.suffix != ".parquet":
+        table = out.with_suffix(".parquet")
+        raise InputError(
+            f"--out: '{out}' would be a Parquet table; give a name that ends in .parquet, such as '{table}'"
+        )
     loaded, _ = reading.changed(robot, set_parameters)
     if quantities is None:
         names = [*(["extremes"] if force is not None or moment is not None else []), "translational", *_index(loaded)]

@@ -8,6 +8,7 @@ proof is a doubt, and says so in the map.
 from __future__ import annotations
 
 from .beside import set_beside
+from .by_unit import add_by_unit
 from .draft import Guessing
 from .joint_columns import add_joints
 from .log import Log
@@ -31,6 +32,10 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
     found.lines += loads
     seen = seen_poses(log, taken | {line.source for line in loads} | times, mechanism)
     found.lines += seen.lines.values()
+    if mechanism is not None:
+        places = {name for body in seen.others for name in body.place.values()}
+        turns = {name for body in (*seen.turns.values(), *seen.others) for name in body.turn}
+        add_by_unit(log, {line.source for line in found.lines} | places | turns | times, mechanism, found)
     settle_units(log, clocks, found, mechanism)
     set_beside(log, clocks, found, seen, mechanism)
     return written(log, clocks, found, seen, mechanism, robot)

@@ -14,7 +14,7 @@ from .words import CURRENT, IN_OUT, KIND, MEASURED, WISHED, unit_in_name, words_
 #: Not the joint itself, or not what was measured there, where something better is in the log.
 _ASIDE = ("d", "ext", "external", "estimated", "est", "filtered", "friction", "model", "gravity", "raw")
 #: Of the tool, not of joints.
-_TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
+OF_THE_TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
 #: Words beside a joint's number that say nothing of what is measured.
 _PLAIN = (
     "joint",
@@ -55,7 +55,7 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
         if name in times or not (joint or numbers or (alone and kinds)):
             continue
         spoken = {word for word in words if not word.isdigit()} - set(words_of(joint))
-        if (not joint and spoken & set(_TOOL)) or not (kinds or spoken <= {*_PLAIN, *MEASURED}):
+        if (not joint and spoken & set(OF_THE_TOOL)) or not (kinds or spoken <= {*_PLAIN, *MEASURED}):
             continue
         kind = "tau" if "tau" in kinds else kinds[-1] if kinds else "q"
         number = int(numbers[-1]) if numbers else 0
@@ -100,7 +100,7 @@ def _spoken(
     for name in stream.columns:
         words = words_of(name)
         kinds = [KIND[word] for word in words if word in KIND]
-        if name in times or not kinds or set(words) & set(_TOOL) or _joint_in(name, mechanism):
+        if name in times or not kinds or set(words) & set(OF_THE_TOOL) or _joint_in(name, mechanism):
             continue
         manner = " ".join(word for word in words if word in {*KIND, *WISHED, *MEASURED, *_ASIDE})
         group = groups.setdefault(("tau" if "tau" in kinds else kinds[-1], manner), [])

@@ -79,6 +79,8 @@ def written(
     if not any(line.target.startswith("q.") for line in chosen):
         lines.append("  # q.<joint>: {from: NAME, unit: rad}")
         doubts.append("no column was found that is the position of a joint; write lines q.<joint>")
+    if any(line.target.startswith("q.") for line in chosen):
+        lines += [told(*_open(joint, found, mechanism), f"q.{joint}") for joint in found.open]
     lines += _of_others(seen, mechanism, doubts)
     if seen.turns:
         lines += ["", "rotations:"]
@@ -112,6 +114,22 @@ def written(
     if unused or log.left_out:
         lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
     return Guess("\n".join(lines) + "\n", tuple(doubts))
+
+
+def _open(joint: str, found: Guessing, mechanism: NamedRobot | None) -> tuple[str, str]:
+    """Return the line of comment for a driven joint whose position no column is, and what is not sure of it.
+
+    Where columns are left that may be it, or where another column is this joint's, it hardly stood at home.
+    """
+    columns = found.open[joint]
+    slides = mechanism is not None and any(item.slides for item in mechanism.joints if item.name == joint)
+    text = f"  # q.{joint}: {{from: NAME, unit: {'m' if slides else 'rad'}}}"
+    without = "no column is its position; it is taken to stand at home"
+    if columns:
+        return text, f"{without}. Is it {' or '.join(columns[:6])}?"
+    if any(line.target.endswith(f".{joint}") for line in found.lines):
+        return text, without
+    return f"{text}  # {without}", ""
 
 
 def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:

@@ -30,7 +30,7 @@ def time_column(stream: Stream) -> TimeColumn:
     named.sort(key=lambda name: (len(words_of(name)), -np.ptp(stream.columns[name])))
     rising = [name for name in rising if _may_be_time(stream, name)]
     if not (named or rising):
-        return "", "s", "no column is a time: write the rows a second; 1 will do for poses at rest"
+        return "", "s", "no column is a time: write how many rows a second there are; 1 will do for poses at rest"
     name = (named or rising)[0]
     doubt = "" if named else "no column has a name of time; this one rises from row to row"
     said = stream.units.get(name) or unit_in_name(name)

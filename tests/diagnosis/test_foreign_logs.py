@@ -60,3 +60,19 @@ def test_links_that_weigh_nothing_explain_no_log():
     assert not _is_foreign({"rigid": 177.0, "heldout": 0.05})  # a drawing with wrong masses, well corrected
     assert not _is_foreign({"rigid": 1.0, "heldout": 0.62})  # small efforts, and much noise
     assert "hardly a log of this robot" in foreign_unknown(177.0, 0.62).statement
+
+
+def test_a_log_of_another_robot_is_diagnosed_as_such(robot, tmp_path, monkeypatch):
+    """Whatever takes its efforts away: the threshold is asked of what the drawing leaves and of what is left."""
+    asked = []
+
+    def foreign(share):
+        asked.append(share)
+        return True
+
+    monkeypatch.setattr("prup_pin.diagnosis.efforts.verdict._is_foreign", foreign)
+    found = prup_pin.diagnose(robot, log_of(robot, tmp_path / "y.csv", True))
+    assert asked
+    assert set(asked[0]) >= {"rigid", "heldout"}
+    assert found.verdict == "unexplained"
+    assert "hardly a log of this robot" in found.findings[-1].statement

@@ -228,3 +228,14 @@ def test_what_cannot_be_read_again_is_not_written(tmp_path, robot):
     assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="folder"):
         write_model(CorrectedModel("3prup"), tmp_path)
+
+
+def test_the_noise_of_efforts_is_kept_by_joint_in_its_unit(tmp_path):
+    path = tmp_path / "model.json"
+    write_model(CorrectedModel("3prup", effort_noise={"leg1_slide": 2.5}), path)
+    assert json.loads(path.read_text())["effort_noise"] == {"leg1_slide": {"value": 2.5, "unit": "N"}}
+    assert read_model(path).effort_noise == {"leg1_slide": 2.5}
+    path.write_text(path.read_text().replace("2.5", "-1").replace('"N"', '"N m"'))
+    with pytest.raises(RecordingFileError, match=r"effort_noise\.leg1_slide\.unit") as caught:
+        read_model(path)
+    assert "expected a number above 0" in str(caught.value)
