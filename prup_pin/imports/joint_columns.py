@@ -16,22 +16,8 @@ _ASIDE = ("d", "ext", "external", "estimated", "est", "filtered", "friction", "m
 #: Of the tool, not of joints.
 _TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
 #: Words beside a joint's number that say nothing of what is measured.
-_PLAIN = (
-    "joint",
-    "joints",
-    "j",
-    "axis",
-    "axes",
-    "a",
-    "value",
-    "val",
-    "robot",
-    "achse",
-    "achsen",
-    "gelenk",
-    "train",
-    "test",
-)
+_PLAIN = ("joint", "joints", "j", "axis", "axes", "a", "value", "val", "robot", "achse", "achsen", "gelenk", "train",
+          "test")  # fmt: skip
 #: What blocks of columns without names are, by how many there are.
 _BLOCKS = {1: ("q",), 2: ("q", "tau"), 3: ("q", "qd", "tau"), 4: ("q", "qd", "qdd", "tau")}
 

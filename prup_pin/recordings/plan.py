@@ -355,20 +355,8 @@ def _load_json(load: LoadProgramme) -> dict[str, Any]:
 class _PlanReader:
     """Turns JSON into a plan and adds whatever is wrong, with its place, to the problems."""
 
-    KEYS = (
-        "poses",
-        "loads",
-        "sample_interval",
-        "temperature",
-        "noise",
-        "tolerances",
-        "markers",
-        "gravity",
-        "encoder_resolution",
-        "seed",
-        "robot",
-        "notes",
-    )
+    KEYS = ("poses", "loads", "sample_interval", "temperature", "noise", "tolerances", "markers", "gravity",
+            "encoder_resolution", "seed", "robot", "notes")  # fmt: skip
 
     def __init__(self, path: Path, problems: Problems):
         self.path, self.problems = path, problems
