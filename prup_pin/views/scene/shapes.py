@@ -152,12 +152,7 @@ class Tube:
         normals = np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * other[:, None]
         radii = np.broadcast_to(self.radius, count)
         rings = points[:, None] + radii[:, None, None] * normals
-        first = (np.arange(count - 1)[:, None] * sides + np.arange(sides)).ravel()
-        second = (np.arange(count - 1)[:, None] * sides + (np.arange(sides) + 1) % sides).ravel()
-        faces = [
-            np.column_stack((first, second, second + sides)),
-            np.column_stack((first, second + sides, first + sides)),
-        ]
+        faces = [_between_rings(count, sides)]
         vertices, directions = [rings.reshape(-1, 3)], [normals.reshape(-1, 3)]
         if self.capped:
             for end, sign in ((0, -1.0), (-1, 1.0)):
@@ -172,6 +167,15 @@ class Tube:
 
 
 Shape = Box | Ball | Cylinder | Cone | Ring | Ellipsoid | Lines | Mesh | Tube
+
+
+def _between_rings(rings: int, points: int, closed: bool = True) -> np.ndarray:
+    """Return the triangles (n, 3) between each ring of points and the next; of closed ones the last meets the first."""
+    row, column = points * np.arange(rings - 1)[:, None], np.arange(points if closed else points - 1)
+    first, second = (row + column).ravel(), (row + (column + 1) % points).ravel()
+    return np.concatenate(
+        [np.column_stack((first, second, second + points)), np.column_stack((first, second + points, first + points))]
+    )
 
 
 def _directions(points: Array) -> Array:
@@ -197,31 +201,10 @@ def _carried(tangents: Array) -> Array:
 @lru_cache(maxsize=64)
 def ball_mesh(level: int = 1) -> Mesh:
     """Return a sphere of radius 1 as a subdivided icosahedron."""
-    golden = (1 + 5**0.5) / 2
-    corners = [[0, s, t * golden] for s in (-1, 1) for t in (-1, 1)]
-    vertices = np.array([np.roll(corner, shift) for shift in range(3) for corner in corners])
-    vertices /= np.linalg.norm(vertices[0])
-    near = np.linalg.norm(vertices[:, None] - vertices[None], axis=-1)
-    edge = near[near > 1e-9].min() * 1.01
-    faces = np.array(
-        [
-            (i, j, k) if np.linalg.det(vertices[[i, j, k]]) > 0 else (i, k, j)
-            for i in range(12)
-            for j in range(i + 1, 12)
-            for k in range(j + 1, 12)
-            if max(near[i, j], near[j, k], near[i, k]) < edge
-        ]
-    )
-    for _ in range(level):
-        corner = vertices[faces]
-        middle = (corner + np.roll(corner, -1, axis=1)) / 2
-        a, b, c = np.moveaxis(corner, 1, 0)
-        ab, bc, ca = np.moveaxis(middle, 1, 0)
-        soup = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
-        soup /= np.linalg.norm(soup, axis=1, keepdims=True)
-        vertices, inverse = np.unique(np.round(soup, 9), axis=0, return_inverse=True)
-        faces = inverse.reshape(-1, 3)
-    return Mesh(vertices, faces, vertices)
+    from trimesh.creation import icosphere
+
+    ball = icosphere(level)
+    return Mesh(ball.vertices, ball.faces, ball.vertices)
 
 
 def box_mesh(box: Box, along: int, count: int) -> Mesh:
@@ -263,12 +246,7 @@ def thread_mesh(radius: float, length: float, turns: int = 30, sides: int = 12) 
     r = radius * (0.91 + 0.09 * np.cos(angle - 2 * np.pi * turns * z / length))
     x, y = r * np.cos(angle), r * np.sin(angle)
     vertices = np.stack((x, y, np.broadcast_to(z, x.shape)), axis=-1).reshape(-1, 3)
-    first = (np.arange(count - 1)[:, None] * (sides + 1) + np.arange(sides)).ravel()
-    up = sides + 1
-    faces = np.vstack(
-        (np.column_stack((first, first + 1, first + up + 1)), np.column_stack((first, first + up + 1, first + up)))
-    )
-    return Mesh(vertices, faces)
+    return Mesh(vertices, _between_rings(count, sides + 1, closed=False))
 
 
 @lru_cache(maxsize=64)
@@ -286,13 +264,6 @@ def belt_mesh(distance: float, first: float, second: float, width: float, thickn
         for edge, height in ((inner, -width / 2), (outer, -width / 2), (outer, width / 2), (inner, width / 2))
     ]
     count = len(inner)
-    vertices: list[Array] = []
-    faces: list[np.ndarray] = []
-    for one, other in ((0, 1), (1, 2), (2, 3), (3, 0)):
-        start = len(vertices) * 2 * count
-        vertices.append(np.concatenate((loops[one], loops[other])))
-        i = np.arange(count)
-        j = (i + 1) % count
-        faces.append(np.column_stack((start + i, start + j, start + count + j)))
-        faces.append(np.column_stack((start + i, start + count + j, start + count + i)))
+    vertices = [loops[k % 4] for side in range(4) for k in (side, side + 1)]
+    faces = [2 * count * side + _between_rings(2, count) for side in range(4)]
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
