@@ -20,6 +20,8 @@ __all__ = ["OneRate", "one_rate"]
 _EVERY = 0.9
 #: A value that repeats is held between samples where nine in ten values do; fewer changes tell nothing.
 _HELD, _FEWEST = 0.1, 30
+#: Steps below so many of the smallest are all of one count.
+_ONE_COUNT = 1.5
 #: Samples further apart than this [s] are of postures, not of a motion.
 _SLOWEST = 0.1
 #: Where a column is silent for longer than so many of its steps, nothing is made up.
@@ -92,7 +94,18 @@ def _sampled(values: Array) -> np.ndarray:
     fresh = np.concatenate(([True], np.diff(values[known]) != 0))
     changes = known[fresh]
     enough = len(changes) >= _FEWEST and len(known) >= _EVERY * len(values)
-    return changes if enough and np.quantile(np.diff(changes), _HELD) >= 2 else known
+    held = enough and np.quantile(np.diff(changes), _HELD) >= 2 and not _counts(changes, values[changes])
+    return changes if held else known
+
+
+def _counts(rows: np.ndarray, values: Array) -> bool:
+    """Return whether values (m,), which change at some rows, go on by one count whenever their sensor has seen one.
+
+    It sees one sooner the faster it moves, and not at an even pace.
+    """
+    steps, apart = np.abs(np.diff(values)), np.diff(rows)
+    one_count = np.quantile(steps, 1 - _HELD) < _ONE_COUNT * steps.min()
+    return bool(one_count and np.mean(apart == np.median(apart)) < 1 - _HELD)
 
 
 def _drawn(time: Array, values: Array, rows: np.ndarray, run: np.ndarray, gap: float) -> Array:

@@ -55,10 +55,11 @@ def test_streams_whose_rows_alternate_have_one_clock():
 
 
 def test_an_encoder_that_stands_or_counts_coarsely_is_not_one_that_comes_slowly():
-    coarse = np.round(Q / 2e-4) * 2e-4
     resting = np.where(TIME < 4, Q, Q[2000])
-    assert not one_rate(table(coarse)).every
     assert not one_rate(table(resting)).every
+    for count in (2e-4, 2e-3, 4e-3):
+        assert not one_rate(table(np.round(Q / count) * count)).every
+    assert one_rate(table(held(np.round(Q / 2e-4) * 2e-4, 5))).every == {"q.carriage": 5}
 
 
 def test_postures_that_are_held_are_no_slow_motion():
