@@ -12,8 +12,8 @@ import numpy as np
 from ..errors import Problem, RecordingFileError
 from ..numbers import number
 from ..recordings import Recording
-from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, largest, marker_of
-from ..spatial import WRENCH_NAMES, Array
+from ..recordings.columns import AXES, JOINT_GROUPS, fields_of, largest
+from ..spatial import Array
 from .clocks import at_rest, rests
 from .log import Log, Stream
 from .map import Clock, Column, LogMap, Motors, Rotation
@@ -342,33 +342,13 @@ def _recording(
     """Return the recording of columns by their names."""
     n = len(time)
     order = list(mechanism.actuated) if mechanism is not None else []
-    fields: dict[str, Any] = {group: {} for group in JOINT_GROUPS.values()}
-    fields |= {"markers": {}, "marker_rotations": {}}
-    triples: dict[str, Array] = {}
-    wrench, loads = np.zeros((n, 6)), []
-    for name, values in columns.items():
-        joint, marker = joint_of(name), marker_of(name)
-        if joint is not None:
-            fields[joint[0]][joint[1]] = values
-        elif marker is not None:
-            fields[marker[0]].setdefault(marker[1], np.full((n, 3), np.nan))[:, marker[2]] = values
-        elif name.startswith("w."):
-            loads.append(name[2:])
-            wrench[:, WRENCH_NAMES.index(name[2:])] = values
-        elif name[:2] in ("p.", "r.", "g."):
-            triples.setdefault(name[0], np.full((n, 3), np.nan))[:, AXES.index(name[2])] = values
-        elif name == "run":
-            labels = [f"{x:g}" for x in values.tolist()]
-            known = list(dict.fromkeys(labels))
-            fields["run"], fields["run_names"] = np.array([known.index(x) for x in labels]), tuple(known)
-        else:
-            fields[name] = values
+    fields = fields_of(columns, n)
     for group in JOINT_GROUPS.values():
         fields[group] = dict(sorted(fields[group].items(), key=lambda item: _place(order, item[0])))
-    if loads:
-        fields |= {"wrench": wrench, "wrench_columns": tuple(name for name in WRENCH_NAMES if name in loads)}
-    called = {"p": "position", "r": "rotation", "g": "gravity"}
-    fields |= {called[key]: values for key, values in triples.items()}
+    if "run" in columns:
+        labels = [f"{x:g}" for x in columns["run"].tolist()]
+        known = list(dict.fromkeys(labels))
+        fields |= {"run": np.array([known.index(x) for x in labels]), "run_names": tuple(known)}
     notes = plan.notes or f"imported from {Path(log.path).name}"
     return Recording(time=time, robot=plan.robot, notes=notes, noise=plan.noise, tolerances=plan.tolerances, **fields)
 

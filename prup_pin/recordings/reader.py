@@ -20,15 +20,13 @@ from .columns import (
     AXES,
     COARSEST_NOISE,
     FINEST_NOISE,
-    JOINT_GROUPS,
     LARGEST_GRAVITY,
-    MARKER_GROUPS,
     NOISE_KEYS,
     NOISE_UNITS,
     candidates,
+    fields_of,
     in_other_words,
     is_known,
-    joint_of,
     largest,
     marker_of,
     meant,
@@ -794,39 +792,12 @@ def tolerances_value(values: object, problems: Problems, file: str, at: str = ""
 def _recording(
     path: Path, header: Sequence[str], table: _Table, beside: _Beside, form: _Form, told: Sequence[str]
 ) -> Recording:
-    n = len(table.lines)
-    numbers = table.numbers
-    groups: dict[str, dict[str, Array]] = {group: {} for group in JOINT_GROUPS.values()}
-    markers: dict[str, dict[str, Array]] = {group: {} for group in MARKER_GROUPS.values()}
-    for name, values in numbers.items():
-        if joint := joint_of(name):
-            groups[joint[0]][joint[1]] = values
-        elif marker := marker_of(name):
-            group, frame, axis = marker
-            markers[group].setdefault(frame, np.full((n, 3), np.nan))[:, axis] = values
-
-    def triple(prefix: str) -> Array | None:
-        columns = [numbers.get(f"{prefix}.{axis}") for axis in AXES]
-        if all(values is None for values in columns):
-            return None
-        return np.column_stack([np.full(n, np.nan) if values is None else values for values in columns])
-
-    wrench_columns = tuple(name for name in WRENCH_NAMES if f"w.{name}" in numbers)
-    wrench = np.zeros((n, 6))
-    for k, name in enumerate(WRENCH_NAMES):
-        if name in wrench_columns:
-            wrench[:, k] = numbers[f"w.{name}"]
+    n, numbers = len(table.lines), table.numbers
     remarks = [*told, *_remarks(header, numbers, table.blank, form)]
     if not form.is_path:  # which has nothing measured
         remarks += [*_unmeasured(numbers), *beside.remarks, *_undeclared(numbers, beside.noise)]
     return Recording(
         time=numbers["time"],
-        wrench=wrench,
-        wrench_columns=wrench_columns,
-        position=triple("p"),
-        rotation=triple("r"),
-        gravity=triple("g"),
-        temperature=numbers.get("temperature"),
         run=np.zeros(n, np.int64) if table.run is None else table.run,
         run_names=table.run_names,
         noise=beside.noise,
@@ -839,8 +810,7 @@ def _recording(
         path=str(path),
         ignored=tuple(name for name in header if name != "run" and not form.knows(name)),
         remarks=tuple(remarks),
-        **markers,
-        **groups,
+        **fields_of(numbers, n),
     )
 
 

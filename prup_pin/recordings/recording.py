@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, UnknownNameError
 from ..numbers import number
 from ..spatial import WRENCH_NAMES, Array
-from .columns import COARSEST_NOISE, FINEST_NOISE, LARGEST_GRAVITY, MARKER_GROUPS, largest
+from .columns import AXES, COARSEST_NOISE, FINEST_NOISE, JOINT_GROUPS, LARGEST_GRAVITY, MARKER_GROUPS, largest
 from .tolerances import SENSORS, Tolerances
 
 if TYPE_CHECKING:
@@ -173,6 +173,22 @@ class Recording:
     def has_wrench(self) -> bool:
         """Whether any component of the wrench has a column."""
         return bool(self.wrench_columns)
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the name and the values (N,) of every column but time and run, in the order of a table."""
+        for prefix, group in JOINT_GROUPS.items():
+            for joint, values in getattr(self, group).items():
+                yield f"{prefix}.{joint}", values
+        for name in self.wrench_columns:
+            yield f"w.{name}", self.wrench[:, WRENCH_NAMES.index(name)]
+        triples = {"p": self.position, "r": self.rotation}
+        for prefix, group in MARKER_GROUPS.items():
+            triples |= {f"{prefix}.{name}": values for name, values in getattr(self, group).items()}
+        for prefix, array in {**triples, "g": self.gravity}.items():
+            if array is not None:
+                yield from zip((f"{prefix}.{axis}" for axis in AXES), array.T, strict=True)
+        if self.temperature is not None:
+            yield "temperature", self.temperature
 
     def actuator_positions(self, names: Sequence[str]) -> Array:
         """Return the encoders' positions (N, len(names)) [m or rad], or raise UnknownNameError."""
