@@ -40,7 +40,7 @@ def import_(
 ) -> None:
     """Somebody's log as a recording: units, signs, motors to joints, one clock; docs/import.md."""
     from ..imports import convert, guess, read_logs, read_map, robot_named
-    from ..imports.map_text import write_text
+    from ..imports.guess import write_text
     from ..views.text.import_text import print_conversion, print_log
 
     plan = map_file if map_file is not None else Path(f"{logs[0].stem}.map.yaml")

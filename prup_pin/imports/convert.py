@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,8 @@ from ..numbers import number
 from ..recordings import Recording
 from ..recordings.columns import AXES, JOINT_GROUPS, fields_of, largest
 from ..spatial import Array
-from .clocks import at_rest, rests
 from .log import Log, Stream
-from .map import Clock, Column, LogMap, Motors, Rotation
-from .named import NamedRobot
+from .map import Clock, Column, LogMap, Motors, NamedRobot, Rotation
 
 #: Where a stream is silent for longer than so many of its periods, nothing is made up.
 GAP = 5.0
@@ -27,6 +25,8 @@ SWAPPED, APART = 0.01, 20
 MOST_RUNS, FEWEST_ROWS = 1000, 20
 #: A stream that is so much faster than the clock it is put on is averaged over the clock's period.
 FASTER = 1.5
+#: A joint stands that moves by less than this share of its way within so many seconds before and after.
+STILL, REST = 1e-3, 0.15
 #: Rows of an even clock; spans of rows that are listed.
 MAX_ROWS, _SPANS = 10_000_000, 12
 
@@ -113,6 +113,24 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
         time, columns = time[still], {name: values[still] for name, values in columns.items()}
     recording = _recording(time - time[0], columns, log, plan, mechanism)
     return Conversion(recording, unused, tuple(remarks), moving)
+
+
+def at_rest(time: Array, joints: Sequence[Array]) -> np.ndarray:
+    """Return at which times (N,) all joints, each (N,) [m, rad], stand: moved by less than `STILL` of their way.
+
+    Each joint is looked at from `REST` before to `REST` after.
+    """
+    still = np.ones(len(time), bool)
+    for values in joints:
+        before, after = (np.interp(time + way, time, values) for way in (-REST, REST))
+        way = np.abs(np.stack([after - values, values - before, after - before])).max(axis=0)
+        still &= way < STILL * max(float(np.ptp(values)), 1e-12)
+    return still
+
+
+def rests(still: np.ndarray) -> int:
+    """Return how many rests there are."""
+    return int(np.sum(np.diff(still.astype(int), prepend=0) > 0))
 
 
 def _moved(still: np.ndarray, spans: tuple[tuple[int, int], ...], times: Array) -> str:

@@ -1,0 +1,43 @@
+"""Modules that stand elsewhere now: their old names work for one release, with a warning that says the new one."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+#: Old module -> new one, both without the package's name.
+MOVED: dict[str, str] = {
+    "imports.beside": "imports.clocks",
+    "imports.joint_columns": "imports.columns",
+    "imports.map_file": "imports.map",
+    "imports.map_text": "imports.guess",
+    "imports.matlab_elements": "imports.matlab",
+    "imports.named": "imports.map",
+    "imports.pose_columns": "imports.columns",
+    "imports.stamps": "imports.text_table",
+    "imports.time_column": "imports.columns",
+    "imports.whole_turns": "imports.unit_by_numbers",
+    "imports.words": "imports.units",
+    "imports.wrench_columns": "imports.columns",
+    "imports.yaml_keys": "imports.map",
+}
+
+
+class Moved:
+    """Finds a moved module by its old name: what is imported is the new one."""
+
+    def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        package, _, name = fullname.partition(".")
+        return ModuleSpec(fullname, self) if package == __package__ and name in MOVED else None
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """Leave it to Python to make a module, which `exec_module` replaces."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        old = module.__name__
+        new = f"{__package__}.{MOVED[old.partition('.')[2]]}"
+        warnings.warn(f"{old} is {new} now; the old name goes with the next release", DeprecationWarning, stacklevel=2)
+        sys.modules[old] = import_module(new)
