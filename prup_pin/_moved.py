@@ -10,6 +10,18 @@ from types import ModuleType
 
 #: Old module -> new one, both without the package's name.
 MOVED: dict[str, str] = {
+    "cli.answering": "cli.one_pose",
+    "cli.calibrating": "cli.bench_tests",
+    "cli.catalogue": "cli.robot_files",
+    "cli.checking": "cli.robot_files",
+    "cli.compensating": "cli.many_poses",
+    "cli.diagnosing": "cli.bench_tests",
+    "cli.examples": "cli.robot_files",
+    "cli.importing": "cli.bench_tests",
+    "cli.pages": "cli.one_pose",
+    "cli.question": "cli.options",
+    "cli.simulating": "cli.bench_tests",
+    "cli.sweeping": "cli.many_poses",
     "imports.beside": "imports.clocks",
     "imports.joint_columns": "imports.columns",
     "imports.map_file": "imports.map",
@@ -31,7 +43,8 @@ class Moved:
 
     def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
         package, _, name = fullname.partition(".")
-        return ModuleSpec(fullname, self) if package == __package__ and name in MOVED else None
+        known = package == __package__ and name in MOVED
+        return ModuleSpec(fullname, self) if known else None  # type: ignore[arg-type]  # no Loader by its class
 
     def create_module(self, spec: ModuleSpec) -> None:
         """Leave it to Python to make a module, which `exec_module` replaces."""
