@@ -16,14 +16,12 @@ from ...numbers import readable_unit
 from ...robot import Robot
 from ...spatial import Array
 from ..scene.camera import camera_of
-from ..scene.colours import FOUND
+from ..scene.colours import AXES, FOUND, INK
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
-from .drawing import AXES, INK, Drawing, Labels, Layout
+from .drawing import Drawing, Labels, Layout
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
 from .plotting import Figure, FigureCanvasAgg, plain_words
-
-__all__ = ["AFTER", "BEFORE", "Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
 
 #: What is measured less simulated before a diagnosis, and after it.
 BEFORE, AFTER = "#9AA3AD", "#0B6AA8"

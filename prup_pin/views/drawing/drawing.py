@@ -9,10 +9,7 @@ import numpy as np
 
 from ...spatial import Array
 from ..scene.camera import Camera
-from ..scene.colours import AXES, FAINT, INK
 from .plotting import Bbox, Figure
-
-__all__ = ["AXES", "FAINT", "INK", "NARROW", "WIDE", "Drawing", "Labels", "Layout"]
 
 
 class Layout(NamedTuple):

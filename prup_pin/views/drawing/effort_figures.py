@@ -14,8 +14,6 @@ from ..scene.colours import FOUND
 from ..text.diagnosis_words import finding_text
 from .plotting import Figure, FigureCanvasAgg, plain_words
 
-__all__ = ["effort_curve_figure", "effort_figure", "effort_spectra_figure"]
-
 _BEFORE, _AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
 _MOST_JOINTS, _SECONDS = 6, 12.0

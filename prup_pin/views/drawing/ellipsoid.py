@@ -8,11 +8,9 @@ from ...numbers import quantity
 from ...spatial import Array
 from ...statics import Compliance
 from ..scene.camera import Camera
-from ..scene.colours import ELLIPSOIDS, rgb_of
-from .drawing import FAINT, WIDE, Drawing, Labels, Layout
+from ..scene.colours import ELLIPSOIDS, FAINT, rgb_of
+from .drawing import WIDE, Drawing, Labels, Layout
 from .plotting import Figure, PolyCollection, Polygon
-
-__all__ = ["draw_ellipsoid", "draw_small_ellipsoid"]
 
 SOFT = ELLIPSOIDS["translation"]
 

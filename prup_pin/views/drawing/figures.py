@@ -19,25 +19,16 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench, wrench_text
 from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
-from ..scene.colours import BEAM, GHOST, LOAD, MAP, map_rgb, share_colours
+from ..scene.colours import AXES, BEAM, FAINT, GHOST, INK, LOAD, MAP, map_rgb, share_colours
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked
 from ..text.joints import pose_text
 from ..text.quantities import length_text
 from ..text.tables import load_text, percent_text
-from .drawing import AXES, FAINT, INK, NARROW, WIDE, Drawing, Labels, Layout
+from .drawing import NARROW, WIDE, Drawing, Labels, Layout
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
 from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words
-
-__all__ = [
-    "draw_compass",
-    "draw_legend",
-    "draw_mechanism",
-    "draw_tool",
-    "pose_figure",
-    "shares_figure",
-]
 
 _PLATE, _PALE = "#aeb6bf", "#c3c9d0"
 

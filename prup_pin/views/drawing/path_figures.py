@@ -6,10 +6,8 @@ import numpy as np
 
 from ...compensation import Compensation
 from ...spatial import Array
-from .drawing import INK
+from ..scene.colours import INK
 from .plotting import Figure, FigureCanvasAgg, plain_words
-
-__all__ = ["path_figure"]
 
 _BEFORE, _AFTER = "#C2255C", "#0B6AA8"
 _PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))

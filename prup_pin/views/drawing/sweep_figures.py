@@ -14,8 +14,6 @@ from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, INK, map_colour
 from .plotting import Figure, FigureCanvasAgg, ListedColormap, MaxNLocator, Patch, plain_words
 
-__all__ = ["Panel", "beside_figure", "check_drawn", "figures_of", "map_figure", "share_figure"]
-
 #: Quantities that no map shows: where the robot stands, and matrices.
 _NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
 #: Modules with a map of their own, and colours of those that dominate.

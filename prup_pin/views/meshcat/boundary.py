@@ -6,8 +6,6 @@ from ...workspace import Workspace
 from ..scene.boundary import boundary_scene
 from .view import View
 
-__all__ = ["boundary_view"]
-
 
 def boundary_view(found: Workspace, name: str = "robot") -> View:
     """Return a view of the boundary in three coordinates: `.save("workspace.html")`, or a notebook's cell.

@@ -19,18 +19,6 @@ from ..scene.motions import Motion
 from ..scene.scene import Part, Scene
 from ..scene.shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
 
-__all__ = [
-    "FIELD_OF_VIEW",
-    "Command",
-    "changes",
-    "folders",
-    "motion_commands",
-    "packed",
-    "scene_commands",
-    "stage",
-    "tree_path",
-]
-
 Command = dict[str, Any]
 #: Vertical opening of the eye [deg].
 FIELD_OF_VIEW = 28

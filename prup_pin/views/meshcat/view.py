@@ -28,8 +28,6 @@ from ..scene.scene import Scene
 from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
 from .server import START, Served, Server
 
-__all__ = ["View", "page_html", "script_json", "view", "words"]
-
 PoseLike = ClosedPose | Mapping[str, float]
 
 

@@ -26,8 +26,6 @@ from ..text.tables import (
     stiffness_tables,
 )
 
-__all__ = ["compliance_html", "diagnosis_html", "robot_html"]
-
 #: Modules whose shares are listed.
 _SHOWN = 6
 _CELL = "text-align: right; padding: 1px 9px; font-variant-numeric: tabular-nums; white-space: nowrap"

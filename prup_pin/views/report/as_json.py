@@ -18,8 +18,6 @@ from ...spatial import TWIST_NAMES, WRENCH_NAMES
 from ..text.answer import Answer
 from ..text.joints import coordinate_dimensions, dimension, joint_type, limits
 
-__all__ = ["answer_as_json", "dump", "info_as_json", "plain"]
-
 _UNIT = {"length": "m", "angle": "rad", "number": ""}
 
 

@@ -29,8 +29,6 @@ from ..text.diagnosis_words import verdict_text
 from .as_json import dump
 from .diagnosis_json import diagnosis_as_json
 
-__all__ = ["MODEL", "PLAN", "REPORT", "VERDICT", "check_before", "missing_for_report", "write_diagnosis"]
-
 VERDICT, MODEL, REPORT, PLAN = "diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"
 FILES = (VERDICT, MODEL, REPORT, PLAN)
 

@@ -14,8 +14,6 @@ from ...recordings.conventions import as_json
 from ...robot import Robot
 from .as_json import plain
 
-__all__ = ["UNIT", "diagnosis_as_json"]
-
 #: In what residuals are counted.
 UNIT = "multiples of the noise (RMS of whitened residual)"
 

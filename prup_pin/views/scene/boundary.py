@@ -14,8 +14,6 @@ from .colours import BEAM, FAINT, INK
 from .scene import Label, Legend, Part, Row, Scene
 from .shapes import Lines, Mesh
 
-__all__ = ["boundary_scene"]
-
 #: Towards the eye.
 _VIEWER = np.array([0.62, -0.66, 0.42])
 

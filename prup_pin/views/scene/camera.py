@@ -10,8 +10,6 @@ from ...robot import Robot
 from ...spatial import Array
 from .skeleton import Skeleton, skeleton
 
-__all__ = ["FORCE_LENGTH", "Camera", "best_camera", "camera_of", "hull"]
-
 #: Length of the force's arrow as a share of the mechanism's size.
 FORCE_LENGTH = 0.21
 #: A view that comes so near to the best is as good; of these the first is taken, so that small changes keep the side.

@@ -20,8 +20,6 @@ from .painter import Painter, pose_words
 from .scene import Label, Legend, Part, Scene
 from .shapes import Mesh, ball_mesh
 
-__all__ = ["Motion", "load_ramp", "path_motion", "softest_translation", "vibration", "workspace_cloud"]
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:

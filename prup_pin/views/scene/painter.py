@@ -26,8 +26,6 @@ from .skeleton import Segment, skeleton
 from .symbols import symbols
 from .visuals import Visual, visuals
 
-__all__ = ["Painter", "pose_scene", "pose_words"]
-
 #: How far a deflection may be drawn at most, in sizes of the robot, or rotated [rad].
 _FARTHEST = 100.0
 

@@ -16,8 +16,6 @@ from ...spatial import Array
 from .colours import INK, MAP
 from .shapes import Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
 
-__all__ = ["ComplianceEllipsoid", "Label", "Legend", "Part", "Row", "Scene", "outline"]
-
 
 @dataclass(frozen=True, eq=False)
 class Part:

@@ -9,21 +9,6 @@ import numpy as np
 
 from ...spatial import Array
 
-__all__ = [
-    "Ball",
-    "Box",
-    "Cone",
-    "Cylinder",
-    "Ellipsoid",
-    "Lines",
-    "Mesh",
-    "Ring",
-    "Shape",
-    "Tube",
-    "box_mesh",
-    "clustered",
-]
-
 
 def frozen(values, shape: tuple[int, ...], kind=float) -> np.ndarray:
     """Return a read-only copy as an array of the given trailing shape."""

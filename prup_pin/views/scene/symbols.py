@@ -16,8 +16,6 @@ from ...mechanism import Module
 from ...spatial import Array, axis_as_z, placement
 from .shapes import Box, Cylinder, Ring, Shape, Tube, belt_mesh, thread_mesh
 
-__all__ = ["Symbol", "symbols"]
-
 _SCREWS = ("ball_screw",)
 _NUTS = ("ball_nut", "preloaded_ball_nut")
 _DRIVES = (*_SCREWS, *_NUTS, "support_bearing", "timing_belt", "motor")

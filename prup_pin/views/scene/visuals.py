@@ -22,8 +22,6 @@ from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
 from .shapes import Ball, Box, Cylinder, Mesh, Shape, clustered
 
-__all__ = ["Visual", "visuals"]
-
 _PLAIN = "#9aa3ad"
 #: Larger mesh files are not drawn.
 MAX_BYTES = 100_000_000

@@ -31,8 +31,6 @@ from .tables import (
 )
 from .terminal import fits, heading, listed, make_table, paragraph, print_table
 
-__all__ = ["print_answer"]
-
 #: Width of a full bar.
 _BAR = 20
 #: Width of a terminal from which bars are always drawn.

@@ -15,8 +15,6 @@ from ...robot import Robot
 from .tables import some
 from .terminal import heading, lines_of, listed, make_table, paragraph, print_table
 
-__all__ = ["print_calibration"]
-
 #: Parameters that are shown: the best known ones, and all that lie far from the robot file.
 _SHOWN, _FAR = 20, 2.0
 #: What is learned less than this was not seen.

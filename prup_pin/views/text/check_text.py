@@ -18,8 +18,6 @@ from ...statics import Compliance
 from .tables import mobility_text, redundancy_text, some
 from .terminal import heading, in_options, listed, paragraph
 
-__all__ = ["print_check", "print_remarks", "robot_remarks"]
-
 #: Share of the largest module's load below which one carries nothing.
 _NOTHING = 1e-9
 #: How far a coordinate is moved to see whether it can be [m, rad].

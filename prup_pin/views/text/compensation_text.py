@@ -15,8 +15,6 @@ from ...robot import Robot
 from .simulation_text import effect_text, print_failures
 from .terminal import heading, listed, make_table, paragraph, print_table
 
-__all__ = ["print_compensation"]
-
 #: What is smaller is rounding [um, urad].
 _ROUNDING = 1e-2
 

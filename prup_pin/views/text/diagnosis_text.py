@@ -27,8 +27,6 @@ from .diagnosis_words import (
 )
 from .terminal import heading, lines_of, listed, make_table, paragraph, print_table
 
-__all__ = ["print_diagnosis"]
-
 
 def print_diagnosis(
     out: Console, robot: Robot, recording: Recording | Sequence[Recording], diagnosis: Diagnosis

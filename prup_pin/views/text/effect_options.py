@@ -11,8 +11,6 @@ from ...numbers import number
 from ...simulation.model_file import law_named, place_named
 from .quantities import UNITS, parse_quantity
 
-__all__ = ["parse_effect"]
-
 _FORM = re.compile(r"\s*(?P<physics>[^@\s]+)@(?P<place>[^@=]*?)(?P<values>(?:\s+[^\s=]+=\S+)*)\s*")
 _EXPECTED = "expected 'physics@place[:aspect] name=value …', for example 'backlash@leg2/ball_nut half_gap=30um …'"
 

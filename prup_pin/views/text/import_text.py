@@ -17,8 +17,6 @@ from ...recordings.columns import unit_of
 from ...spatial import WRENCH_NAMES
 from .terminal import heading, listed, make_table, paragraph, print_table
 
-__all__ = ["print_conversion", "print_log"]
-
 
 def print_log(out: Console, log: Log) -> None:
     """Print what a log holds, stream by stream."""

@@ -11,8 +11,6 @@ from ...robot import Robot
 from .diagnosis_words import hidden_rows
 from .terminal import heading, listed, make_table, paragraph, print_table
 
-__all__ = ["print_prospects"]
-
 
 def print_prospects(out: Console, robot: Robot, recording: Recording, found: Prospects) -> None:
     """Print how the joints move, what could not be told apart or seen, and remarks."""

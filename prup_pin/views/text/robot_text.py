@@ -22,8 +22,6 @@ from .quantities import value_text
 from .tables import default_parameters, mobility_text, module_parameters, redundancy_text
 from .terminal import fits, heading, in_options, listed, make_table, paragraph, print_table
 
-__all__ = ["print_info", "print_kinds", "print_robots"]
-
 
 def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None) -> None:
     """Print what a robot file says and what was made of it, with its own tolerances and those of all its kinds."""

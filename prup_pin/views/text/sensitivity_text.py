@@ -10,8 +10,6 @@ from ...spatial import wrench_text
 from .quantities import workshop_text
 from .terminal import heading, make_table, paragraph, print_table
 
-__all__ = ["print_stiffen_first"]
-
 #: Lines that are printed; JSON holds all.
 _MOST = 12
 

@@ -15,8 +15,6 @@ from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
 from .terminal import heading, listed, make_table, paragraph, print_table
 
-__all__ = ["effect_text", "print_failures", "print_simulation"]
-
 #: So many row numbers are listed.
 _SHOWN = 8
 #: More values than this are counted, not written out: a calibration's.

@@ -13,8 +13,6 @@ from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .joints import coordinate_text
 from .terminal import heading, listed, make_table, paragraph, print_table
 
-__all__ = ["print_sweep"]
-
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
 

@@ -12,19 +12,6 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-__all__ = [
-    "console",
-    "error_text",
-    "fits",
-    "heading",
-    "in_options",
-    "lines_of",
-    "listed",
-    "make_table",
-    "paragraph",
-    "print_table",
-]
-
 #: No unit is longer; what is stays whole.
 _UNIT = 12
 #: Wider than any table.
