@@ -35,6 +35,14 @@ MOVED: dict[str, str] = {
     "imports.words": "imports.units",
     "imports.wrench_columns": "imports.columns",
     "imports.yaml_keys": "imports.map",
+    "views.meshcat.boundary": "views.meshcat.view",
+    "views.report.diagnosis_json": "views.report.as_json",
+    "views.scene.shapes": "views.scene.scene",
+    "views.text.calibration_text": "views.text.diagnosis_text",
+    "views.text.compensation_text": "views.text.simulation_text",
+    "views.text.effect_options": "views.text.simulation_text",
+    "views.text.prospects_text": "views.text.check_text",
+    "views.text.sensitivity_text": "views.text.answer_text",
 }
 
 

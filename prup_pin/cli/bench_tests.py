@@ -17,8 +17,7 @@ from ..recordings import Convention, Recording, add_noise, read_plan, read_recor
 from ..robot import Robot
 from ..simulation import Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
-from ..views.text.effect_options import parse_effect
-from ..views.text.simulation_text import print_simulation
+from ..views.text.simulation_text import parse_effect, print_simulation
 from . import progress
 from .files import check_csv, check_folder, list_written
 from .options import (
@@ -262,7 +261,7 @@ def calibrate(
     from ..diagnosis.calibration import calibrated
     from ..laws.in_recording import lasting
     from ..simulation import CorrectedModel, as_recorded, write_model
-    from ..views.text.calibration_text import print_calibration
+    from ..views.text.diagnosis_text import print_calibration
 
     check_folder(out, "--out", whole=True)
     read, name = recorded(recordings, tolerances, robot, convention)

@@ -28,9 +28,8 @@ from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
 from ..views.text.answer import yielding_beside
-from ..views.text.compensation_text import print_compensation
-from ..views.text.effect_options import parse_effect
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+from ..views.text.simulation_text import parse_effect, print_compensation
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
 from .files import check_csv, folder_for, list_written, write_figures

@@ -1,6 +1,7 @@
 """Options that several commands take, each written once; and how a command takes a whole group of them.
 
-What every command about one pose asks is a `Question`: which robot, where, under what; typed, then understood."""
+What every command about one pose asks is a `Question`: which robot, where, under what; typed, then understood.
+"""
 
 from __future__ import annotations
 

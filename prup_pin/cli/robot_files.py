@@ -122,7 +122,7 @@ def _robot(file: str, reading: Reading, robot: str | None, conventions: Sequence
 
 def _recording(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
     from ..diagnosis.before import prospects
-    from ..views.text.prospects_text import print_prospects
+    from ..views.text.check_text import print_prospects
 
     recording = with_conventions(read_recording(Path(file)), conventions)
     loaded = reading.load(robot or robot_of_all([recording]))

@@ -1,6 +1,7 @@
 """What one clock is ahead of another, where a camera saw what the joints did: found from motion.
 
-And in which rows it saw what, and whether it is that robot."""
+And in which rows it saw what, and whether it is that robot.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 What a name says counts first, then what the numbers allow: joints hardly turn further than twice around, and positions
 are the integral of velocities, which settles degrees, revolutions and milliseconds at once. Whatever is guessed without
-proof is a doubt, and says so in the map."""
+proof is a doubt, and says so in the map.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """The map from a log to a recording: which column is which joint, in which unit, on which clock; and its file.
 
-A file is checked against its log and its robot: all that is wrong with it is told, each with its line and key."""
+A file is checked against its log and its robot: all that is wrong with it is told, each with its line and key.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Logs as text: CSV and its relatives with any separator, decimal commas, comments before and units below the names.
 
-Where the first line is no line of names, `headings` finds out what the lines above the numbers say."""
+Where the first line is no line of names, `headings` finds out what the lines above the numbers say.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Units that nobody told, by numbers: positions are the integral of velocities, and within the reach of joints.
 
-Whatever is settled without proof is a doubt."""
+Whatever is settled without proof is a doubt.
+"""
 
 from __future__ import annotations
 

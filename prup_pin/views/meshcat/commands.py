@@ -16,8 +16,7 @@ import numpy as np
 from ...errors import InputError, MissingExtraError
 from ...spatial import Array
 from ..scene.motions import Motion
-from ..scene.scene import Part, Scene
-from ..scene.shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
+from ..scene.scene import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Part, Ring, Scene, Shape, Tube
 
 Command = dict[str, Any]
 #: Vertical opening of the eye [deg].

@@ -126,6 +126,14 @@ def paragraph(out: Console, text: str, bullet: str = "") -> None:
         out.print(Text(line), soft_wrap=True)
 
 
+def bullets(out: Console, title: str, texts: Iterable[str]) -> None:
+    """Print a heading and a paragraph for each text; nothing where there is none."""
+    for index, text in enumerate(texts):
+        if not index:
+            heading(out, title)
+        paragraph(out, text, "- ")
+
+
 def make_table(*columns: tuple[str, str]) -> Table:
     """Return a table; `columns` are (header, 'left' or 'right'). Nothing in it is ever cut off."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1), header_style="bold")
