@@ -9,7 +9,7 @@ from ...spatial import Array
 from ...statics import Compliance
 from ..scene.camera import Camera
 from ..scene.colours import ELLIPSOIDS, FAINT, rgb_of
-from .drawing import WIDE, Drawing, Labels, Layout
+from .drawing import WIDE, Drawing, Layout
 from .plotting import Figure, PolyCollection, Polygon
 
 SOFT = ELLIPSOIDS["translation"]
@@ -41,9 +41,8 @@ def draw_small_ellipsoid(drawing: Drawing, compliance: Compliance, at: Array, si
 def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layout: Layout) -> None:
     """Draw the ellipsoid large, in the same view, with its semi-axes in µm/N."""
     values, vectors = _principal(compliance)
-    axes = figure.add_axes(layout.beside)
-    axes.set_aspect("equal")
-    axes.axis("off")
+    drawing = Drawing(figure, layout.beside, camera, (-1.75, -1.6), (1.75, 1.6))
+    axes, labels = drawing.axes, drawing.labels
     axes.set_title("Compliance at the tool", fontsize=11, weight="bold", loc="center", pad=14)
     axes.text(
         0.5,
@@ -54,8 +53,6 @@ def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layou
         fontsize=9,
         color=FAINT,
     )
-    axes.set_xlim(-1.75, 1.75)
-    axes.set_ylim(-1.6, 1.6)
     if values[0] <= 0:
         axes.text(0, 0, "no force moves the tool", ha="center", color=FAINT)
         return
@@ -65,8 +62,6 @@ def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layou
     outline = _silhouette(camera, size, vectors)
     axes.plot(*outline.T, color="#2F6355", lw=1.2, zorder=3)
     flat = _spread_ends(camera, size, vectors)
-    figure.canvas.draw()
-    labels = Labels(figure, axes)
     labels.avoid(outline)
     labels.obstacles.append(_filled(outline))
     yields = values > 1e-9 * values[0]

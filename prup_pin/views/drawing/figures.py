@@ -26,9 +26,9 @@ from ..text.answer import Answer, ranked
 from ..text.joints import pose_text
 from ..text.quantities import length_text
 from ..text.tables import load_text, percent_text
-from .drawing import NARROW, WIDE, Drawing, Labels, Layout
+from .drawing import NARROW, WIDE, Drawing, Layout
 from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
-from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words
+from .plotting import Figure, Line2D, ListedColormap, Patch, Polygon, plain_axes, plain_words, sheet
 
 _PLATE, _PALE = "#aeb6bf", "#c3c9d0"
 
@@ -62,17 +62,12 @@ def pose_figure(
     size = parts.size
     camera = camera_of(robot, pose)
     layout = NARROW if narrow else WIDE
-    figure = Figure(figsize=layout.size, dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes(layout.drawing)
-    axes.set_aspect("equal")
-    axes.axis("off")
+    figure = sheet(*layout.size)
     moved = Deflections(compliance, load) if load is not None and compliance is not None else None
     if moved is not None and scale is None:
         scale = fitting_scale(moved, size)
     times = scale or 0.0
     ghost = moved if times else None
-    # fix the limits first: labels are placed on the page
     extent = [camera.flat(parts.points)]
     if ghost is not None:
         extent += [camera.flat(ghost.curve(segment, times)) for segment in parts.segments]
@@ -81,12 +76,7 @@ def pose_figure(
         extent.append(camera.flat(tool + FORCE_LENGTH * size * load[:3] / np.linalg.norm(load[:3]))[None])
     extent.append(camera.flat(tool) + 0.16 * size * np.array([[-1, -1], [1, 1]]))
     flat = np.concatenate(extent)
-    low, high = flat.min(axis=0) - 0.07 * size, flat.max(axis=0) + 0.07 * size
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    figure.canvas.draw()
-    labels = Labels(figure, axes)
-    drawing = Drawing(figure, axes, camera, labels)
+    drawing = Drawing(figure, layout.drawing, camera, flat.min(axis=0) - 0.07 * size, flat.max(axis=0) + 0.07 * size)
     shares = _shares(compliance, load)
     colours, top = share_colours(shares)
     draw_mechanism(drawing, parts, pale=ghost is not None)
@@ -97,12 +87,7 @@ def pose_figure(
     texts = draw_tool(drawing, parts)
     if load is not None and load.any():
         texts += _draw_wrench(drawing, tool, load, size)
-    for text, at, colour, towards in texts:
-        labels.put(text, at, colour, towards)
-    middle = camera.flat(parts.points).mean(axis=0)
-    for leg, point in parts.legs.items():
-        at = camera.flat(point)
-        labels.put(leg, at, INK, at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
+    drawing.write(texts, parts.legs, parts.points, size)
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     if compliance is not None:
         draw_ellipsoid(figure, camera, compliance, layout)
@@ -259,14 +244,8 @@ def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[
 
 def draw_compass(figure: Figure, camera: Camera, gravity: Array, layout: Layout) -> None:
     """Draw the base's axes and gravity in the corner."""
-    axes = figure.add_axes(layout.compass)
-    axes.set_aspect("equal")
-    axes.axis("off")
-    axes.set_xlim(-2.0, 2.3)
-    axes.set_ylim(-2.0, 2.0)
-    figure.canvas.draw()
-    labels = Labels(figure, axes)
-    drawing = Drawing(figure, axes, camera, labels)
+    drawing = Drawing(figure, layout.compass, camera, (-2.0, -2.0), (2.3, 2.0))
+    axes, labels = drawing.axes, drawing.labels
     texts = []
     for axis, colour, name in zip(np.eye(3), AXES, "xyz", strict=True):
         drawing.arrow(np.zeros(3), axis, colour, 1.8, 9)
@@ -365,8 +344,7 @@ def _draw_scale(figure: Figure, top: float, layout: Layout) -> None:
     axes.set_xticks([0, 255], ["0", f"{number(100 * top, 3)} %"], fontsize=9)
     axes.tick_params(length=0, pad=2)
     axes.set_title("share of a part in the deflection", fontsize=9.5, loc="left", pad=4)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    axes.spines[:].set_visible(False)
 
 
 @plain_words
@@ -398,8 +376,7 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     lines = wrap(told, 58 if narrow else 130)
     head = 1.1 + 0.22 * (len(lines) - 1)
     height = head + 0.9 + 0.33 * len(rows)
-    figure = Figure(figsize=(width, height), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(width, height)
     left = min(0.45, (0.38 + letter * max(len(row[0]) for row in rows)) / width)
     axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - (head + 0.55) / height))
     largest = max(share for _, share, _ in rows)
@@ -416,8 +393,7 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     axes.tick_params(axis="x", labelsize=size)
     axes.grid(axis="x", color="#E3E6EA", zorder=0)
     axes.set_axisbelow(True)
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
+    plain_axes(axes, None, None, ("top", "right", "left"))
     if compliance.legs:
         parts = {leg: answer.share_of(part) or 0.0 for leg, part in compliance.legs.items()}
         legs = [f"{leg}  {percent_text(share, coarse=True)} %" for leg, share in parts.items()]
