@@ -17,11 +17,13 @@ from ..recordings import Convention, Recording, add_noise, read_plan, read_recor
 from ..robot import Robot
 from ..simulation import Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
-from ..views.text.simulation_text import parse_effect, print_simulation
+from ..views.text.simulation_text import print_simulation
 from . import progress
 from .files import check_csv, check_folder, list_written
 from .options import (
     ConventionOption,
+    Effects,
+    ModelOption,
     PredictionFile,
     Reading,
     RecordingFile,
@@ -49,13 +51,8 @@ def simulate(
         Path | None, typer.Option("--plan", metavar="PLAN.json", help="Simulate a test plan; writes a whole recording.")
     ] = None,
     robot: RobotOption = None,
-    model: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
-    ] = None,
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."),
-    ] = None,
+    model: ModelOption = None,
+    effect: Effects = None,
     marker: Annotated[
         list[str] | None,
         typer.Option(metavar="FRAME", help="Also where this frame is, and how it is turned. Repeatable."),
@@ -77,15 +74,9 @@ def simulate(
     programme = read_plan(source) if read is None else None
     corrected = read_model(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
-    if robot is None and corrected is not None:
-        name, loaded = corrected.robot, reading.of_model(corrected, set_parameters)
-    else:
-        name = robot or robot_beside(named, source)
-        loaded, _ = reading.changed(name, set_parameters)
-    effects = [
-        *(corrected.effects if corrected else ()),
-        *(parse_effect(text, loaded.mechanism) for text in effect or ()),
-    ]
+    name, loaded, effects = reading.modelled(
+        corrected, robot, lambda: robot_beside(named, source), effect, set_parameters
+    )
     if read is not None:
         _predict(loaded, read, effects, out, workers, stop, [], marker or ())
         return

@@ -29,11 +29,11 @@ from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
 from ..views.text.answer import yielding_beside
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
-from ..views.text.simulation_text import parse_effect, print_compensation
+from ..views.text.simulation_text import print_compensation
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
 from .files import check_csv, folder_for, list_written, write_figures
-from .options import Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
+from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
 
 #: Units of the half sides of the box of wrenches.
 _BOX = {"force": "N", "moment": "N m"}
@@ -235,14 +235,9 @@ def compensate(
         Path, typer.Argument(metavar="PATH.csv", help="Where the tool shall be, and its load; docs/compensation.md.")
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE.csv", help="Where to write the commands.")],
-    model: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
-    ] = None,
+    model: ModelOption = None,
     robot: RobotOption = None,
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."),
-    ] = None,
+    effect: Effects = None,
     plots: Annotated[
         Path | None, typer.Option("--plots", metavar="DIR", help="Write path.png and path.svg there.")
     ] = None,
@@ -255,15 +250,9 @@ def compensate(
     check_csv(out, path, "path")
     folder_for(plots, "--plots")
     corrected = read_model(model) if model is not None else None
-    if robot is None and corrected is not None:
-        name, loaded = corrected.robot, reading.of_model(corrected, set_parameters)
-    else:
-        name = robot or robot_beside(robot_named_beside(path), path)
-        loaded, _ = reading.changed(name, set_parameters)
-    effects = [
-        *(corrected.effects if corrected else ()),
-        *(parse_effect(text, loaded.mechanism) for text in effect or ()),
-    ]
+    name, loaded, effects = reading.modelled(
+        corrected, robot, lambda: robot_beside(robot_named_beside(path), path), effect, set_parameters
+    )
     read = path_of(loaded, path)
     with progress.stages() as tell:
         found = compensated(loaded, read, effects=effects, workers=workers, tell=tell)

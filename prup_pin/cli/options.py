@@ -20,6 +20,7 @@ import typer
 from .. import loading
 from ..errors import InputError, JointLimitWarning, UnknownNameError, nearest_names
 from ..kinematics import ClosedPose
+from ..laws import Effect
 from ..recordings import (
     ARM,
     TYPICAL,
@@ -37,6 +38,7 @@ from ..spatial import Array, as_wrench
 from ..statics import Compliance
 from ..views.text.joints import coordinate_dimensions, dimension
 from ..views.text.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+from ..views.text.simulation_text import parse_effect
 from ..views.text.tables import some
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
@@ -77,6 +79,15 @@ ConventionOption = Annotated[
         "--convention",
         metavar="COLUMNS=WORD",
         help="How the log is written (wrench=reaction), not as it declares; docs/recording_file.md. Repeatable.",
+    ),
+]
+ModelOption = Annotated[
+    Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
+]
+Effects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect", metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."
     ),
 ]
 SetParameters = Annotated[
@@ -124,6 +135,23 @@ class Reading:
         options = {item.name: getattr(typed, item.name) for item in fields(typed)}
         robot = replace(model.read, **{name: value for name, value in options.items() if value}).load(model.robot)
         return robot.with_parameters(changes_of(robot, settings or ()))
+
+    def modelled(
+        self,
+        model: CorrectedModel | None,
+        robot: str | None,
+        named: Callable[[], str],
+        effects: Sequence[str] | None,
+        settings: Sequence[str] | None,
+    ) -> tuple[str, Robot, list[Effect]]:
+        """Return name and robot, the model's where none is typed, else what is typed or `named`; and all effects."""
+        if robot is None and model is not None:
+            name, loaded = model.robot, self.of_model(model, settings)
+        else:
+            name = robot or named()
+            loaded, _ = self.changed(name, settings)
+        typed = [parse_effect(text, loaded.mechanism) for text in effects or ()]
+        return name, loaded, [*(model.effects if model else ()), *typed]
 
     def understood(self) -> loading.Reading:
         """Return what was typed, as `prup_pin.loading` takes it."""
