@@ -86,8 +86,7 @@ def sweep(
         ),
     ] = None,
     plots: Annotated[
-        Path | None,
-        typer.Option("--plots", metavar="DIR", help="Write a map of each quantity there, as PNG and SVG."),
+        Path | None, typer.Option("--plots", metavar="DIR", help="Write a map of each quantity there, as PNG and SVG.")
     ] = None,
     set_parameters: SetParameters = None,
     *,

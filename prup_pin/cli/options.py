@@ -21,16 +21,7 @@ from .. import loading
 from ..errors import InputError, JointLimitWarning, UnknownNameError, nearest_names
 from ..kinematics import ClosedPose
 from ..laws import Effect
-from ..recordings import (
-    ARM,
-    TYPICAL,
-    Recording,
-    Tolerances,
-    convention_of,
-    joints_of,
-    read_recording,
-    read_tolerances,
-)
+from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..robot import Robot
 from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
@@ -104,8 +95,7 @@ class Reading:
     variant: Variant = None
     tool: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame of the tool.")] = None
     joint_stiffness: Annotated[
-        str | None,
-        typer.Option(metavar="1e4|J=1e4,…", help="Springs on actuated joints, N m/rad or N/m."),
+        str | None, typer.Option(metavar="1e4|J=1e4,…", help="Springs on actuated joints, N m/rad or N/m.")
     ] = None
     actuated: Annotated[
         str | None, typer.Option(metavar="J,J,…", help="Actuated joints, if the file does not say.")

@@ -1,16 +1,7 @@
 """Recordings of bench tests: the table in memory, its files, and the plan of a test."""
 
 from .conventions import GROUPS, WORDS, Convention, Drawn, convention_of, joints_of, read_as, written_as
-from .plan import (
-    ActuatorPose,
-    LoadProgramme,
-    RandomPoses,
-    TaskPose,
-    TestPlan,
-    add_noise,
-    read_plan,
-    write_plan,
-)
+from .plan import ActuatorPose, LoadProgramme, RandomPoses, TaskPose, TestPlan, add_noise, read_plan, write_plan
 from .problems import KeyProblem, TableProblem
 from .reader import read_path, read_recording, read_tolerances, robot_named_beside
 from .recording import Noise, Recording

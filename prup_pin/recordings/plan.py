@@ -282,10 +282,7 @@ def add_noise(recording: Recording, noise: Noise, seed: int) -> Recording:
     if recording.rotation is not None:
         changes["rotation"] = noisy(recording.rotation, noise.rotation, 2)
     if recording.has_wrench:
-        loads = [
-            noisy(recording.wrench[:, :3], noise.force, 3),
-            noisy(recording.wrench[:, 3:], noise.moment, 4),
-        ]
+        loads = [noisy(recording.wrench[:, :3], noise.force, 3), noisy(recording.wrench[:, 3:], noise.moment, 4)]
         there = [name in recording.wrench_columns for name in WRENCH_NAMES]
         changes["wrench"] = np.where(there, np.concatenate(loads, axis=1), recording.wrench)
     changes["efforts"] = {

@@ -454,10 +454,7 @@ def _careful(
         lines.extend(chunk_lines)
     numbers = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()}
     return _Table(
-        np.array(lines, dtype=np.int64),
-        numbers,
-        None if run is None else np.array(codes, dtype=np.int64),
-        blank=blank,
+        np.array(lines, dtype=np.int64), numbers, None if run is None else np.array(codes, dtype=np.int64), blank=blank
     )
 
 

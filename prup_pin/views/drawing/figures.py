@@ -254,10 +254,7 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array, layout: Layout)
     if np.linalg.norm(gravity) > 0:
         start, end = (1.75, 0.75), (1.75, -0.75)
         axes.annotate(
-            "",
-            xy=end,
-            xytext=start,
-            arrowprops={"arrowstyle": "-|>", "color": FAINT, "lw": 1.6, "shrinkA": 0},
+            "", xy=end, xytext=start, arrowprops={"arrowstyle": "-|>", "color": FAINT, "lw": 1.6, "shrinkA": 0}
         )
         labels.avoid(np.array([start, end]))
         labels.put("gravity", np.array(end), FAINT, np.array([0, -1]), 8.5)

@@ -169,6 +169,7 @@ def plain(value: Any) -> Any:
 # -- a diagnosis -------------------------------------------------------------------------------------------------------
 
 
+_NOISE = ("source", "position", "rotation", "force", "moment")
 #: In what residuals are counted.
 UNIT = "multiples of the noise (RMS of whitened residual)"
 
@@ -184,11 +185,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "robot": None if robot is None else robot.name,
         "verdict": diagnosis.verdict,
         "noise": {
-            "source": noise.source,
-            "position": noise.position,
-            "rotation": noise.rotation,
-            "force": noise.force,
-            "moment": noise.moment,
+            **_picked(noise, _NOISE),
             "effort": noise.effort or None,
             **_noise_of_efforts(diagnosis.efforts),
         },
@@ -202,15 +199,7 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
         "findings": [_finding(finding, robot, diagnosis.efforts) for finding in diagnosis.findings],
         "calibration": [_calibrated(item) for item in diagnosis.calibration],
         "not_detectable": [
-            {
-                "physics": item.physics,
-                "location": item.location,
-                "parameter": item.parameter,
-                "smallest": item.smallest,
-                "below": item.below,
-                "unit": item.unit,
-                "reason": item.reason,
-            }
+            _picked(item, ("physics", "location", "parameter", "smallest", "below", "unit", "reason"))
             for item in diagnosis.not_detectable
         ],
         "next_experiment": dict(diagnosis.next_experiment),
@@ -225,6 +214,11 @@ def diagnosis_as_json(diagnosis: Diagnosis, robot: Robot | None, version: str = 
     return plain(document)
 
 
+def _picked(item: object, names: Sequence[str]) -> dict[str, Any]:
+    """Return some attributes by their names."""
+    return {name: getattr(item, name) for name in names}
+
+
 def _noise_of_efforts(efforts: EffortDiagnosis | None) -> dict[str, Any]:
     """Return how the noise of a sample of each joint's effort was told, and its size, where none was declared."""
     if efforts is None or efforts.declared:
@@ -236,11 +230,10 @@ def _noise_of_efforts(efforts: EffortDiagnosis | None) -> dict[str, Any]:
 
 
 def _recording(part: ByRecording) -> dict[str, Any]:
-    noise = part.noise
     return {
         "recording": part.name,
         "own_sensors": list(part.own),
-        "noise": {name: getattr(noise, name) for name in ("source", "position", "rotation", "force", "moment")},
+        "noise": _picked(part.noise, _NOISE),
         "samples": part.samples,
         "used": len(part.used),
         "residual": {"before": part.before, "after": part.after},
