@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,20 +114,6 @@ class _Form:
         return is_known(name) or name in self.coordinates
 
 
-@dataclass
-class _Beside:
-    """What the JSON file beside the table says."""
-
-    noise: Noise = field(default_factory=Noise)
-    tolerances: Tolerances = field(default_factory=Tolerances)
-    own_sensors: tuple[str, ...] = ()
-    own_by_run: tuple[str, ...] = ()
-    conventions: tuple[Convention, ...] = ()
-    robot: str | None = None
-    notes: str = ""
-    remarks: list[str] = field(default_factory=list)
-
-
 def read_recording(path: str | Path) -> Recording:
     """Return the recording of a CSV file and of the JSON file of the same stem beside it, if there is one.
 
@@ -157,7 +144,7 @@ def robot_named_beside(path: str | Path) -> str | None:
     """
     path = Path(path)
     read_bytes(path, _EXPECTED, (".csv",))
-    return _beside(path, Problems(path)).robot
+    return _beside(path, Problems(path))[0].get("robot")
 
 
 def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
@@ -182,11 +169,11 @@ def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
         parts.append(part.kept(thinning))
         if problems.many:
             break
-    beside = _beside(path, problems, header)
+    beside, told = _beside(path, problems, header)
     problems.raise_all()
     table = _Table.together(parts, tuple(labels) if labels else ("",))
     wanted = {name: table.numbers.pop(name) for name in form.coordinates if name in table.numbers}
-    return _recording(path, header, table, beside, form, thinning.remarks), wanted
+    return _recording(path, header, table, beside, form, thinning.remarks, told), wanted
 
 
 def _rows_in(path: Path) -> int:
@@ -634,16 +621,13 @@ def _check_path(table: _Table, header: Sequence[str], form: _Form, problems: Pro
         problems.cells(name, "another unit", [(line, message) for line, message in far if message])
 
 
-def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Beside:
-    """Return what the JSON file beside a table with these columns says, with remarks."""
+def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple[dict[str, Any], list[str]]:
+    """Return what the JSON file beside a table with these columns says, by fields of Recording, and remarks."""
     beside = path.with_suffix(".json")
     if not beside.exists():
-        return _Beside(remarks=[f"There is no {beside.name} beside the table: the noise is not declared."])
-    remarks = []
-    tolerances = Tolerances()
-    own: tuple[str, ...] = ()
-    by_run: tuple[str, ...] = ()
-    conventions: tuple[Convention, ...] = ()
+        return {}, [f"There is no {beside.name} beside the table: the noise is not declared."]
+    remarks: list[str] = []
+    found: dict[str, Any] = {}
     values = read_json_object(beside, "a JSON object", problems)
     noise = {}
     for key, value in values.items():
@@ -652,35 +636,27 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
             if checked is not None:
                 noise[NOISE_KEYS[key]] = checked
         elif key == "tolerances":
-            tolerances = tolerances_value(value, problems, beside.name, f"{key}.")
+            found[key] = tolerances_value(value, problems, beside.name, f"{key}.")
         elif key == "own_sensors":
             if isinstance(value, dict) and set(value) <= {"by_run"}:
-                by_run = own_sensors_value(value.get("by_run"), problems, beside.name, f"{key}.by_run")
+                found["own_by_run"] = own_sensors_value(value.get("by_run"), problems, beside.name, f"{key}.by_run")
             else:
-                own = own_sensors_value(value, problems, beside.name, key)
+                found[key] = own_sensors_value(value, problems, beside.name, key)
         elif key == "conventions":
-            conventions = conventions_value(value, _joints(header), problems, beside.name) if header else ()
+            found[key] = conventions_value(value, _joints(header), problems, beside.name) if header else ()
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes"):
-            if value is not None and not isinstance(value, str):
+            if isinstance(value, str):
+                found[key] = value
+            elif value is not None:
                 message = f"is {json_kind(value)}; expected a text"
                 problems.add(KeyProblem(message, None, beside.name, key=key))
         else:
             remarks.append(
                 f"{beside.name}: the unknown key '{shown(key)}' is ignored. {nearest_names(shown(key), KEYS)}"
             )
-    robot, notes = values.get("robot"), values.get("notes")
-    return _Beside(
-        Noise(**noise),
-        tolerances,
-        own,
-        by_run,
-        conventions,
-        robot if isinstance(robot, str) else None,
-        notes if isinstance(notes, str) else "",
-        remarks,
-    )
+    return {**found, "noise": Noise(**noise)}, remarks
 
 
 def own_sensors_value(value: object, problems: Problems, file: str, key: str) -> tuple[str, ...]:
@@ -787,27 +763,27 @@ def tolerances_value(values: object, problems: Problems, file: str, at: str = ""
 
 
 def _recording(
-    path: Path, header: Sequence[str], table: _Table, beside: _Beside, form: _Form, told: Sequence[str]
+    path: Path,
+    header: Sequence[str],
+    table: _Table,
+    beside: Mapping[str, Any],
+    form: _Form,
+    thinned: Sequence[str],
+    told: Sequence[str],
 ) -> Recording:
     n, numbers = len(table.lines), table.numbers
-    remarks = [*told, *_remarks(header, numbers, table.blank, form)]
+    remarks = [*thinned, *_remarks(header, numbers, table.blank, form)]
     if not form.is_path:  # which has nothing measured
-        remarks += [*_unmeasured(numbers), *beside.remarks, *_undeclared(numbers, beside.noise)]
+        remarks += [*_unmeasured(numbers), *told, *_undeclared(numbers, beside.get("noise", Noise()))]
     return Recording(
         time=numbers["time"],
         run=np.zeros(n, np.int64) if table.run is None else table.run,
         run_names=table.run_names,
-        noise=beside.noise,
-        tolerances=beside.tolerances,
-        own_sensors=beside.own_sensors,
-        own_by_run=beside.own_by_run,
-        conventions=beside.conventions,
-        robot=beside.robot,
-        notes=beside.notes,
         path=str(path),
         ignored=tuple(name for name in header if name != "run" and not form.knows(name)),
         remarks=tuple(remarks),
         **fields_of(numbers, n),
+        **beside,
     )
 
 
