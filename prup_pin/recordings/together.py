@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..spatial import WRENCH_NAMES, Array
+from ..spatial import Array
 from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, fields_of
 from .recording import Recording
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
@@ -261,7 +261,6 @@ def _joined(recordings: Sequence[Recording], names: Sequence[str], gravity: Arra
     tables = [dict(recording.columns()) for recording in recordings]
     every = dict.fromkeys(name for table in tables for name in table)
     lacking = {f"g.{axis}": value for axis, value in zip(AXES, gravity.tolist(), strict=True)}
-    lacking |= {f"w.{name}": 0.0 for name in WRENCH_NAMES}
     columns = {
         name: np.concatenate(
             [
@@ -273,6 +272,8 @@ def _joined(recordings: Sequence[Recording], names: Sequence[str], gravity: Arra
         if not name.startswith("qd.") or all(name in table for table in tables)
     }
     time = np.concatenate([recording.time for recording in recordings])
+    fields = fields_of(columns, len(time))
+    fields["wrench"] = np.concatenate([recording.wrench for recording in recordings])  # read in other axes, it has more
     runs, run_names, first = [], [], 0
     for name, recording in zip(names, recordings, strict=True):
         runs.append(recording.run + first)
@@ -280,7 +281,7 @@ def _joined(recordings: Sequence[Recording], names: Sequence[str], gravity: Arra
         first += len(recording.run_names)
     return Recording(
         time=time,
-        **fields_of(columns, len(time)),
+        **fields,
         run=np.concatenate(runs),
         run_names=tuple(run_names),
         noise=recordings[0].noise,
