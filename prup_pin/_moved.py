@@ -35,6 +35,8 @@ MOVED: dict[str, str] = {
     "imports.words": "imports.units",
     "imports.wrench_columns": "imports.columns",
     "imports.yaml_keys": "imports.map",
+    "recordings.tool_path": "recordings.recording",
+    "views.drawing.ellipsoid": "views.drawing.figures",
     "views.meshcat.boundary": "views.meshcat.view",
     "views.report.diagnosis_json": "views.report.as_json",
     "views.scene.shapes": "views.scene.scene",

@@ -47,10 +47,9 @@ from .problems import (
     read_json_object,
     shown,
 )
-from .recording import Noise, Recording
+from .recording import Noise, Recording, ToolPath
 from .thinning import Thinning
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
-from .tool_path import ToolPath
 
 #: Keys of the JSON beside the table.
 KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "conventions", "notes")

@@ -21,8 +21,6 @@ from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, fields_of
 from .recording import Recording
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
 
-__all__ = ["Group", "Source", "Together"]
-
 
 @dataclass(frozen=True, eq=False)
 class Source:

@@ -12,8 +12,6 @@ from ..errors import InputError
 from ..parameters import SMALLEST_TOLERANCE
 from .problems import is_number
 
-__all__ = ["ARM", "KINDS_OF_TOLERANCE", "SENSORS", "TYPICAL", "KindOfTolerance", "Tolerances"]
-
 
 @dataclass(frozen=True)
 class KindOfTolerance:

@@ -23,17 +23,6 @@ from .columns import AXES, NOISE_KEYS
 from .conventions import as_json
 from .recording import Recording
 
-__all__ = [
-    "check_replaceable",
-    "json_lines",
-    "text_of",
-    "writable",
-    "write_folder",
-    "write_prediction",
-    "write_recording",
-    "write_whole",
-]
-
 #: Significant digits of all columns but the time.
 DIGITS = 9
 #: Time is exact to what a float holds: with 9 digits, seconds since 1970 would stand still.
