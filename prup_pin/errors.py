@@ -219,14 +219,18 @@ def shortened(value: object, limit: int = 80) -> str:
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
+def close_names(name: str, valid: Sequence[str], count: int = 4) -> list[str]:
+    """Return the names that one may have been meant to be, the closest first."""
+    lowered = {candidate.lower(): candidate for candidate in valid}
+    return [lowered[match] for match in difflib.get_close_matches(name.lower(), list(lowered), n=count, cutoff=0.6)]
+
+
 def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:
     """Return 'Did you mean …' where something is close, else the valid names."""
     if len(valid) > 2000:  # comparing would take longer than reading
         return f"There are {len(valid)} names, for example {', '.join(list(valid)[:4])}."
-    lowered = {candidate.lower(): candidate for candidate in valid}
-    close = difflib.get_close_matches(name.lower(), list(lowered), n=count, cutoff=0.6)
-    if close:
-        return "Did you mean " + " or ".join(f"'{lowered[match]}'" for match in close) + "?"
+    if close := close_names(name, valid, count):
+        return "Did you mean " + " or ".join(f"'{match}'" for match in close) + "?"
     if not valid:
         return "There are none."
     shown = ", ".join(valid[:30])

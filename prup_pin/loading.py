@@ -57,6 +57,7 @@ def load(
         changes["actuated"] = _names("actuated", actuated)
     if home is not None:
         changes["home"] = {**description.home, **_values("home", home)}
+        changes["lines"] = {**description.lines, "home": None}
     description = replace(description, floats=robots.floats(path), **changes)
     wanted = found_variant if variant is None else variant
     if wanted is not None:

@@ -151,6 +151,11 @@ def find(name: str) -> tuple[Path, tuple[Path, ...], str | None]:
     ending is a path. Raises UnknownNameError with the nearest names.
     """
     path = as_path(name)
+    if is_file(path / "diagnosis.json"):
+        raise InputError(
+            f"'{name}' holds a diagnosis; expected a robot. Its page is {path / 'report.html'}; its "
+            "corrected_model.json goes to prup-pin predict, and to --model of simulate and compensate"
+        )
     if path.suffix or len(path.parts) > 1 or is_file(path):
         return path, (), None
     packaged = packaged_folder()

@@ -118,7 +118,7 @@ def effort_spectra() -> None:
     found = diagnose(robot, recordings[0]).efforts
     joint = "elbow_joint"
     measured = recordings[0].efforts[joint]
-    predicted, smooth = (efforts_in_motion(robot, each, found.effects)[joint] for each in recordings)
+    predicted, smooth = (efforts_in_motion(robot, each, found.effects)[0][joint] for each in recordings)
     known = np.isfinite(predicted) & np.isfinite(smooth)
     efforts = {
         "measured": measured,

@@ -148,7 +148,7 @@ def test_rows_without_a_command_are_listed(run):
     assert done.exit_code == 0
     flat = " ".join(done.stdout.split())
     assert "2, 1 compensated" in flat
-    assert "unreachable 1 row: 2" in flat
+    assert "unreachable 1 row: line 3" in flat
     assert Path("commands.csv").read_text().splitlines()[2] == "1,,,,1,unreachable"
     table("1,0.7,0,0,1", header="time,z,theta,phi,w.fx")
     Path("commands.csv").unlink()

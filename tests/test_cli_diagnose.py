@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -413,3 +414,12 @@ def test_noise_declared_far_too_large(clean_bench, run, tmp_path):
     assert done.exit_code == 0, done.output
     remarks = read_json(tmp_path / "out" / "diagnosis.json")["remarks"]
     assert sum("repeats of a load scatter" in text for text in remarks) == 2
+
+
+def test_without_out_the_folder_is_called_after_the_recording(monkeypatch, tmp_path, bench):
+    """Nothing is diagnosed: what cannot be written is told before."""
+    monkeypatch.chdir(tmp_path)
+    Path("bench_diagnosis").write_text("a file", encoding="utf-8")
+    done = CliRunner().invoke(app, ["diagnose", str(bench.path)])
+    assert done.exit_code == 2
+    assert "--out: 'bench_diagnosis' is not a folder" in " ".join(done.stderr.split())

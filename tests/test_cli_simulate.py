@@ -206,9 +206,9 @@ def test_failing_rows_are_counted_and_the_run_goes_on(run, bench):
     assert done.exit_code == 0, done.output
     flat = " ".join(done.stdout.split())
     assert "16, 13 predicted" in flat
-    assert "no input 1 row: 3" in flat
-    assert "unreachable 2 rows: 6, 10" in flat
-    assert "row 6: '3prup' cannot reach" in flat
+    assert "no input 1 row: line 4" in flat
+    assert "unreachable 2 rows: lines 7, 11" in flat
+    assert "line 7: '3prup' cannot reach" in flat
     assert "not declared" in flat
     columns = table("pred.csv")
     assert [columns["status"][row] for row in (2, 5, 9)] == ["no input", "unreachable", "unreachable"]
@@ -218,7 +218,7 @@ def test_failing_rows_are_counted_and_the_run_goes_on(run, bench):
 
 def test_stopping_keeps_the_rows_before(run, bench):
     done = run("simulate", damaged(bench), "--robot", "3prup", "--out", "pred.csv", "--stop")
-    refused(done, "row 3 of 16", "no input", "2 rows before it are in pred.csv")
+    refused(done, "line 4 of the table", "no input", "2 rows before it are in pred.csv")
     assert table("pred.csv")["status"] == ["ok", "ok"]
 
 

@@ -215,3 +215,18 @@ def test_a_matrix_too_large_for_lines_is_named_and_rounding_is_zero(run):
     assert "in --out    C: of each pose more than 8 numbers, not listed here" in done.output
     cross = next(line for line in done.output.splitlines() if line.strip().startswith("K_task z theta"))
     assert cross.split()[3:] == ["0", "0", "0", "0", "N/rad"]
+
+
+def test_a_table_of_another_ending_is_refused_by_its_option_and_before_any_folder_is_made(run, tmp_path):
+    done = run("--over", "z=0.3", "--out", str(tmp_path / "s.csv"), "--plots", str(tmp_path / "maps" / "deep"))
+    assert done.exit_code == 2
+    said = "".join(done.stderr.split())
+    assert "Error:--out:" in said
+    assert "suchas'" in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_maps_go_into_a_folder_that_is_made_for_them(run, tmp_path):
+    done = run("--over", "z=0.3..0.4:3", "--quantities", "ksi", "--plots", str(tmp_path / "maps" / "deep"))
+    assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in (tmp_path / "maps" / "deep").iterdir()) == ["ksi.png", "ksi.svg"]

@@ -232,3 +232,23 @@ def test_a_deflection_is_drawn_no_larger_than_a_picture_holds(run, tmp_path):
     done = run("view", "3prup", "--wrench", "fx=300", "--scale", "1e300", "--html", str(tmp_path / "a.html"))
     assert done.exit_code == 2
     assert "it would leave the picture. Expected at most" in " ".join(done.stderr.split())
+
+
+def test_either_word_says_where_a_page_is_written(run, tmp_path):
+    assert run("view", "--out", "seen.html").exit_code == 0
+    assert run("report", "--html", "told.html").exit_code == 0
+    assert sorted(os.listdir(tmp_path)) == ["seen.html", "told.html"]
+
+
+@pytest.mark.parametrize("command", ["view", "report", "stiffness"])
+def test_what_a_diagnosis_left_is_no_robot_but_told_where_it_goes(run, tmp_path, command):
+    folder = tmp_path / "found"
+    folder.mkdir()
+    (folder / "diagnosis.json").write_text("{}", encoding="utf-8")
+    (folder / "corrected_model.json").write_text("{}", encoding="utf-8")
+    for name in ("found", str(folder)):
+        said = " ".join(run(command, name).stderr.split())
+        assert "holds a diagnosis; expected a robot. Its page is" in said
+        assert "goes to prup-pin predict" in said
+    said = " ".join(run(command, "found/corrected_model.json").stderr.split())
+    assert "A corrected model? It goes to prup-pin predict" in said

@@ -19,7 +19,7 @@ from ..simulation import Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
 from ..views.text.simulation_text import print_simulation
 from . import progress
-from .files import check_csv, check_folder, list_written
+from .files import check_csv, check_folder, file_name, list_written
 from .options import (
     ConventionOption,
     Effects,
@@ -129,7 +129,14 @@ def predict(
         notes.append(f"The noise of {', '.join(known)} is that with which the model was found.")
     if "pose_sensor" in corrected.own_by_run:
         read = replace(read, own_by_run=tuple(dict.fromkeys((*read.own_by_run, "pose_sensor"))))
-    _predict(loaded, read, corrected.effects, out, workers, stop, notes, band=corrected.band)
+    if corrected.effort_noise and not read.noise.effort:
+        notes.append("The noise of efforts is that which the diagnosis found.")
+    if corrected.band:
+        notes.append(
+            "Efforts are compared row by row as they were measured; a diagnosis compares them below the frequencies "
+            "that its remarks say, where less is left."
+        )
+    _predict(loaded, read, corrected.effects, out, workers, stop, notes, (), corrected.band, corrected.effort_noise)
 
 
 def _predict(
@@ -142,6 +149,7 @@ def _predict(
     notes: Sequence[str],
     markers: Sequence[str] = (),
     band: Mapping[str, float] | None = None,
+    effort_noise: Mapping[str, float] | None = None,
 ) -> None:
     """Write what the robot would have measured, as the log is written, and print how it compares."""
     logged = recording
@@ -157,7 +165,7 @@ def _predict(
         raise
     prediction = _placed(prediction, recording)
     _write_prediction(out, recording, prediction, robot, logged.conventions)
-    print_simulation(terminal.console(), robot, effects, recording, prediction, notes)
+    print_simulation(terminal.console(), robot, effects, recording, prediction, notes, effort_noise)
     list_written((out,))
 
 
@@ -210,7 +218,14 @@ def _write_prediction(
 
 def diagnose(
     recordings: RecordingFiles,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for verdict, corrected model and report.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for verdict, corrected model and report. Default: ./RECORDING_diagnosis.",
+        ),
+    ] = None,
     robot: RobotOption = None,
     tolerances: TolerancesOption = None,
     convention: ConventionOption = None,
@@ -224,6 +239,7 @@ def diagnose(
     from ..views.report.diagnosis_files import REPORT, check_before, missing_for_report, write_diagnosis
     from ..views.text.diagnosis_text import print_diagnosis
 
+    out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
     check_before(out, recordings)
     missing = missing_for_report() if report else ""
     read, name = recorded(recordings, tolerances, robot, convention)
@@ -328,7 +344,10 @@ def import_(
             )
     understood = read_map(plan, content, mechanism)
     if out is None:
-        raise InputError(f"'{plan}' is there already; give --out RECORDING.csv to make a recording by it")
+        raise InputError(
+            f"'{plan}' is there already; give --out RECORDING.csv to make a recording by it, or remove it "
+            "to have it guessed anew"
+        )
     done = convert(content, understood, mechanism)
     write_recording(done.recording, out)
     print_conversion(shown, content, understood, done)

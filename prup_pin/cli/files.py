@@ -65,17 +65,21 @@ def _same_file(out: Path, source: Path) -> bool:
 
 
 def folder_for(folder: Path | None, option: str) -> None:
-    """Make a folder, before anything is computed. Raises InputError where files cannot be written there."""
+    """Raise InputError, before anything is computed, where no files can be written into a folder, there or not yet."""
     if folder is None:
         return
+    there = folder
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise InputError(f"{option}: '{folder}' is a file; give a folder") from error
-    except OSError as error:
-        raise InputError(f"{option}: cannot make the folder '{folder}': {error.strerror}") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"{option}: cannot write to '{folder}': permission denied")
+        while not there.exists() and there != there.parent:
+            there = there.parent
+    except (OSError, ValueError) as error:  # a name too long, a NUL character
+        raise InputError(
+            f"{option}: cannot make the folder '{folder}': {getattr(error, 'strerror', '') or error}"
+        ) from error
+    if not there.is_dir():
+        raise InputError(f"{option}: '{there}' is a file; give a folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"{option}: cannot write to '{there}': permission denied")
 
 
 def write_figures(
@@ -86,6 +90,7 @@ def write_figures(
 
     made = {folder / f"{name}.{kind}": (encoded(figure, kind),) for name, figure in figures.items() for kind in kinds}
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         write_whole(made)
     except (InputError, OSError) as error:
         raise InputError(f"{option}: {error}") from error

@@ -32,7 +32,7 @@ from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_
 from ..views.text.simulation_text import print_compensation
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
-from .files import check_csv, folder_for, list_written, write_figures
+from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
 
 #: Units of the half sides of the box of wrenches.
@@ -98,6 +98,12 @@ def sweep(
         _print_quantities()
         return
     folder_for(plots, "--plots")
+    check_folder(out, "--out")
+    if out is not None and out.suffix != ".parquet":
+        table = out.with_suffix(".parquet")
+        raise InputError(
+            f"--out: '{out}' would be a Parquet table; give a name that ends in .parquet, such as '{table}'"
+        )
     loaded, _ = reading.changed(robot, set_parameters)
     if quantities is None:
         names = [*(["extremes"] if force is not None or moment is not None else []), "translational", *_index(loaded)]

@@ -69,7 +69,8 @@ def view(
     question: Sight,
     scale: Scale = None,
     html: Annotated[
-        Path | None, typer.Option("--html", metavar="FILE", help="Where to write the page. Default: ./ROBOT.html.")
+        Path | None,
+        typer.Option("--html", "--out", metavar="FILE", help="Where to write the page. Default: ./ROBOT.html."),
     ] = None,
     serve: Annotated[bool, typer.Option("--serve", help="Serve it on this machine until Ctrl-C; no file.")] = False,
     live: Annotated[
@@ -110,7 +111,8 @@ def report(
     frame: Frame = None,
     scale: Scale = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Where to write it. Default: ./ROBOT_report.html.")
+        Path | None,
+        typer.Option("--out", "--html", metavar="FILE", help="Where to write it. Default: ./ROBOT_report.html."),
     ] = None,
     open_browser: Open = False,
 ) -> None:

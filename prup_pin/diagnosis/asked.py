@@ -222,7 +222,7 @@ def _quieter(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs,
 
 
 def _not_simulated(rows: np.ndarray, count: int) -> str:
-    """Return that samples of a table, by their places from 0, could not be simulated; row 1 holds its names."""
+    """Return that samples of a table, by their places from 0, could not be simulated; line 1 holds its names."""
     listed = ", ".join(str(row + 2) for row in rows[:_ROWS_TOLD]) + (", …" if len(rows) > _ROWS_TOLD else "")
-    which = f"row{'s' if len(rows) > 1 else ''} {listed}"
+    which = f"line{'s' if len(rows) > 1 else ''} {listed}"
     return f"{len(rows)} of {count} samples could not be simulated ({which}), and say nothing here"

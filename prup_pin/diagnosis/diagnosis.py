@@ -34,6 +34,9 @@ _REMEDIES = {
     "unknown": "look at {place} itself, record more there, and trust the corrected model only near what was recorded",
 }
 
+#: A finding without which so many times as much would be left, or less, is told after what is unknown.
+_LITTLE_MORE = 1.1
+
 VERDICTS = ("nothing_missing", "explained", "unexplained")
 
 
@@ -161,6 +164,11 @@ class Diagnosis:
     def explained(self) -> bool:
         """True where what is left is noise."""
         return self.verdict != "unexplained"
+
+    @property
+    def told(self) -> tuple[Finding, ...]:
+        """The findings as people are told them: what is unknown comes before what would leave little more."""
+        return tuple(sorted(self.findings, key=lambda item: item.physics != "unknown" and item.cost < _LITTLE_MORE))
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `prup-pin diagnose` writes as diagnosis.json; docs/diagnosis.md explains its keys."""

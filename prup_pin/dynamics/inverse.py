@@ -109,7 +109,7 @@ class InverseDynamics:
             try:
                 near = kinematics.pose_from_actuators(motion.position[row, columns], near)
             except PrupPinError as error:
-                raise InputError(f"row {int(motion.rows[row]) + 2}: the loops cannot be closed: {error}") from error
+                raise InputError(f"line {int(motion.rows[row]) + 2}: the loops cannot be closed: {error}") from error
             q[row] = near.q
             spread[row] = _spread(mechanism, near.closure_jacobian, select)
             speed = motion.speed[row, columns]

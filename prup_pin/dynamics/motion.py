@@ -124,7 +124,8 @@ def motion_of(
 ) -> Motion:
     """Return the motion that a recording tells of a mechanism's joints.
 
-    driven: the joints whose efforts are asked for, be they recorded or not; None: those that were recorded. without:
+    driven: the joints whose efforts are asked for, at every row; None: those that were recorded, at as many samples as
+    tell something. without:
     stretches of rows, the first and the last of each, that are left out: the joints are followed through them. band:
     frequency [Hz] by joint up to which its efforts are compared; None: up to where the motion stands above its noise.
 
@@ -145,7 +146,9 @@ def motion_of(
     if len(recording) < 2 or _stands(rates.recording, names):
         return _standing_motion(recording, names, drives)
     remarks = list(rates.remarks)
-    recording = _bounded(rates.recording, remarks)
+    recording, there = rates.recording, None
+    if driven is None:
+        recording, there = _bounded(recording, remarks)
     speeds = _logged(recording.velocities, names)
     accelerations = _logged(recording.accelerations, names)
     columns = [recording.positions[name] for name in names] + [recording.efforts[name] for name in drives]
@@ -174,6 +177,7 @@ def motion_of(
     rows = clock.rows[np.clip(np.searchsorted(clock.row_time, clock.time), 0, len(clock.rows) - 1)]
     if clock.exact:
         rows = clock.rows
+    rows = rows if there is None else there[rows]
     counts, parts = _parted(rows, clock.piece, without)
     bands = []
     for column, name in enumerate(names):
@@ -208,10 +212,12 @@ def motion_of(
     slow = np.maximum(_STILL * noise, _STILL_SHARE * np.sqrt(np.mean(speed**2, axis=0)))
     slow = np.maximum(slow, np.finfo(float).tiny)
     still = _standing(np.abs(speed) < slow, clock.piece, rate, cutoff)
-    remarks.append(_compared(drives, cutoffs, band is not None))
+    verb = "efforts are compared" if driven is None else "the motion is followed"
+    remarks.append(_compared(verb, drives, cutoffs, bool(band)))
     if not speeds:
         remarks.append("speeds and accelerations are those of the positions")
     every = max(1, int(rate / (_KEPT * cutoff)), min(len(clock) // _LONG, int(rate / (4 * cutoff))))
+    every = every if driven is None else 1  # each row is asked for
     keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(parts)])
     if every > 1:
         efforts = LowPass(0.4 * rate / every, rate)(efforts, parts)
@@ -242,7 +248,7 @@ def motion_of(
     )
 
 
-def _compared(drives: Sequence[str], cutoffs: Sequence[float], rigid: bool) -> str:
+def _compared(verb: str, drives: Sequence[str], cutoffs: Sequence[float], rigid: bool) -> str:
     """Return up to where efforts are compared, in words; rigid: that was told by the efforts, not the positions."""
     why = (
         "where the rigid robot's efforts are in those that were measured"
@@ -250,9 +256,9 @@ def _compared(drives: Sequence[str], cutoffs: Sequence[float], rigid: bool) -> s
         else "where the motion stands above the noise of its positions"
     )
     if len(set(cutoffs)) < 2:
-        return f"efforts are compared up to {number(max(cutoffs, default=0.0), 3)} Hz, {why}"
+        return f"{verb} up to {number(max(cutoffs, default=0.0), 3)} Hz, {why}"
     each = ", ".join(f"{name} {number(cutoff, 3)}" for name, cutoff in zip(drives, cutoffs, strict=True))
-    return f"efforts are compared up to so many Hz, {why}: {each}"
+    return f"{verb} up to so many Hz, {why}: {each}"
 
 
 def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple[str, ...]) -> Motion:
@@ -317,17 +323,18 @@ def _logged(group, names: tuple[str, ...]) -> list[str]:
     return [name for name in names if name in group and np.isfinite(group[name]).mean() > 0.5]
 
 
-def _bounded(recording: Recording, remarks: list[str]) -> Recording:
-    """Return at most _MOST_ROWS rows, in long pieces that are spread evenly over the recording."""
+def _bounded(recording: Recording, remarks: list[str]) -> tuple[Recording, np.ndarray | None]:
+    """Return at most _MOST_ROWS rows, in long pieces that are spread evenly over the recording, and which these are."""
     thinning = Thinning(len(recording), _MOST_ROWS, _PIECES)
     rows = thinning.keeps(np.arange(len(recording)))
     if rows is None:
-        return recording
+        return recording, None
     remarks.append(
         f"{len(recording)} rows are more than are needed: {thinning.pieces} pieces of {thinning.length} rows, evenly "
         "spread, were used, the others were not looked at"
     )
-    return recording.select(rows)
+    there = np.flatnonzero(rows)
+    return recording.select(there), there
 
 
 def _fewer(

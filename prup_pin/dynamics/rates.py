@@ -49,8 +49,8 @@ def one_rate(recording: Recording) -> OneRate:
     if len(back):
         row = int(back[0])
         raise InputError(
-            f"column time: the clock runs backwards {len(back)} times, first in row {row + 3}, from {time[row]:.9g} to "
-            f"{time[row + 1]:.9g} s; a new session needs another label in a column 'run'"
+            f"column time: the clock runs backwards {len(back)} times, first in line {row + 3}, from {time[row]:.9g} "
+            f"to {time[row + 1]:.9g} s; a new session needs another label in a column 'run'"
         )
     columns = {
         f"{prefix}.{joint}": values

@@ -38,7 +38,7 @@ def time_column(stream: Stream) -> TimeColumn:
     named.sort(key=lambda name: (len(words_of(name)), -np.ptp(stream.columns[name])))
     rising = [name for name in rising if _may_be_time(stream, name)]
     if not (named or rising):
-        return "", "s", "no column is a time: write the rows a second; 1 will do for poses at rest"
+        return "", "s", "no column is a time: write how many rows a second there are; 1 will do for poses at rest"
     name = (named or rising)[0]
     doubt = "" if named else "no column has a name of time; this one rises from row to row"
     said = stream.units.get(name) or unit_in_name(name)
@@ -88,7 +88,7 @@ def _rises(values: Array, late: float = 0.0) -> bool:
 #: Not the joint itself, or not what was measured there, where something better is in the log.
 _ASIDE = ("d", "ext", "external", "estimated", "est", "filtered", "friction", "model", "gravity", "raw")
 #: Of the tool, not of joints.
-_TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
+OF_THE_TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
 #: Words beside a joint's number that say nothing of what is measured.
 _PLAIN = ("joint", "joints", "j", "axis", "axes", "a", "value", "val", "robot", "achse", "achsen", "gelenk", "train",
           "test")  # fmt: skip
@@ -115,7 +115,7 @@ def add_joints(stream: Stream, times: set[str], mechanism: NamedRobot | None, fo
         if name in times or not (joint or numbers or (alone and kinds)):
             continue
         spoken = {word for word in words if not word.isdigit()} - set(words_of(joint))
-        if (not joint and spoken & set(_TOOL)) or not (kinds or spoken <= {*_PLAIN, *MEASURED}):
+        if (not joint and spoken & set(OF_THE_TOOL)) or not (kinds or spoken <= {*_PLAIN, *MEASURED}):
             continue
         kind = "tau" if "tau" in kinds else kinds[-1] if kinds else "q"
         number = int(numbers[-1]) if numbers else 0
@@ -160,7 +160,7 @@ def _spoken(
     for name in stream.columns:
         words = words_of(name)
         kinds = [KIND[word] for word in words if word in KIND]
-        if name in times or not kinds or set(words) & set(_TOOL) or _joint_in(name, mechanism):
+        if name in times or not kinds or set(words) & set(OF_THE_TOOL) or _joint_in(name, mechanism):
             continue
         manner = " ".join(word for word in words if word in {*KIND, *WISHED, *MEASURED, *_ASIDE})
         group = groups.setdefault(("tau" if "tau" in kinds else kinds[-1], manner), [])

@@ -43,9 +43,13 @@ class Seen:
 
 @dataclass
 class Guessing:
-    """What has been guessed so far."""
+    """What has been guessed so far.
+
+    open: driven joint whose position no column is -> the columns left that may be it by their unit.
+    """
 
     lines: list[Line] = field(default_factory=list)
+    open: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def values_of(log: Log, line: Line) -> Array:

@@ -16,6 +16,7 @@ import yaml
 from ..errors import InputError
 from ..recordings.problems import shown
 from ..recordings.writer import write_whole
+from .by_unit import add_by_unit
 from .clocks import set_beside
 from .columns import Clocks, add_joints, place_line, seen_poses, time_column, wrench_lines
 from .draft import Guessing, Seen
@@ -37,6 +38,10 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
     found.lines += loads
     seen = seen_poses(log, taken | {line.source for line in loads} | times, mechanism)
     found.lines += seen.lines.values()
+    if mechanism is not None:
+        places = {name for body in seen.others for name in body.place.values()}
+        turns = {name for body in (*seen.turns.values(), *seen.others) for name in body.turn}
+        add_by_unit(log, {line.source for line in found.lines} | places | turns | times, mechanism, found)
     settle_units(log, clocks, found, mechanism)
     set_beside(log, clocks, found, seen, mechanism)
     return written(log, clocks, found, seen, mechanism, robot)
@@ -106,6 +111,8 @@ def written(
     if not any(line.target.startswith("q.") for line in chosen):
         lines.append("  # q.<joint>: {from: NAME, unit: rad}")
         doubts.append("no column was found that is the position of a joint; write lines q.<joint>")
+    if any(line.target.startswith("q.") for line in chosen):
+        lines += [told(*_open(joint, found, mechanism), f"q.{joint}") for joint in found.open]
     lines += _of_others(seen, mechanism, doubts)
     if seen.turns:
         lines += ["", "rotations:"]
@@ -139,6 +146,22 @@ def written(
     if unused or log.left_out:
         lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
     return Guess("\n".join(lines) + "\n", tuple(doubts))
+
+
+def _open(joint: str, found: Guessing, mechanism: NamedRobot | None) -> tuple[str, str]:
+    """Return the line of comment for a driven joint whose position no column is, and what is not sure of it.
+
+    Where columns are left that may be it, or where another column is this joint's, it hardly stood at home.
+    """
+    columns = found.open[joint]
+    slides = mechanism is not None and any(item.slides for item in mechanism.joints if item.name == joint)
+    text = f"  # q.{joint}: {{from: NAME, unit: {'m' if slides else 'rad'}}}"
+    without = "no column is its position; it is taken to stand at home"
+    if columns:
+        return text, f"{without}. Is it {' or '.join(columns[:6])}?"
+    if any(line.target.endswith(f".{joint}") for line in found.lines):
+        return text, without
+    return f"{text}  # {without}", ""
 
 
 def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:

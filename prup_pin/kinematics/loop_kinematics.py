@@ -21,6 +21,7 @@ from ..errors import InputError, JointLimitWarning, SingularPoseError, Unreachab
 from ..kernel import NEGLIGIBLE, Configuration, Factors, LoopedTree, Passing, inverse, rank_of
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
+from ..parameters import meant_otherwise
 from ..spatial import TWIST_NAMES, Array, frobenius, skew
 from .closed_pose import ClosedPose, PassiveBalance, split_residual
 from .feasible import last_regular, nearest_feasible
@@ -231,9 +232,22 @@ class LoopKinematics:
         raise UnreachablePoseError(
             f"the loops of '{self.mechanism.name}' do not close from its home position: the best that was found leaves "
             f"{number(metres, 3)} m and {number(radians, 3)} rad; loop '{worst}' is farthest open at the start. "
-            'Check the frames of this loop, or give a start near closure with <home joint="value"/> (or home={...})',
+            f"{self._far_homes() or 'Check the frames of this loop, or give'} a start near closure with "
+            f'<home joint="value"/>{self._home_line()} (or home={{...}})',
             residual=(metres, radians),
         )
+
+    def _far_homes(self) -> str:
+        """Return which positions of the home are hardly in m and rad, as a sentence and 'Give'; '' where none is."""
+        far = []
+        for name, value in self.mechanism.description.home.items():
+            if told := meant_otherwise(value, self.mechanism.joint(name).unit or ""):
+                far.append(f"{name} = {told}")
+        return f"Home has {'; '.join(far)}. Give" if far else ""
+
+    def _home_line(self) -> str:
+        line = self.mechanism.description.lines.get("home")
+        return f" in line {line}" if line else ""
 
     def home_pose(self) -> ClosedPose:
         """Return the closed pose at home. Raises UnreachablePoseError, SingularPoseError."""
@@ -631,6 +645,11 @@ class LoopKinematics:
             f"joint '{name}' would stand at {number(value, 6)} {unit}, outside its limits {number(lower, 6)} … "
             f"{number(upper, 6)} {unit}"
         )
+        if not requested and self.mechanism.description.described and np.array_equal(q, self.home):
+            raise UnreachablePoseError(
+                f"'{self.mechanism.name}' cannot stand at its home: {text}. {self._far_homes() or 'Give'} a position "
+                f'within them with <home {name}="value"/>{self._home_line()} (or home={{...}})'
+            )
         if unit == "rad" and abs(value) > 2 * np.pi:
             text += f" (were degrees meant? {number(value, 6)} of them are {number(np.radians(value), 6)} rad)"
         if not self.mechanism.description.described:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError, Problem, nearest_names
+from ..errors import ParameterError, Problem, close_names, nearest_names
 from ..modules import KINDS
 from ..parameters import SMALLEST_TOLERANCE, Parameter, Tolerance
 from ..spatial import Array
@@ -356,6 +356,7 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
     for name in module.values:
         if name not in known:
             near = nearest_names(name, sorted(known))
+            failed.update(close_names(name, sorted(known - module.values.keys()), 1))  # what it was meant to be
             problems.append((name, f"module '{module.name}': a {kind.kind} has no parameter '{name}'. {near}"))
     values: dict[str, Any] = {}
     lengths = set()
@@ -366,10 +367,11 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
             else:
                 value = quantity.default(values) if callable(quantity.default) else quantity.default
             if value is None or (quantity.shape == () and callable(quantity.default) and np.isnan(value)):
-                failed.add(quantity.name)
                 values[quantity.name] = np.nan
-                if failed & set(quantity.derived_from):
-                    continue  # follows from a value already reported
+                reported = failed & {quantity.name, *quantity.derived_from}
+                failed.add(quantity.name)
+                if reported:
+                    continue  # is one already reported, or follows from it
                 sources = quantity.derived_from
                 also = f", or what it follows from ({', '.join(sources)})" if sources else ""
                 text = (

@@ -80,6 +80,8 @@ def parse(content: bytes, path: Path) -> etree._Element:
         message = "is no XML, which begins with '<'; expected a robot file (URDF or MJCF)"
         if path.suffix.lower() in _TABLES:
             message += ". A recording? It goes to prup-pin diagnose or check"
+        if begins == b"{":
+            message += ". A corrected model? It goes to prup-pin predict, or to --model of simulate and compensate"
         raise RobotFileError(path, [Problem(message, 1)])
     parser = etree.XMLParser(
         encoding="utf-8",

@@ -323,7 +323,9 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     if "time" not in header and "time" not in wanted_names:
         close = [name for name in header if name.lower() in ("t", "timestamp", "zeit", "tiem", "tmie")]
         hint = f" Is it column '{close[0]}'?" if close else ""
-        problems.add(TableProblem(f"is missing.{hint} The header has: {there}", 1, column="time"))
+        remedy = "" if hint else " Number poses at rest 1, 2, 3 …; of rows at an even rate `prup-pin import` makes it."
+        message = f"is missing: the seconds at which each row was measured.{hint}{remedy} The header has: {there}"
+        problems.add(TableProblem(message, 1, column="time"))
     stated = any(name in form.coordinates for name in header)
     if not stated and not any(name and name.startswith("q.") and is_known(name) for name in {*header, *wanted_names}):
         alike = [name for name in header if re.match(r"q[_ ]?\w", name, re.I) and not is_known(name)]
@@ -809,7 +811,8 @@ def _remarks(header: Sequence[str], numbers: Mapping[str, Array], blank: Sequenc
     loads = [f"w.{name}" for name in WRENCH_NAMES if f"w.{name}" not in numbers]
     if len(loads) == 6:
         remarks.append(
-            "There is no column w.fx … w.mz: the external wrench is taken as zero, so that nothing but weight acts."
+            "There is no column w.fx … w.mz: the external wrench is taken as zero, and nothing but weight and motion "
+            "load the robot."
         )
     elif loads:
         remarks.append(f"There is no column {', '.join(loads)}: these components of the wrench are taken as zero.")

@@ -56,6 +56,7 @@ _KEYS = (
     "effects",
     "noise",
     "band",
+    "effort_noise",
     "conventions",
     "own_sensors",
     "notes",
@@ -72,7 +73,8 @@ class CorrectedModel:
     noise: that of the sensors with which they were found, as far as it is known. band: by driven joint, the frequency
     [Hz] up to which its motion is the rigid robot's; beyond it lie the encoder's noise and motors that vibrate.
     conventions: how logs of this device are written, which declare none themselves. own_by_run: sensors that are set up
-    anew for each run of a recording.
+    anew for each run of a recording. effort_noise: by driven joint, the noise [N or N m] of its effort, where a
+    diagnosis estimated it.
     """
 
     robot: str
@@ -84,6 +86,7 @@ class CorrectedModel:
     band: Mapping[str, float] = field(default_factory=dict)
     conventions: tuple[Convention, ...] = ()
     own_by_run: tuple[str, ...] = ()
+    effort_noise: Mapping[str, float] = field(default_factory=dict)
 
     def load(self) -> Robot:
         """Return the robot, without the effects. Raises RobotFileError, UnknownNameError."""
@@ -185,6 +188,11 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
         value["noise"] = {key: size for key, size in known.items() if size}
     if model.band:
         value["band"] = {name: {"value": float(cutoff), "unit": "Hz"} for name, cutoff in model.band.items()}
+    if model.effort_noise:
+        units = _effort_units(mechanism)
+        value["effort_noise"] = {
+            name: {"value": float(size), "unit": units[name]} for name, size in model.effort_noise.items()
+        }
     if model.conventions:
         value["conventions"] = as_json(model.conventions)
     if model.own_by_run:
@@ -192,6 +200,11 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
     if model.notes:
         value["notes"] = model.notes
     return value
+
+
+def _effort_units(mechanism: Mechanism) -> dict[str, str]:
+    """Return the unit of each driven joint's effort."""
+    return {name: "N" if mechanism.joint(name).slides else "N m" for name in mechanism.actuated}
 
 
 def _reading_as_json(reading: Reading) -> dict[str, Any]:
@@ -287,24 +300,28 @@ class _Reader:
                 effect = self.effect(entry, f"effects[{index}]", mechanism)
                 if effect is not None:
                     effects.append(effect)
-        noise, band = self.noise(values.get("noise")), self.band(values.get("band"), mechanism)
+        units = {} if mechanism is None else _effort_units(mechanism)
+        noise = self.noise(values.get("noise"))
+        band = self.by_joint(values, "band", dict.fromkeys(units, "Hz"))
+        effort_noise = self.by_joint(values, "effort_noise", units)
         joints = {} if mechanism is None else {"q": [j.name for j in mechanism.joints], "tau": list(mechanism.actuated)}
         written = values.get("conventions") if joints else None
         conventions = conventions_value(written, joints, self.problems, self.path.name)
         own = self.entries(values.get("own_sensors", {}), "own_sensors", ("by_run",))
         by_run = own_sensors_value(own.get("by_run"), self.problems, self.path.name, "own_sensors.by_run")
-        return CorrectedModel(name, tuple(effects), variant, notes, reading, noise, band, conventions, by_run)
+        return CorrectedModel(
+            name, tuple(effects), variant, notes, reading, noise, band, conventions, by_run, effort_noise
+        )
 
-    def band(self, value: object, mechanism: Mechanism | None) -> dict[str, float]:
-        """Return up to which frequency [Hz] each joint's motion is the rigid robot's."""
-        known = () if mechanism is None else tuple(mechanism.actuated)
+    def by_joint(self, values: dict[str, Any], key: str, units: Mapping[str, str]) -> dict[str, float]:
+        """Return numbers above 0 by driven joint, each in its unit; of a robot that is not known, any."""
         found = {}
-        for name, item in self.entries({} if value is None else value, "band", known).items():
-            cutoff = self.number(item, f"band.{shown(name)}", "Hz")
-            if cutoff is not None and not cutoff > 0:
-                self.wrong(f"band.{shown(name)}.value", f"is {cutoff:g}; expected a number [Hz] above 0")
-            elif cutoff is not None:
-                found[name] = cutoff
+        for name, item in self.entries(values.get(key, {}), key, tuple(units)).items():
+            size = self.number(item, f"{key}.{shown(name)}", units.get(name))
+            if size is not None and not size > 0:
+                self.wrong(f"{key}.{shown(name)}.value", f"is {size:g}; expected a number above 0")
+            elif size is not None:
+                found[name] = size
         return found
 
     def noise(self, value: object) -> Noise:

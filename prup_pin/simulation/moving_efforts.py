@@ -38,8 +38,8 @@ def efforts_in_motion(
     recording: Recording,
     effects: Sequence[Effect] = (),
     band: Mapping[str, float] | None = None,
-) -> dict[str, Array]:
-    """Return the efforts (N,) [N or N m] of each driven joint that has a column tau, at every row.
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return the efforts (N,) [N or N m] of each driven joint that has a column tau, at every row; and remarks.
 
     Speeds and accelerations are those of the motion below `band` [Hz] by joint, where a diagnosis told it; rows without
     an answer are NaN. Raises InputError where the motion cannot be told.
@@ -61,7 +61,7 @@ def efforts_in_motion(
             continue
         for column in range(len(driven)):
             out[rows, column] = np.interp(recording.time[rows], motion.time[own], total[own, column])
-    return dict(zip(driven, out.T, strict=True))
+    return dict(zip(driven, out.T, strict=True)), motion.remarks
 
 
 def efforts_at_rest(robot: Robot, recording: Recording, effects: Sequence[Effect], held: Array) -> Array:

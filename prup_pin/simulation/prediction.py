@@ -81,8 +81,8 @@ class Agreement:
     """How far measurements are from a prediction: root mean square of one channel.
 
     `channel`: 'position', 'rotation', 'effort <joint>', 'marker <name>' or 'marker <name> rotation'; `rms` [m, rad, N
-    or N m] over `count` numbers; `noise` is the sensor's declared standard deviation, or None. `share`: `rms` over the
-    root mean square of the measured efforts themselves; None of other channels, and where those are zero.
+    or N m] over `count` numbers; `noise` is the sensor's standard deviation, or None. `share`: `rms` over the root mean
+    square of the measured efforts themselves; None of other channels, and where those are zero.
     """
 
     channel: str
@@ -93,7 +93,7 @@ class Agreement:
 
     @property
     def in_noise(self) -> float | None:
-        """RMS in multiples of the declared noise."""
+        """RMS in multiples of the noise."""
         return None if self.noise is None else self.rms / self.noise
 
 
@@ -224,7 +224,7 @@ def simulate(
                 word = STATUSES[status[row]]
                 text = reasons[int(status[row])][1]
                 raise SimulationStoppedError(
-                    f"stopped at row {row + 1} of {n} (time {recording.time[row]:g} s): {word}: {text}",
+                    f"stopped at line {row + 2} of the table (time {recording.time[row]:g} s): {word}: {text}",
                     row,
                     word,
                     result(slice(0, row)),
@@ -240,7 +240,7 @@ def _in_motion(
     robot: Robot, recording: Recording, effects: Sequence[Effect], band: Mapping[str, float] | None
 ) -> Prediction:
     """Return the efforts of a motion; nothing deforms, and no pose was asked for."""
-    efforts = efforts_in_motion(robot, recording, effects, band)
+    efforts, remarks = efforts_in_motion(robot, recording, effects, band)
     known = np.all([np.isfinite(values) for values in efforts.values()], axis=0)
     status = np.where(known, "ok", "no input")
     reasons = {} if known.all() else {"no input": "no position, or a motion too short to tell a speed"}
@@ -252,6 +252,7 @@ def _in_motion(
         efforts=MappingProxyType(efforts),
         status=tuple(status.tolist()),
         reasons=MappingProxyType(reasons),
+        remarks=remarks,
     )
 
 
@@ -277,12 +278,15 @@ def _missing_inputs(effects: Sequence[Effect], inputs: Inputs, mechanism: Mechan
     return remarks
 
 
-def compare(recording: Recording, prediction: Prediction) -> tuple[Agreement, ...]:
+def compare(
+    recording: Recording, prediction: Prediction, effort_noise: Mapping[str, float] | None = None
+) -> tuple[Agreement, ...]:
     """Return how far the measurements are from a prediction, channel by channel; channels without numbers are left out.
 
-    Where a rotation was measured whole, the difference is the rotation vector from the predicted to the measured one.
+    effort_noise: by joint [N or N m], where the recording declares none. Where a rotation was measured whole, the
+    difference is the rotation vector from the predicted to the measured one.
     """
-    noise = recording.noise
+    noise, told = recording.noise, effort_noise or {}
     differences: list[tuple[str, Array, float | None]] = []
     if recording.position is not None:
         differences.append(("position", recording.position - prediction.position, noise.position))
@@ -290,7 +294,7 @@ def compare(recording: Recording, prediction: Prediction) -> tuple[Agreement, ..
         differences.append(("rotation", _turn(recording.rotation, prediction.rotation), noise.rotation))
     for name, values in recording.efforts.items():
         if name in prediction.efforts:
-            differences.append((f"effort {name}", values - prediction.efforts[name], noise.effort))
+            differences.append((f"effort {name}", values - prediction.efforts[name], noise.effort or told.get(name)))
     for name, values in recording.markers.items():
         if name in prediction.markers:
             differences.append((f"marker {name}", values - prediction.markers[name], noise.position))

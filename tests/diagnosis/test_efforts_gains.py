@@ -83,6 +83,6 @@ def test_a_prediction_is_in_the_drives_own_units(robot, moving):
     effects = [
         Effect(law, Place(name, law.variant), {"gain": g - 1}) for name, g in zip(motion.driven, GAINS, strict=True)
     ]
-    plain, own = (efforts_in_motion(robot, recording, which) for which in ((), effects))
+    plain, own = (efforts_in_motion(robot, recording, which)[0] for which in ((), effects))
     for name, gain in zip(motion.driven, GAINS, strict=True):
         assert own[name] == pytest.approx(gain * plain[name], rel=1e-9)

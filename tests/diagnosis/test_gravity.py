@@ -228,7 +228,7 @@ def test_gravity_is_written_and_read_again(arm, tmp_path):
     again = read_recording(tmp_path / "bench.csv")
     np.testing.assert_allclose(again.gravity, DOWN, rtol=1e-8)
     np.testing.assert_array_equal(again.select([2]).gravity, again.gravity[[2]])
-    assert any("nothing but weight acts" in text for text in again.remarks)
+    assert any("nothing but weight and motion load" in text for text in again.remarks)
 
 
 def table(folder, *rows, head="time,q.a,g.x,g.y,g.z"):

@@ -70,7 +70,7 @@ def test_postures_that_are_held_are_no_slow_motion():
 def test_a_clock_that_runs_backwards_is_told_with_its_row():
     time = TIME.copy()
     time[500:] -= 0.02
-    with pytest.raises(InputError, match=r"runs backwards 1 times, first in row 502, from 0\.998 to 0\.98 s"):
+    with pytest.raises(InputError, match=r"runs backwards 1 times, first in line 502, from 0\.998 to 0\.98 s"):
         motion_of(table(time=time), load(AXIS).mechanism)
     assert not one_rate(table(time=time, run=np.repeat([0, 1], [500, 3500]), run_names=("a", "b"))).every
 

@@ -135,7 +135,7 @@ def test_what_is_not_sure_says_so(ur5):
     assert "the joint's name is made up" in doubts(q, None)
     assert "is it what acts on the tool point" in doubts(q | {"Fz": logs.T})
     assert "named after a motor" in doubts(logs.numbered("motor_pos_{}", Q))
-    assert "no column is a time: write the rows a second" in "\n".join(guess(log_of(q), ur5).doubts)
+    assert "no column is a time: write how many rows a second" in "\n".join(guess(log_of(q), ur5).doubts)
 
 
 def test_turns_of_an_endless_joint_are_seen(ur5):
@@ -189,3 +189,47 @@ def test_names_are_read_word_by_word(name, words, unit):
 )  # fmt: skip
 def test_units_are_known_as_people_spell_them(text, unit):
     assert spelled(text) == unit
+
+
+class Joint:
+    """A joint of a robot of names alone."""
+
+    def __init__(self, name, slides, first_q):
+        self.name, self.slides, self.first_q, self.nq = name, slides, first_q, 1
+
+
+class LiftAndArm:
+    """An arm on a lift, as a map has to know it."""
+
+    actuated = ("lift", "shoulder", "elbow")
+    joints = tuple(Joint(name, name == "lift", k) for k, name in enumerate(actuated))
+    frame_names = actuated
+    limits = (np.full(3, -5.0), np.full(3, 5.0))
+
+
+def arm_columns():
+    turning = {f"Winkel A{k} [deg]": np.degrees(Q[:, k]) for k in (1, 2)}
+    return {"Zeit [s]": logs.T} | turning | {f"Moment A{k} [Nm]": TAU[:, k] for k in (1, 2)}
+
+
+def test_a_slide_without_a_name_in_the_log_is_found_by_its_unit_and_doubted():
+    lift = {"Hub [mm]": 300 + Q[:, 0], "Kraft Hub [N]": TAU[:, 0], "Hub soll [mm]": 300 + Q[:, 0]}
+    made = guess(log_of(arm_columns() | lift), LiftAndArm())
+    lines = yaml.safe_load(made.text)["columns"]
+    assert lines["q.lift"] == {"from": "Hub [mm]", "unit": "mm"}
+    assert lines["tau.lift"] == {"from": "Kraft Hub [N]", "unit": "N"}
+    assert [doubt.partition(":")[0] for doubt in made.doubts] == ["q.lift", "tau.lift"]
+
+
+def test_a_driven_joint_without_a_position_is_told():
+    two = {"Hub [mm]": 300 + Q[:, 0], "Abstand [mm]": Q[:, 1], "Kraft Hub [N]": TAU[:, 0]}
+    made = guess(log_of(arm_columns() | two), LiftAndArm())
+    assert "tau.lift" not in yaml.safe_load(made.text)["columns"]
+    assert len(made.doubts) == 1
+    assert "q.lift: no column is its position" in made.doubts[0]
+    assert "Is it Hub [mm] or Abstand [mm]?" in made.doubts[0]
+    rate = guess(log_of(arm_columns() | {"speed lift": Q[:, 0]}), LiftAndArm())
+    assert any("q.lift: no column is its position" in doubt for doubt in rate.doubts)
+    none = guess(log_of(arm_columns()), LiftAndArm())
+    assert "# q.lift: {from: NAME, unit: m}  # no column is its position" in none.text
+    assert none.doubts == ()

@@ -131,17 +131,41 @@ def test_actuators_beyond_their_limits(robot):
     assert caught.value.nearest == {"leg1_slide": 0.35, "leg2_slide": 0.609, "leg3_slide": 0.36}
 
 
-def test_a_home_in_degrees_is_suspected(tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "home", "told"),
+    [
+        (
+            "revolute",
+            70,
+            r"70 rad, .*hinge = 70 rad: is it in degrees\? Expected rad, which would be 1.22173. Give .* in line 6",
+        ),
+        ("prismatic", 70, r"70 m, .*hinge = 70 m: is it in mm\? Expected m, which would be 0.07. Give .* in line 6"),
+        ("prismatic", 3, r"3 m, outside its limits -2 … 2 m. Give a position within them .* in line 6"),
+    ],
+)
+def test_a_home_out_of_reach_is_told_with_its_line(tmp_path, kind, home, told):
     path = tmp_path / "arm.urdf"
     path.write_text(
-        '<robot name="arm"><link name="base"/><link name="link"/>'
-        '<joint name="hinge" type="revolute"><parent link="base"/>'
-        '<child link="link"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" velocity="9"/></joint>'
-        '<prup_pin version="1"><tool frame="link"/><home hinge="70"/></prup_pin></robot>',
+        '<robot name="arm"><link name="base"/><link name="link"/>\n'
+        f'<joint name="hinge" type="{kind}"><parent link="base"/>\n'
+        '<child link="link"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" velocity="9"/></joint>\n'
+        '<prup_pin version="1">\n<tool frame="link"/>\n'
+        f'<home hinge="{home}"/></prup_pin></robot>',
         encoding="utf-8",
     )
-    with pytest.raises(prup_pin.UnreachablePoseError, match=r"70 rad, .* \(were degrees meant\? 70 of them are 1.22"):
-        _ = prup_pin.load(path).home
+    with pytest.raises(prup_pin.UnreachablePoseError, match=told) as caught:
+        prup_pin.load(path).compliance(prup_pin.load(path).home)
+    assert "request" not in str(caught.value)
+    with pytest.raises(prup_pin.UnreachablePoseError, match=f"{home} .*") as caught:
+        _ = prup_pin.load(path, home={"hinge": home}).home
+    assert "line" not in str(caught.value)
+
+
+def test_a_home_in_millimetres_that_closes_no_loop_is_suspected():
+    with pytest.raises(
+        prup_pin.UnreachablePoseError, match=r"do not close .*Home has leg1_slide = 400 m: is it in mm\?"
+    ):
+        _ = prup_pin.load("3prup", home={"leg1_slide": 400}).home
 
 
 @pytest.mark.parametrize(("height", "told"), [(0.7, "108 mm"), (1.0, "408 mm"), (400.0, "399 m")])

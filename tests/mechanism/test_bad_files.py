@@ -520,3 +520,22 @@ def test_damaged_files_give_no_other_errors(write):
                 read(path)
             except RobotFileError:
                 continue
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("stiffness", "stifness", "module 'spring': a joint_spring has no parameter 'stifness'. Did you mean"),
+        ("diameter", "diametr", "module 'rod': a beam has no parameter 'diametr'. Did you mean 'diameter'"),
+    ],
+)
+def test_a_misspelt_parameter_is_one_problem(tmp_path, right, wrong, told):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.replace(f'name="{right}"', f'name="{wrong}"'), encoding="utf-8")
+    with pytest.raises(RobotFileError) as caught:
+        prup_pin.load(path)
+    (problem,) = caught.value.problems
+    assert problem.message.startswith(told)
+    path.write_text(ARM.replace('name="stiffness"', 'name="colour"'), encoding="utf-8")
+    with pytest.raises(RobotFileError, match=r"parameter 'stiffness' .* is missing"):
+        prup_pin.load(path)

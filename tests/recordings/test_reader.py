@@ -309,7 +309,7 @@ def test_a_second_column_of_the_same_meaning_is_ignored(write):
     [
         ("w.mz", "w.fx", "w.fx", "stands twice in the header (column 5 and column 6)"),
         ("w.mz", "", "", "the name of column 6 of 12 is empty"),
-        ("time", "stamp", "time", "is missing. The header has: stamp, q.slide"),
+        ("time", "stamp", "time", "is missing: the seconds at which each row was measured. Number poses"),
         ("q.", "x.", "q.<joint>", "no column q.<joint>"),
         ("q.", "q_", "q.<joint>", "Is it column 'q_slide'?"),
     ],

@@ -1,6 +1,6 @@
 """What strangers stumbled over in the words of a diagnosis: each was a sentence that nobody understood."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,16 @@ from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream
 from prup_pin.numbers import counted
 from prup_pin.recordings import Convention
-from prup_pin.views.text.diagnosis_words import noise_text, parameter_texts, summary_text, verdict_text
+from prup_pin.views.text.diagnosis_words import (
+    diagnosis_text,
+    multiple_text,
+    noise_text,
+    parameter_texts,
+    summary_text,
+    verdict_text,
+)
+from prup_pin.views.text.simulation_text import print_failures
+from prup_pin.views.text.terminal import console
 
 
 def test_what_is_left_after_a_log_is_read_otherwise_is_told_as_such(diagnosed):
@@ -52,8 +61,8 @@ def test_what_data_do_not_bound_is_not_nothing():
 
 
 def test_a_sample_that_cannot_be_simulated_is_told_by_its_row():
-    assert _not_simulated(np.array([7]), 210).startswith("1 of 210 samples could not be simulated (row 9)")
-    assert "(rows 2, 3, 4, 5, 6, 7, …)" in _not_simulated(np.arange(9), 210)
+    assert _not_simulated(np.array([7]), 210).startswith("1 of 210 samples could not be simulated (line 9)")
+    assert "(lines 2, 3, 4, 5, 6, 7, …)" in _not_simulated(np.arange(9), 210)
 
 
 def test_a_force_is_one_in_other_languages():
@@ -66,3 +75,52 @@ def test_a_force_is_one_in_other_languages():
 
 def test_one_of_a_thing_is_one():
     assert (counted(1, "sample"), counted(2, "sample"), counted(0, "pose")) == ("1 sample", "2 samples", "no poses")
+
+
+def test_what_is_unknown_is_told_before_what_hardly_matters(diagnosed):
+    _, _, diagnosis = diagnosed
+    little = Finding("inertial_parameters", "forearm", ("forearm",), {}, 0.02, "the forearm is another")
+    unknown = Finding("unknown", "elbow", ("elbow",), {}, 0.0, "something is left at the elbow")
+    found = replace(diagnosis, findings=(diagnosis.findings[0], little, unknown), verdict="unexplained")
+    assert found.told == (diagnosis.findings[0], unknown, little)
+    text = diagnosis_text(found)
+    assert text.index("2  unknown at elbow") < text.index("3  inertial parameters at forearm")
+    assert replace(found, findings=found.findings[:2]).told == found.findings[:2]
+
+
+@dataclass
+class Efforts:
+    """What is told of efforts whose noise was not declared."""
+
+    units: tuple[str, ...]
+    declared: bool = False
+    standing: bool = False
+    how: tuple[str, ...] = ("innovations",)
+
+
+def test_noise_of_newtons_and_newton_metres_is_no_one_number(diagnosed):
+    _, _, diagnosis = diagnosed
+    noise = replace(diagnosis.noise, effort=1.03, source="estimated")
+    both, turning = (replace(diagnosis, noise=noise, efforts=Efforts(units)) for units in (("N", "N m"), ("N m",)))
+    assert not any("effort 1.03" in text for text in noise_text(both))
+    assert "effort 1.03 N m" in noise_text(turning)
+    assert noise_text(both)[-1] == "estimated, of efforts by what their past does not foretell"
+    assert "below the frequencies of the comparison less of it is left" in multiple_text(both)
+    assert "below" not in multiple_text(replace(both, efforts=Efforts(("N",), standing=True)))
+    assert multiple_text(diagnosis) == ""
+
+
+def test_rows_without_an_answer_are_lines_of_the_file_as_everywhere(capsys):
+    print_failures(console(), {"no input": np.array([1])}, {"no input": "no position"})
+    said = " ".join(capsys.readouterr().out.split())
+    assert said == "no input 1 row: line 3 line 3: no position"
+
+
+def test_what_accounts_for_a_part_is_not_said_to_account_for_all(diagnosed):
+    _, _, diagnosis = diagnosed
+    unknown = Finding("unknown", "lift", ("lift",), {}, 0.0, "it never changes", advice="check the column q.lift")
+    said = summary_text(replace(diagnosis, findings=(*diagnosis.findings, unknown), verdict="unexplained"))
+    assert "account" in said
+    assert "for a part of it: " in said
+    assert said.endswith("To do first: check the column q.lift.")
+    assert "for it: " in summary_text(diagnosis)

@@ -33,7 +33,14 @@ def test_every_quantity_that_has_a_map_gets_one(swept):
     assert titles(figures["extremes"]) == ["extremes translation [mm]", "extremes rotation [deg]"]
     for axes in figures["extremes"].axes[:2]:
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("theta [deg]", "phi [deg]")
-    assert "z 300 mm" in figures["extremes"].get_suptitle()
+    assert figures["extremes"].get_suptitle().startswith("3prup: largest ")
+    assert figures["extremes"].get_suptitle().endswith("; at z 300 mm")
+
+
+def test_principal_stiffnesses_are_told_by_their_rank():
+    principal = ROBOT.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["rotational"])
+    ranks = [title.partition(",")[2].partition("[")[0].strip() for title in titles(figures_of(principal)["rotational"])]
+    assert ranks == ["the smallest", "the middle one", "the largest"]
 
 
 def test_the_map_shows_the_numbers(swept):
@@ -57,7 +64,7 @@ def test_stiffness_is_told_in_units_without_powers_of_ten():
     stiff, soft = (
         robot.sweep(z=0.3, theta=ANGLES, phi=ANGLES, quantities=["translational"]) for robot in (ROBOT, weak)
     )
-    word = "translational 1"
+    word = "translational 1, the smallest"
     assert titles(figures_of(stiff)["translational"])[0] == f"{word} [N/mm]"
     assert titles(figures_of(soft)["translational"])[0] == f"{word} [N/m]"
     both = titles(beside_figure([("a", stiff), ("b", soft)], ["translational"], ""))

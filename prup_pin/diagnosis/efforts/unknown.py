@@ -24,6 +24,7 @@ __all__ = [
     "foreign_unknown",
     "loud_unknown",
     "unknown_at",
+    "unmoved_unknown",
     "untold_unknown",
     "worse_unknown",
 ]
@@ -76,6 +77,18 @@ def untold_unknown(name: str, left: float, here: float, multiple: float) -> Find
         f"{number(100 * here, 3)} % of the effort of {name} are left, {loud} ({number(100 * left, 3)} % of all "
         "efforts); no law of the library takes it away, and no noise was declared that it could be",
     )
+
+
+def unmoved_unknown(name: str, here: float, multiple: float) -> Finding:
+    """Return that a joint's effort changes while its position never does, and no load on it tells why."""
+    text = (
+        f"the position of {name} never changes, while its effort does by {number(multiple, 3)} times what a sample of "
+        f"it scatters by itself and {number(100 * here, 3)} % of it: more than the load on it changes"
+    )
+    advice = (
+        f"check the column q.{name}: if {name} moved, it is not its position; if it stood, look what else loaded it"
+    )
+    return replace(unknown_at(name, text), advice=advice)
 
 
 def foreign_unknown(drawn: float, left: float) -> Finding:

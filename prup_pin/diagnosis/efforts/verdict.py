@@ -35,6 +35,7 @@ from .unknown import (
     foreign_unknown,
     loud_unknown,
     unknown_at,
+    unmoved_unknown,
     untold_unknown,
     worse_unknown,
 )
@@ -78,7 +79,9 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         unknown = unknown or (
             list(_beyond_declared(after, by_joint))
             if declared
-            else list(_no_noise(outcome, measured, shares, by_joint)) or list(_changing(outcome, added, told))
+            else list(_no_noise(outcome, measured, shares, by_joint))
+            or list(_unmoved(outcome, measured, rigid, predicted, by_joint))
+            or list(_changing(outcome, added, told))
         )
         if not unknown and _is_foreign(shares["all"]):
             unknown = [foreign_unknown(shares["all"]["rigid"], shares["all"]["heldout"])]
@@ -153,6 +156,24 @@ def _no_noise(
     if loud:
         worst = max(loud, key=lambda name: shares[name]["heldout"] * sizes[name])
         yield untold_unknown(worst, shares["all"]["heldout"], shares[worst]["heldout"], by_joint[worst]["after"])
+
+
+def _unmoved(
+    outcome: Outcome, measured: Array, rigid: Array, predicted: Array, by_joint: Mapping[str, Mapping[str, float]]
+) -> Iterator[Finding]:
+    """Yield joints whose effort changes though their position never does: by more than noise and what friction holds.
+
+    Friction at rest may hold any part of what the load on the joint changes by, and no more.
+    """
+    scatter = EFFORT_NO_NOISE * outcome.noise_sizes * outcome.scale
+    for column, name in enumerate(outcome.at.driven):
+        good = outcome.efforts.good[:, column]
+        if outcome.at.moves(name) or outcome.motion.standing or not good.any():
+            continue
+        size, left = rms_of(measured[good, column]), float(np.std((measured - predicted)[good, column]))
+        held = float(np.hypot(np.std(rigid[good, column]), scatter[column]))
+        if left > max(EFFORT_NO_MATTER * size, held):
+            yield unmoved_unknown(name, left / size, by_joint[name]["after"])
 
 
 def _changing(outcome: Outcome, added: Array, told: Mapping[str, EffortNoise]) -> Iterator[Finding]:

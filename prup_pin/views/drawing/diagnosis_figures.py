@@ -119,7 +119,7 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     drawing = Drawing(figure, layout.drawing, camera, middle - half, middle + half)
     draw_mechanism(drawing, parts)
     texts = draw_tool(drawing, parts)
-    found = marks(robot, pose, diagnosis.findings)
+    found = marks(robot, pose, diagnosis.told)
     _draw_marks(drawing, found)
     middle = camera.flat(parts.points).mean(axis=0)
     for text, at in _mark_texts(drawing, found):
@@ -177,7 +177,7 @@ def _draw_list(
 ) -> None:
     """Write the findings beside the drawing, by the numbers that it shows; `most` lines of `line` letters."""
     lines = []
-    for index, finding in enumerate(diagnosis.findings, 1):
+    for index, finding in enumerate(diagnosis.told, 1):
         lines += wrap(f"{index}  {finding_text(finding)}", line, subsequent_indent="    ", break_on_hyphens=False)
     if any(not mark.number for mark in found):
         lines.append("dashed: these data cannot tell them apart")

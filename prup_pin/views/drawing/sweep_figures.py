@@ -30,6 +30,8 @@ _TALL = 4
 
 #: A sweep in memory or in a file.
 Swept = SweepResult | SweepFile
+#: The three principal stiffnesses, as they ascend.
+_RANKS = ("smallest", "middle one", "largest")
 #: A title, its unit, and the values over two axes (n, m), or over one (n,).
 Panel = tuple[str, str, Array]
 
@@ -154,13 +156,15 @@ def _panels(found: Swept, name: str, keep: Sequence[str] | None = None, beside: 
     quantity = QUANTITIES[name]
     values = _plane(found, found[name])
     panels = []
+    principal = quantity.shape(found.mechanism) == (3,) and quantity.unit in ("N/m", "N m/rad")
     for labels, place in quantity.entries(found.mechanism):
         if keep is not None and not set(labels) & set(keep):
             continue
         entry, *others = (quantity.entry(each, place) for each in (values, *(other[name] for other in beside)))
         unit = quantity.unit_of(found.mechanism, place)
         factor, shown = _readable(np.concatenate([np.ravel(each) for each in (entry, *others)]), unit)
-        panels.append((" ".join((name, *labels)), shown, factor * entry))
+        rank = f", the {_RANKS[place[0]]}" if principal else ""
+        panels.append((" ".join((name, *labels)) + rank, shown, factor * entry))
     return panels
 
 
@@ -195,6 +199,12 @@ def _plane(found: Swept, values: Array) -> Array:
     return values
 
 
+def _heading(found: Swept, summary: str) -> str:
+    """Return what is drawn of which robot, and where the coordinates stand that are not drawn."""
+    others = _others(found)
+    return f"{found.mechanism.name}: {summary}{f'; at {others}' if others else ''}"
+
+
 def _others(found: Swept) -> str:
     """Return where the coordinates stand that are not drawn: 'z 300 mm'."""
     units = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))
@@ -225,8 +235,7 @@ def _figure(count: int) -> Figure:
 def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     figure = _figure(len(panels))
     grid = figure.subplots(*_grid(len(panels)), squeeze=False).ravel()
-    others = _others(found)
-    figure.suptitle(f"{summary}{f'; {others}' if others else ''}", fontsize=10, color=INK, wrap=True)
+    figure.suptitle(_heading(found, summary), fontsize=10, color=INK, wrap=True)
     for axes, (title, unit, values) in zip(grid, panels, strict=False):
         drawn = _draw(axes, found, values, _levels(values))
         axes.set_title(_with_unit(title, unit), fontsize=9, color=INK)
@@ -242,8 +251,7 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     for panel in panels:
         by_unit.setdefault(panel[1], []).append(panel)
     figure = sheet(_SIZE * 1.9 * len(by_unit) + 0.3, _SIZE + 0.7, None, "constrained")
-    others = _others(found)
-    figure.suptitle(f"{summary}{f'; {others}' if others else ''}", fontsize=10, color=INK, wrap=True)
+    figure.suptitle(_heading(found, summary), fontsize=10, color=INK, wrap=True)
     (only,) = found._places.axes
     across, along = _axis(found, only)
     for axes, (unit, group) in zip(figure.subplots(1, len(by_unit), squeeze=False)[0], by_unit.items(), strict=True):

@@ -88,7 +88,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     """Return the verdict, the findings with their intervals, and the residual before and after."""
     parts = [f'<p style="margin: 4px 0 8px">{escape(verdict_text(diagnosis))}</p>']
     rows = []
-    for count, finding in enumerate(diagnosis.findings, 1):
+    for count, finding in enumerate(diagnosis.told, 1):
         values = parameter_texts(finding.parameters) or [("", "", "")]
         for index, (name, value, interval) in enumerate(values):
             first = (str(count), finding_text(finding)) if index == 0 else ("", "")

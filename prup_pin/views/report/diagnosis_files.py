@@ -99,8 +99,18 @@ def write_diagnosis(
     effects = tuple(_inside(effect, robot.mechanism) for effect in lasting(diagnosis.effects, robot.mechanism))
     efforts = diagnosis.efforts
     band = {} if efforts is None or efforts.standing else efforts.band
-    made = CorrectedModel(robot_name, effects, understood.variant, notes, understood, _noise(diagnosis), band,
-                          _conventions(diagnosis, declared), diagnosis.own_by_run)  # fmt: skip
+    made = CorrectedModel(
+        robot_name,
+        effects,
+        understood.variant,
+        notes,
+        understood,
+        _noise(diagnosis),
+        band,
+        _conventions(diagnosis, declared),
+        diagnosis.own_by_run,
+        _effort_noise(diagnosis),
+    )
     corrected = model_document(made, model)
     plan = _plan(diagnosis, recordings[0], corrected["robot"])
     document = diagnosis_as_json(diagnosis, robot, __version__)
@@ -144,6 +154,15 @@ def _noise(diagnosis: Diagnosis) -> Noise:
         return Noise()
     found = diagnosis.noise
     return Noise(found.position or None, found.rotation or None, found.force or None, found.moment or None)
+
+
+def _effort_noise(diagnosis: Diagnosis) -> dict[str, float]:
+    """Return the noise of each joint's effort, where it was not declared but told by the recording."""
+    efforts = diagnosis.efforts
+    if efforts is None or efforts.declared:
+        return {}
+    sizes = zip(efforts.joints, efforts.noise.tolist(), strict=True)
+    return {name: size for name, size in sizes if math.isfinite(size) and size > 0}
 
 
 def _plan(diagnosis: Diagnosis, recording: Recording, robot: str) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
         facts=_facts(diagnosis),
         measured=_measured(diagnosis, robot, recordings),
         place=picture(lambda narrow: figures.place_figure(robot, diagnosis, narrow=narrow)),
-        findings=[_finding(diagnosis, finding) for finding in diagnosis.findings],
+        findings=[_finding(diagnosis, finding) for finding in diagnosis.told],
         channels=channel_rows(diagnosis),
         joints=effort_rows(diagnosis),
         samples=picture(lambda narrow: figures.sample_figure(diagnosis, narrow=narrow), many) if drawn else None,
@@ -113,7 +113,7 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
     for block, unit in ((slice(0, 3), "N"), (slice(3, 6), "N m")):
         size = np.linalg.norm(np.nan_to_num(recording.wrench[:, block]), axis=1).max(initial=0.0)
         sizes.append(f"up to {number(float(size), 3)} {unit}")
-    rows.append(("Loads", sizes if recording.has_wrench else ["nothing but its own weight"]))
+    rows.append(("Loads", sizes if recording.has_wrench else [_unloaded(diagnosis)]))
     names = [
         name for name in ("position", "rotation", "gravity", "temperature") if getattr(recording, name) is not None
     ]
@@ -129,6 +129,12 @@ def _measured(diagnosis: Diagnosis, robot: Robot, recordings: Sequence[Recording
         if item.notes:
             rows.append(("Notes", [item.notes]))
     return rows
+
+
+def _unloaded(diagnosis: Diagnosis) -> str:
+    """Return what loads a robot on which no wrench was measured."""
+    moving = diagnosis.efforts is not None and not diagnosis.efforts.standing
+    return f"none measured: its own weight{' and motion' if moving else ''}"
 
 
 def _efforts_measured(diagnosis: Diagnosis, recording: Recording) -> list[str]:

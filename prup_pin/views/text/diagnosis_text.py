@@ -22,6 +22,7 @@ from .diagnosis_words import (
     finding_text,
     hidden_rows,
     length_of,
+    multiple_text,
     noise_text,
     parameter_texts,
     recording_rows,
@@ -49,7 +50,7 @@ def print_diagnosis(
     listed(out, "noise", noise_text(diagnosis), ", ")
     if diagnosis.findings:
         heading(out, "Left out")
-        for index, finding in enumerate(diagnosis.findings, 1):
+        for index, finding in enumerate(diagnosis.told, 1):
             _print_finding(out, diagnosis, index, finding)
     heading(out, "Measured less simulated", "(root mean square)")
     table = make_table(("", "left"), ("before", "right"), ("after", "right"), ("", "left"))
@@ -62,6 +63,8 @@ def print_diagnosis(
         for row in rows:
             table.add_row(*row)
         print_table(out, table)
+        if note := multiple_text(diagnosis):
+            paragraph(out, f"({note})")
     if diagnosis.not_detectable:
         heading(out, "What these data could not show", "(and from which size they would)")
         for physics, where, needed in hidden_rows(diagnosis.not_detectable):

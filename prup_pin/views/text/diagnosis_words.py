@@ -22,6 +22,13 @@ _MOST_TOLD = 3
 #: Multiples of the noise up to which what is left is little more than that.
 _LITTLE_MORE = 1.5
 _COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six")
+#: How the noise of an effort was told, in words.
+_WAYS = {
+    "innovations": "what their past does not foretell",
+    "rest": "their scatter at rest",
+    "quantisation": "their steps",
+    "repeats": "rows that repeat",
+}
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
 _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
 
@@ -38,7 +45,11 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         return _nothing_missing(diagnosis, left)
     named = [item for item in diagnosis.findings if item.physics != "unknown" and not item.conventions]
     told = _joined(_all_told(named))
-    takes = _takes(before, after)
+    efforts = None if diagnosis.columns else diagnosis.efforts
+    if efforts is not None and not efforts.declared and diagnosis.verdict == "explained" and math.isfinite(after):
+        takes, left = _of_efforts(efforts.shares["all"], after), ""
+    else:
+        takes = _takes(before, after)
     read = [convention for item in diagnosis.findings for convention in item.conventions]
     if read:
         takes = f"{takes} (the log read with {', '.join(map(str, read))})"
@@ -75,6 +86,16 @@ def _takes(before: float, after: float) -> str:
     if number(before, 3) == number(after, 3):
         return f"the residual is {_times(after)}"
     return f"the residual falls from {number(before, 3)} to {_times(after)}"
+
+
+def _of_efforts(shares: Mapping[str, float], after: float) -> str:
+    """Return what is left of efforts whose noise nobody declared: as a share, for that noise proves little."""
+    ends = [_percent(shares[key]) for key in ("rigid", "heldout")]
+    falls = "" if ends[0] == ends[1] else f"what is left of the efforts falls from {ends[0]} to {ends[1]}"
+    return (
+        f"{falls or f'{ends[1]} of the efforts are left'}, {number(after, 3)} times what a sample scatters by itself, "
+        "and follows no motion to an extent that matters"
+    )
 
 
 def _times(multiple: float) -> str:
@@ -114,7 +135,7 @@ def finding_text(finding: Finding) -> str:
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the verdict, and a paragraph for each finding."""
     lines = [verdict_text(diagnosis)]
-    for index, finding in enumerate(diagnosis.findings, 1):
+    for index, finding in enumerate(diagnosis.told, 1):
         lines += ["", f"{index}  {finding_text(finding)}", f"   {finding.statement}"]
         lines += [f"   {text}" for text in (cost_text(finding), f"to do: {finding.remedy}") if text]
         lines += [
@@ -143,7 +164,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
     if causes:
         count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
         things = f"{count} thing{'s' if len(causes) > 1 else ''}"
-        texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for it: {'; '.join(causes)}.")
+        much = "it" if diagnosis.verdict == "explained" else "a part of it"
+        texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for {much}: {'; '.join(causes)}.")
         if len(named) < len(every):
             texts.append("The robot's deflection under load changes how it carries the load; that is no fault.")
     if diagnosis.verdict == "explained":
@@ -156,7 +178,8 @@ def summary_text(diagnosis: Diagnosis) -> str:
     else:
         texts.append(f"With {them} in the model {last}" if causes else "No law of the library takes it away")
         texts[-1] += ": something is missing that has no name here, and the corrected model holds only near these data."
-    first_remedy = next((finding.remedy for finding in (*logs, *named) if finding.remedy), "")
+    doubted = [finding for finding in diagnosis.findings if finding.physics == "unknown" and finding.advice]
+    first_remedy = next((finding.remedy for finding in (*logs, *doubted, *named) if finding.remedy), "")
     if first_remedy:
         texts.append(f"To do first: {first_remedy}.")
     return " ".join(texts)
@@ -179,7 +202,8 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
         return "", ""
     ends = [_percent(diagnosis.efforts.shares["all"][key]) for key in ("rigid", "heldout")]
     return (
-        f"In motion, the drives' efforts are {ends[0]} (root mean square) beside those that the robot file asks for.",
+        f"In motion, the drives' efforts are {ends[0]} (root mean square) away from those that the robot file asks "
+        "for.",
         f"{ends[1]} are left",
     )
 
@@ -306,18 +330,39 @@ def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def noise_text(diagnosis: Diagnosis) -> list[str]:
     """Return the noise of each sensor that measured something; what is zero was not declared."""
     noise = diagnosis.noise
-    items = (("position", "m"), ("rotation", "rad"), ("force", "N"), ("moment", "N m"), ("effort", "N or N m"))
+    items = (
+        ("position", "m"),
+        ("rotation", "rad"),
+        ("force", "N"),
+        ("moment", "N m"),
+        ("effort", _effort_unit(diagnosis)),
+    )
     texts = []
     compared = {unit for name, unit, _ in diagnosis.columns if name in diagnosis.by_channel}
     for name, unit in items:
         value = getattr(noise, name)
-        if value and (unit not in ("m", "rad") or unit in compared):
+        if value and unit and (unit not in ("m", "rad") or unit in compared):
             texts.append(f"{name} {quantity(value, unit)}")
     efforts = diagnosis.efforts
     if efforts is None or efforts.declared:
         return [*texts, noise.source]
-    ways = _joined([way for way in dict.fromkeys(efforts.how) if way])
-    return [*texts, f"{noise.source}, efforts by their {ways}" if ways else f"{noise.source}, of efforts unknown"]
+    ways = _joined([_WAYS.get(way, way) for way in dict.fromkeys(efforts.how) if way])
+    return [*texts, f"{noise.source}, of efforts by {ways}" if ways else f"{noise.source}, of efforts unknown"]
+
+
+def _effort_unit(diagnosis: Diagnosis) -> str:
+    """Return the unit of efforts' noise; '' where estimates of some are in N and others in N m: none is all theirs."""
+    efforts = diagnosis.efforts
+    units = sorted({*efforts.units}) if efforts is not None else ["N", "N m"]
+    return " or ".join(units) if len(units) == 1 or efforts is None or efforts.declared else ""
+
+
+def multiple_text(diagnosis: Diagnosis) -> str:
+    """Return what a multiple of the noise is, where one may be asked what less than 1 means; else nothing."""
+    if diagnosis.efforts is None or math.isnan(diagnosis.after["heldout"]):
+        return ""
+    text = "1 × noise is what a sample of an effort scatters by itself"
+    return text if diagnosis.efforts.standing else f"{text}; below the frequencies of the comparison less of it is left"
 
 
 def places_text(names: Iterable[str]) -> str:

@@ -13,7 +13,7 @@ from ...compensation import Compensation
 from ...errors import InputError, UnknownNameError
 from ...laws import Effect
 from ...mechanism import Mechanism
-from ...numbers import number
+from ...numbers import counted, number
 from ...recordings import Recording, suspicions
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
@@ -34,13 +34,14 @@ def print_simulation(
     recording: Recording,
     prediction: Prediction,
     notes: Sequence[str] = (),
+    effort_noise: Mapping[str, float] | None = None,
 ) -> None:
     """Print the closing summary of a simulation; `recording` holds what was measured, if anything was."""
     how = "the efforts of its motion" if not prediction.position.shape[1] else "loaded, in its deformed position"
     out.print(Text(f"{robot.name}, {how}", style="bold"))
     listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
     _print_rows(out, prediction)
-    found = compare(recording, prediction)
+    found = compare(recording, prediction, effort_noise)
     if found:
         _print_agreement(out, robot, found)
     odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
@@ -65,13 +66,13 @@ def _print_rows(out: Console, prediction: Prediction) -> None:
 
 
 def print_failures(out: Console, failures: Mapping[str, np.ndarray], reasons: Mapping[str, str]) -> None:
-    """Print which rows, counted from 0, have no answer, by status, and why."""
+    """Print which rows, counted from 0, have no answer, as lines of the file, whose first one holds names, and why."""
     for word, rows in failures.items():
-        first = ", ".join(str(row + 1) for row in rows[:_SHOWN].tolist())
+        first = ", ".join(str(row + 2) for row in rows[:_SHOWN].tolist())
         more = ", …" if len(rows) > _SHOWN else ""
-        listed(out, word, [f"{len(rows)} row{'s' if len(rows) > 1 else ''}: {first}{more}"])
+        listed(out, word, [f"{counted(len(rows), 'row')}: line{'s' if len(rows) > 1 else ''} {first}{more}"])
         if word in reasons:
-            paragraph(out, f"row {rows[0] + 1}: {reasons[word]}", "  ")
+            paragraph(out, f"line {rows[0] + 2}: {reasons[word]}", "  ")
 
 
 def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> None:
@@ -81,7 +82,7 @@ def _print_agreement(out: Console, robot: Robot, found: Sequence[Agreement]) -> 
     table = make_table(*columns, *[("% of the effort", "right")] * efforts)
     for item in found:
         unit, factor = _unit(robot, item.channel)
-        noise = "not declared" if item.noise is None else number(factor * item.noise, 3)
+        noise = "not known" if item.noise is None else number(factor * item.noise, 3)
         multiple = "-" if item.in_noise is None else number(item.in_noise, 3)
         cells = [item.channel, number(factor * item.rms, 4), unit, noise, multiple]
         table.add_row(*cells, *["" if item.share is None else number(100 * item.share, 3)] * efforts)
