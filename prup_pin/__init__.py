@@ -2,15 +2,19 @@
 
 # ruff: noqa: F403, F405 - the names are those of _public
 
+import sys
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
+
+from ._moved import Moved
 
 if TYPE_CHECKING:  # completion and type checkers see it
     from ._public import *
     from .diagnosis import diagnose
 
 __version__ = "0.1.0"
+sys.meta_path.append(Moved())  # the last: asked for what is nowhere else
 
 
 def __getattr__(name: str) -> Any:

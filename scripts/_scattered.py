@@ -19,7 +19,7 @@ import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import Recording, read_recording
 from prup_pin.simulation import simulate
-from prup_pin.views.report.diagnosis_json import diagnosis_as_json
+from prup_pin.views.report.as_json import diagnosis_as_json
 from tests.reference.concealed.scattered import KINDS, draw_scattered, write
 
 #: What is drawn: group -> (share of the trials, effects: none, one of the library, or outside it; misjudged).

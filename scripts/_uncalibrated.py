@@ -17,7 +17,7 @@ import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import simulate
-from prup_pin.views.report.diagnosis_json import diagnosis_as_json
+from prup_pin.views.report.as_json import diagnosis_as_json
 from tests.reference.concealed.rotations import matrix
 from tests.reference.concealed.uncalibrated import KINDS, UNDER_LOAD, Oracle, apart, draw_uncalibrated, write
 

@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-from prup_pin.views.drawing.drawing import FAINT, INK
+from prup_pin.views.scene.colours import FAINT, INK
 from tests.imports import DOORS, needed, room_imports
 
 OUT = ROOT / "docs" / "pictures"

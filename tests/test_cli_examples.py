@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from prup_pin.cli import app
-from prup_pin.cli.examples import examples_folder
+from prup_pin.cli.robot_files import examples_folder
 
 
 @pytest.fixture

@@ -10,19 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .answering import stiffness
 from .application import app, main
-from .calibrating import calibrate
-from .catalogue import info, kinds, laws, robots
-from .checking import check
-from .compensating import compensate
-from .diagnosing import diagnose
-from .examples import examples
-from .importing import import_
+from .bench_tests import calibrate, diagnose, import_, predict, simulate
+from .many_poses import compensate, sweep
+from .one_pose import report, stiffness, view
 from .options import taken_apart
-from .pages import report, view
-from .simulating import predict, simulate
-from .sweeping import sweep
+from .robot_files import check, examples, info, kinds, laws, robots
 
 __all__ = ["app", "main"]
 

@@ -15,9 +15,6 @@ from .. import __version__
 from ..errors import PrupPinError
 from ..views.text import terminal
 
-__all__ = ["app", "main"]
-
-
 #: A full device, a closed pipe.
 _NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
 

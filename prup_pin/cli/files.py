@@ -17,17 +17,6 @@ from ..recordings.writer import writable, write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "check_csv",
-    "check_folder",
-    "file_name",
-    "folder_for",
-    "list_written",
-    "say_written",
-    "write",
-    "write_figures",
-]
-
 
 def file_name(robot: str) -> str:
     """Return the name of a robot, or of its file, as that of a file in the current folder."""

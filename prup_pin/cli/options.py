@@ -1,59 +1,36 @@
-"""Options that several commands take, each written once; and how a command takes a whole group of them."""
+"""Options that several commands take, each written once; and how a command takes a whole group of them.
+
+What every command about one pose asks is a `Question`: which robot, where, under what; typed, then understood.
+"""
 
 from __future__ import annotations
 
 import fnmatch
 import inspect
 import json
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from .. import loading
-from ..errors import InputError, UnknownNameError, nearest_names
-from ..recordings import (
-    ARM,
-    TYPICAL,
-    Recording,
-    Tolerances,
-    convention_of,
-    joints_of,
-    read_recording,
-    read_tolerances,
-)
+from ..errors import InputError, JointLimitWarning, UnknownNameError, nearest_names
+from ..kinematics import ClosedPose
+from ..laws import Effect
+from ..recordings import ARM, TYPICAL, Recording, Tolerances, convention_of, joints_of, read_recording, read_tolerances
 from ..robot import Robot
 from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
-from ..views.text.quantities import UNITS, parse_assignments, parse_quantity
-
-__all__ = [
-    "AsJson",
-    "ConventionOption",
-    "Frame",
-    "Open",
-    "PredictionFile",
-    "Reading",
-    "RecordingFile",
-    "RecordingFiles",
-    "RobotName",
-    "RobotOption",
-    "Scale",
-    "SetParameters",
-    "Stop",
-    "TolerancesOption",
-    "Variant",
-    "Workers",
-    "changes_of",
-    "recorded",
-    "robot_beside",
-    "robot_of_all",
-    "taken_apart",
-    "tolerances_named",
-    "with_conventions",
-]
+from ..spatial import Array, as_wrench
+from ..statics import Compliance
+from ..views.text.joints import coordinate_dimensions, dimension
+from ..views.text.quantities import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+from ..views.text.simulation_text import parse_effect
+from ..views.text.tables import some
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]
 RobotOption = Annotated[
@@ -95,6 +72,15 @@ ConventionOption = Annotated[
         help="How the log is written (wrench=reaction), not as it declares; docs/recording_file.md. Repeatable.",
     ),
 ]
+ModelOption = Annotated[
+    Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
+]
+Effects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect", metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."
+    ),
+]
 SetParameters = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Change a parameter; * matches several. Repeatable."),
@@ -109,8 +95,7 @@ class Reading:
     variant: Variant = None
     tool: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame of the tool.")] = None
     joint_stiffness: Annotated[
-        str | None,
-        typer.Option(metavar="1e4|J=1e4,…", help="Springs on actuated joints, N m/rad or N/m."),
+        str | None, typer.Option(metavar="1e4|J=1e4,…", help="Springs on actuated joints, N m/rad or N/m.")
     ] = None
     actuated: Annotated[
         str | None, typer.Option(metavar="J,J,…", help="Actuated joints, if the file does not say.")
@@ -140,6 +125,23 @@ class Reading:
         options = {item.name: getattr(typed, item.name) for item in fields(typed)}
         robot = replace(model.read, **{name: value for name, value in options.items() if value}).load(model.robot)
         return robot.with_parameters(changes_of(robot, settings or ()))
+
+    def modelled(
+        self,
+        model: CorrectedModel | None,
+        robot: str | None,
+        named: Callable[[], str],
+        effects: Sequence[str] | None,
+        settings: Sequence[str] | None,
+    ) -> tuple[str, Robot, list[Effect]]:
+        """Return name and robot, the model's where none is typed, else what is typed or `named`; and all effects."""
+        if robot is None and model is not None:
+            name, loaded = model.robot, self.of_model(model, settings)
+        else:
+            name = robot or named()
+            loaded, _ = self.changed(name, settings)
+        typed = [parse_effect(text, loaded.mechanism) for text in effects or ()]
+        return name, loaded, [*(model.effects if model else ()), *typed]
 
     def understood(self) -> loading.Reading:
         """Return what was typed, as `prup_pin.loading` takes it."""
@@ -302,3 +304,124 @@ def _taken(parameter: inspect.Parameter, given: dict[str, Any]) -> Any:
     if group is None:
         return given[parameter.name]
     return group(**{member.name: _taken(member, given) for member in _members(group)})
+
+
+# -- one pose ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Case:
+    """A question understood: the robot as changed, the pose and its source, the load, remarks."""
+
+    robot: Robot
+    pose: ClosedPose
+    source: str
+    wrench: Array | None
+    linearised_at: Array | None
+    changes: dict[str, Any]
+    notes: list[str]
+
+    def compliance(self) -> Compliance:
+        """Return C at the pose, linearised where the question asks for it."""
+        return self.robot.compliance(self.pose, load=self.linearised_at)
+
+
+@dataclass(frozen=True)
+class Question:
+    """The options that every command about one pose takes: which robot, where, under what."""
+
+    robot: RobotName = "3prup"
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="z=0.4,theta=25deg,…", help="Task coordinates; a tree's joints. Default: home."),
+    ] = None
+    actuators: Annotated[
+        str | None, typer.Option(metavar="0.35,0.51,…", help="Actuator positions, instead of --at.")
+    ] = None
+    wrench: Annotated[
+        str | None,
+        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Default: softest direction."),
+    ] = None
+    at_load: Annotated[
+        bool, typer.Option("--at-load", help="Take modules that stiffen with load at --wrench, not at rest.")
+    ] = False
+    set_parameters: SetParameters = None
+    lock: Annotated[
+        list[str] | None, typer.Option("--lock", metavar="JOINT", help="Put a brake on a joint. Repeatable.")
+    ] = None
+    reading: Reading = field(default_factory=Reading)
+
+    def understood(self, frame: str | None = None) -> Case:
+        """Return what the question is about; the frame is checked too."""
+        if self.at is not None and self.actuators is not None:
+            raise InputError("--at and --actuators both set the pose; give one of them")
+        wrench = None
+        if self.wrench is not None:
+            wrench = as_wrench(parse_assignments(self.wrench, WRENCH_DIMENSIONS, "--wrench", "component"))
+        if self.at_load and wrench is None:
+            raise InputError("--at-load needs the load: --wrench fx=300")
+        notes: list[str] = []
+        with limits_as_notes(notes):
+            robot = self.reading.load(self.robot)
+            changes = changes_of(robot, self.set_parameters or ())
+            if changes:
+                robot = robot.with_parameters(changes)
+            if self.lock:
+                robot = robot.with_locked_joints(self.lock)
+            if frame is not None:
+                robot.mechanism.frame(frame)
+            pose, source, kept = _pose(robot, self.at, self.actuators)
+        if kept:
+            notes.append(f"not given, so at home: {', '.join(some(kept))}")
+        return Case(robot, pose, source, wrench, wrench if self.at_load else None, changes, notes)
+
+
+@dataclass(frozen=True)
+class Sight(Question):
+    """The same options where a robot is looked at: without a load no deflection is drawn."""
+
+    wrench: Annotated[
+        str | None,
+        typer.Option(metavar="fx=300,mz=100", help="Load on the tool, base axes. Without it no deflection is drawn."),
+    ] = None
+
+
+@contextmanager
+def limits_as_notes(notes: list[str]) -> Iterator[None]:
+    """Collect warnings about joint limits; others go their way."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+        warnings.simplefilter("always", JointLimitWarning)
+
+        def show(message, category, *place, **more) -> None:
+            if issubclass(category, JointLimitWarning):
+                notes.append(str(message))
+            else:
+                usual(message, category, *place, **more)
+
+        warnings.showwarning = show
+        yield
+
+
+def _pose(robot: Robot, at: str | None, actuators: str | None) -> tuple[ClosedPose, str, list[str]]:
+    """Return the pose asked for, where it comes from, and which coordinates were left at home."""
+    if actuators is not None:
+        names = robot.mechanism.actuated
+        dimensions = {name: dimension(robot.mechanism, name) for name in names}
+        if "=" in actuators:
+            by_name = parse_assignments(actuators, dimensions, "--actuators", "actuated joint")
+            return robot.pose_from_actuators(by_name), "actuators", []
+        values = parse_list(actuators, list(dimensions.values()), names, "--actuators")
+        return robot.pose_from_actuators(values), "actuators", []
+    if at is None:
+        return robot.home, "home", []
+    dimensions = dict(coordinate_dimensions(robot))
+    if not dimensions:
+        order = ", ".join(robot.mechanism.actuated)
+        raise InputError(
+            f"--at: the file of '{robot.name}' defines no task coordinates; use --actuators, in the order {order}"
+        )
+    wanted = parse_assignments(at, dimensions, "--at", "coordinate")
+    idle = {str(robot.mechanism.model.names[joint]) for joint in robot.mechanism.load_paths.idle}
+    kept = [name for name in dimensions if name not in wanted and name not in idle]
+    return robot.pose(**wanted), "task coordinates", kept

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 
 from ..views.text import terminal
 
-__all__ = ["rows", "stages"]
-
 #: Seconds without a bar.
 _PATIENCE = 2.0
 

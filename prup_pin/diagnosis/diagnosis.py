@@ -172,7 +172,7 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `prup-pin diagnose` writes as diagnosis.json; docs/diagnosis.md explains its keys."""
-        from ..views.report.diagnosis_json import diagnosis_as_json
+        from ..views.report.as_json import diagnosis_as_json
 
         return diagnosis_as_json(self, None if self.final is None else self.final.geometry.robot)
 

@@ -1,11 +1,9 @@
 """Logs of other people's controllers as recordings: readers, the map between, and a first guess of it."""
 
 from .convert import Conversion, convert
-from .guess import guess
+from .guess import Guess, guess
 from .log import Log, Stream, read_log, read_logs
-from .map import LogMap
-from .map_file import read_map, robot_named
-from .map_text import Guess
+from .map import LogMap, read_map, robot_named
 
 __all__ = [
     "Conversion",

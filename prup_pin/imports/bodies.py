@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from .log import Stream
-from .units import dimension_of, spelled
-from .words import WISHED, words_of
+from .units import WISHED, dimension_of, spelled, words_of
 
 #: What stands last in the name of a column: an axis, and perhaps its unit or a number for a name that stands twice.
 _AXIS = re.compile(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from .columns import OF_THE_TOOL
 from .draft import Guessing, Line
-from .joint_columns import OF_THE_TOOL
 from .log import Log
-from .named import NamedRobot, driven
-from .units import dimension_of, spelled
-from .words import WISHED, unit_in_name, words_of
+from .map import NamedRobot, driven
+from .units import WISHED, dimension_of, spelled, unit_in_name, words_of
 
 #: What each kind of column is measured in, of joints that turn and of those that slide.
 _DIMENSIONS = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,10 @@ import numpy as np
 from ..errors import Problem, RecordingFileError
 from ..numbers import number
 from ..recordings import Recording
-from ..recordings.columns import AXES, JOINT_GROUPS, joint_of, largest, marker_of
-from ..spatial import WRENCH_NAMES, Array
-from .clocks import at_rest, rests
+from ..recordings.columns import AXES, JOINT_GROUPS, fields_of, largest
+from ..spatial import Array
 from .log import Log, Stream
-from .map import Clock, Column, LogMap, Motors, Rotation
-from .named import NamedRobot
+from .map import Clock, Column, LogMap, Motors, NamedRobot, Rotation
 
 #: Where a stream is silent for longer than so many of its periods, nothing is made up.
 GAP = 5.0
@@ -27,6 +25,8 @@ SWAPPED, APART = 0.01, 20
 MOST_RUNS, FEWEST_ROWS = 1000, 20
 #: A stream that is so much faster than the clock it is put on is averaged over the clock's period.
 FASTER = 1.5
+#: A joint stands that moves by less than this share of its way within so many seconds before and after.
+STILL, REST = 1e-3, 0.15
 #: Rows of an even clock; spans of rows that are listed.
 MAX_ROWS, _SPANS = 10_000_000, 12
 
@@ -113,6 +113,24 @@ def convert(log: Log, plan: LogMap, mechanism: NamedRobot | None = None) -> Conv
         time, columns = time[still], {name: values[still] for name, values in columns.items()}
     recording = _recording(time - time[0], columns, log, plan, mechanism)
     return Conversion(recording, unused, tuple(remarks), moving)
+
+
+def at_rest(time: Array, joints: Sequence[Array]) -> np.ndarray:
+    """Return at which times (N,) all joints, each (N,) [m, rad], stand: moved by less than `STILL` of their way.
+
+    Each joint is looked at from `REST` before to `REST` after.
+    """
+    still = np.ones(len(time), bool)
+    for values in joints:
+        before, after = (np.interp(time + way, time, values) for way in (-REST, REST))
+        way = np.abs(np.stack([after - values, values - before, after - before])).max(axis=0)
+        still &= way < STILL * max(float(np.ptp(values)), 1e-12)
+    return still
+
+
+def rests(still: np.ndarray) -> int:
+    """Return how many rests there are."""
+    return int(np.sum(np.diff(still.astype(int), prepend=0) > 0))
 
 
 def _moved(still: np.ndarray, spans: tuple[tuple[int, int], ...], times: Array) -> str:
@@ -342,33 +360,13 @@ def _recording(
     """Return the recording of columns by their names."""
     n = len(time)
     order = list(mechanism.actuated) if mechanism is not None else []
-    fields: dict[str, Any] = {group: {} for group in JOINT_GROUPS.values()}
-    fields |= {"markers": {}, "marker_rotations": {}}
-    triples: dict[str, Array] = {}
-    wrench, loads = np.zeros((n, 6)), []
-    for name, values in columns.items():
-        joint, marker = joint_of(name), marker_of(name)
-        if joint is not None:
-            fields[joint[0]][joint[1]] = values
-        elif marker is not None:
-            fields[marker[0]].setdefault(marker[1], np.full((n, 3), np.nan))[:, marker[2]] = values
-        elif name.startswith("w."):
-            loads.append(name[2:])
-            wrench[:, WRENCH_NAMES.index(name[2:])] = values
-        elif name[:2] in ("p.", "r.", "g."):
-            triples.setdefault(name[0], np.full((n, 3), np.nan))[:, AXES.index(name[2])] = values
-        elif name == "run":
-            labels = [f"{x:g}" for x in values.tolist()]
-            known = list(dict.fromkeys(labels))
-            fields["run"], fields["run_names"] = np.array([known.index(x) for x in labels]), tuple(known)
-        else:
-            fields[name] = values
+    fields = fields_of(columns, n)
     for group in JOINT_GROUPS.values():
         fields[group] = dict(sorted(fields[group].items(), key=lambda item: _place(order, item[0])))
-    if loads:
-        fields |= {"wrench": wrench, "wrench_columns": tuple(name for name in WRENCH_NAMES if name in loads)}
-    called = {"p": "position", "r": "rotation", "g": "gravity"}
-    fields |= {called[key]: values for key, values in triples.items()}
+    if "run" in columns:
+        labels = [f"{x:g}" for x in columns["run"].tolist()]
+        known = list(dict.fromkeys(labels))
+        fields |= {"run": np.array([known.index(x) for x in labels]), "run_names": tuple(known)}
     notes = plan.notes or f"imported from {Path(log.path).name}"
     return Recording(time=time, robot=plan.robot, notes=notes, noise=plan.noise, tolerances=plan.tolerances, **fields)
 

@@ -7,17 +7,23 @@ proof is a doubt, and says so in the map.
 
 from __future__ import annotations
 
-from .beside import set_beside
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ..errors import InputError
+from ..recordings.problems import shown
+from ..recordings.writer import write_whole
 from .by_unit import add_by_unit
-from .draft import Guessing
-from .joint_columns import add_joints
+from .clocks import set_beside
+from .columns import Clocks, add_joints, place_line, seen_poses, time_column, wrench_lines
+from .draft import Guessing, Seen
 from .log import Log
-from .map_text import Guess, written
-from .named import NamedRobot
-from .pose_columns import seen_poses
-from .time_column import time_column
+from .map import NamedRobot
 from .unit_by_numbers import settle_units
-from .wrench_columns import wrench_lines
+from .units import UNSCALED
 
 
 def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:
@@ -39,3 +45,148 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
     settle_units(log, clocks, found, mechanism)
     set_beside(log, clocks, found, seen, mechanism)
     return written(log, clocks, found, seen, mechanism, robot)
+
+
+# -- the map as YAML, with CHECK on each line that is not sure ---------------------------------------------------------
+
+
+#: A body whose axes are turned further against its frame's was drawn without regard to the frame [rad].
+_ASKEW = 0.2
+
+
+@dataclass
+class Guess:
+    """A map as text, and what in it is not sure, sentence by sentence."""
+
+    text: str
+    doubts: tuple[str, ...]
+
+
+def written(
+    log: Log, clocks: Clocks, found: Guessing, seen: Seen, mechanism: NamedRobot | None, robot: str | None
+) -> Guess:
+    """Return the map as YAML with a word on every line that was guessed."""
+    doubts: list[str] = []
+
+    def told(text: str, doubt: str, what: str) -> str:
+        if doubt:
+            doubts.append(f"{what}: {doubt}")
+            return f"{text}  # CHECK: {doubt}"
+        return text
+
+    lines = [
+        f"# Map from {shown(Path(log.path).name)} to a recording, guessed by prup-pin import. "
+        "Lines with CHECK are not sure.",
+        "# SI = sign x scale x (value in unit) + offset; docs/import.md says what may stand here.",
+    ]
+    if robot is not None:
+        lines.append(f"robot: {_text(robot)}")
+    elif mechanism is None:
+        lines.append("# robot: NAME or FILE.urdf, which also tells the joints' names")
+    used = {log.stream_of(line.source).name for line in found.lines}
+    used |= {body.stream.name for body in seen.turns.values()}
+    lines += ["", "time:"]
+    for stream in log.streams:
+        name, unit, doubt = clocks[stream.name]
+        inside = [] if name is None else [f"from: {_text(name)}", f"unit: {unit}"] if name else ["rate: 1"]
+        if stream.name in seen.alike:
+            inside, doubt = [f"like: {_text(seen.alike[stream.name])}"], ""
+        delay, known, unsure = seen.delays.get(stream.name, (0.0, "", ""))
+        entry = f"{{{', '.join([*inside, *[f'delay: {delay:.9g}'] * (delay != 0)])}}}"
+        doubt = unsure or doubt
+        what = f"time of {stream.name}" if len(log.streams) > 1 else "time"
+        if stream.name in used or len(log.streams) == 1:
+            reason = f"  # {known}" if known and not doubt else ""
+            lines.append(told(f"  {_text(stream.name)}: {entry}", doubt, what) + reason)
+    lines += ["", "columns:"]
+    order = {prefix: k for k, prefix in enumerate(("q", "qd", "qdd", "tau", "w", "p"))}
+    chosen = sorted(found.lines, key=lambda line: order.get(line.target.partition(".")[0], 9))
+    for line in chosen:
+        parts = [f"from: {_text(line.source)}", f"unit: {_text(line.unit or 'SI')}"]
+        parts += [f"sign: {line.sign}"] * (line.sign != 1) + ["unwrap: true"] * line.unwrap
+        parts += [f"offset: {line.offset:.12g}"] * (line.offset != 0)
+        text = f"  {_text(line.target)}: {{{', '.join(parts)}}}"
+        reason = f"  # {line.reason}" if line.reason and not line.doubt else ""
+        lines.append(told(text, line.doubt, line.target) + reason)
+    if not any(line.target.startswith("q.") for line in chosen):
+        lines.append("  # q.<joint>: {from: NAME, unit: rad}")
+        doubts.append("no column was found that is the position of a joint; write lines q.<joint>")
+    if any(line.target.startswith("q.") for line in chosen):
+        lines += [told(*_open(joint, found, mechanism), f"q.{joint}") for joint in found.open]
+    lines += _of_others(seen, mechanism, doubts)
+    if seen.turns:
+        lines += ["", "rotations:"]
+        for target, body in seen.turns.items():
+            unit = f", unit: {_text(body.unit)}" if body.unit else ""
+            text = f"{target}: {{from: [{', '.join(map(_text, body.turn))}], as: {body.manner}{unit}}}"
+            if body.askew is not None and body.askew > _ASKEW:
+                angle = f"{np.degrees(body.askew):.0f} deg"
+                lines.append(f"  # {text}  # left out: the body's axes are turned by {angle} against the frame's")
+            else:
+                lines.append(told(f"  {text}", body.doubt, target))
+    if len(used) > 1:
+        kinds = ("tau.", "q.") if any(line.target.startswith("tau.") for line in chosen) else ("p", "q.")
+        first = next((line for kind in kinds for line in chosen if line.target.startswith(kind)), None)
+        home = log.stream_of(first.source).name if first is not None else min(used)
+        lines += ["", f"resample: {{clock: {_text(home)}}}  # or {{rate: 250}}, in samples a second"]
+    if seen.rests:
+        lines += ["", f"at_rest: true  # {seen.rests} rests: while joints move, what clocks differ by is a distance"]
+    if any(line.unit in UNSCALED for line in chosen if line.target.startswith("tau.")):
+        lines += [
+            "",
+            "# Where nobody knows the scale of the efforts, diagnose finds it against the masses; no `scale` then:",
+        ]
+        lines.append("# tolerances: {effort_gain: 1, mass: 0.1, inertia: 0.1}")
+    if any(log.stream_of(line.source).name in seen.delays for line in chosen if line.target.startswith("p.")):
+        lines += ["", "# The camera may stand anywhere, and what it saw may sit 5 cm beside its frame:"]
+        lines.append("tolerances: {frame_position: 10, frame_rotation: 3, target_position: 0.05}")
+    sources = {line.source for line in chosen} | {name for body in seen.turns.values() for name in body.turn}
+    sources |= {name for name, _, _ in clocks.values() if name}
+    unused = [name for name in log.names if name not in sources]
+    if unused or log.left_out:
+        lines += ["", "# Not used:", *(f"#   {name}" for name in (*unused, *log.left_out))]
+    return Guess("\n".join(lines) + "\n", tuple(doubts))
+
+
+def _open(joint: str, found: Guessing, mechanism: NamedRobot | None) -> tuple[str, str]:
+    """Return the line of comment for a driven joint whose position no column is, and what is not sure of it.
+
+    Where columns are left that may be it, or where another column is this joint's, it hardly stood at home.
+    """
+    columns = found.open[joint]
+    slides = mechanism is not None and any(item.slides for item in mechanism.joints if item.name == joint)
+    text = f"  # q.{joint}: {{from: NAME, unit: {'m' if slides else 'rad'}}}"
+    without = "no column is its position; it is taken to stand at home"
+    if columns:
+        return text, f"{without}. Is it {' or '.join(columns[:6])}?"
+    if any(line.target.endswith(f".{joint}") for line in found.lines):
+        return text, without
+    return f"{text}  # {without}", ""
+
+
+def _of_others(seen: Seen, mechanism: NamedRobot | None, doubts: list[str]) -> list[str]:
+    """Return a line of comment for each body that no frame is called like, to be completed."""
+    if not seen.others:
+        return []
+    lines = ["  # Seen as well; in the place of FRAME the frame of the robot that carries it:"]
+    for body in seen.others:
+        for axis, name in body.place.items():
+            line = place_line("", name, body.stream, True)
+            lines.append(f"  # p.FRAME.{axis}: {{from: {_text(name)}, unit: {line.unit}}}")
+    if not seen.lines and not seen.turns:
+        called = ", ".join(body.called or "a body without a name" for body in seen.others[:6])
+        there = f": {', '.join(list(mechanism.frame_names)[-8:])} …" if mechanism is not None else ""
+        doubts.append(f"seen were {called}, and no frame of the robot is called like one; write lines p.FRAME.x{there}")
+    return lines
+
+
+def _text(text: str) -> str:
+    """Return a text as YAML that is read as that text, also within braces."""
+    return yaml.safe_dump([text], default_flow_style=True, width=10_000, allow_unicode=True).strip()[1:-1]
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a map. Raises InputError where that is not possible, or where a file of this name is there already."""
+    if path.exists():
+        raise InputError(f"'{path}' is there already; it is not written over")
+    write_whole({path: [text]})

@@ -1,14 +1,28 @@
-"""The map from a log to a recording: which column is which joint, in which unit, on which clock."""
+"""The map from a log to a recording: which column is which joint, in which unit, on which clock; and its file.
+
+A file is checked against its log and its robot: all that is wrong with it is told, each with its line and key.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
+import yaml
 
+from ..errors import nearest_names
 from ..recordings import Noise, Tolerances
-from .units import Unit
+from ..recordings.columns import NOISE_KEYS, joint_of, marker_of
+from ..recordings.columns import UNITS as COLUMNS
+from ..recordings.problems import KeyProblem, Problems, is_number, json_kind, read_bytes, shown
+from ..recordings.reader import noise_value, tolerances_value
+from ..spatial import Array
+from .log import Log
+from .units import Unit, unit_for, units_in_words
 
 #: How the orientation of a body may be logged, and how many columns that takes. Matrices turn the body's axes into the
 #: base's, row by row or column by column; of three angles the letters tell the axes in the order in which they are
@@ -98,3 +112,465 @@ class LogMap:
         used = {column.source for column in self.columns.values()}
         used |= {clock.source for clock in self.clocks.values() if clock.source is not None}
         return frozenset(used | {name for rotation in self.rotations.values() for name in rotation.sources})
+
+
+# -- the robot ---------------------------------------------------------------------------------------------------------
+
+
+class NamedJoint(Protocol):
+    """A joint: whether it slides, and where its coordinates stand among all."""
+
+    @property
+    def name(self) -> str:
+        """Its name in the robot file."""
+
+    @property
+    def slides(self) -> bool:
+        """Whether it moves by metres, not radians."""
+
+    @property
+    def first_q(self) -> int:
+        """Where its coordinates begin."""
+
+    @property
+    def nq(self) -> int:
+        """How many there are."""
+
+
+class NamedRobot(Protocol):
+    """A robot's names; a `Mechanism` is one."""
+
+    @property
+    def actuated(self) -> Sequence[str]:
+        """The joints that have motors, in order."""
+
+    @property
+    def joints(self) -> Sequence[NamedJoint]:
+        """All joints that move."""
+
+    @property
+    def frame_names(self) -> Sequence[str]:
+        """All frames."""
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper limits of all coordinates, infinite where there is none."""
+
+
+def driven(robot: NamedRobot) -> list[str]:
+    """Return the joints that have motors and one coordinate: no floating base."""
+    several = {joint.name for joint in robot.joints if joint.nq > 2}  # an endless one has cosine and sine
+    return [name for name in robot.actuated if name not in several]
+
+
+# -- YAML --------------------------------------------------------------------------------------------------------------
+
+
+#: A map of a thousand columns has a tenth of these characters.
+_LONGEST = 1_000_000
+#: Values within values.
+_DEEPEST = 20
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc] # the fast one, where there is one
+    """Reads 2e-5 as a number, which YAML 1.1 takes for a text."""
+
+
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
+
+
+def load_yaml(path: Path, problems: Problems, keys: Sequence[str]) -> tuple[dict[str, Any], dict[tuple, int]]:
+    """Return the content of a map's YAML file, an object of `keys`, and the line of each key."""
+    text = read_bytes(path, "a map (YAML)", (".yaml", ".yml")).decode("utf-8-sig", "replace")
+    if len(text) > _LONGEST:
+        problems.add(KeyProblem(f"holds {len(text)} characters; no map has more than {_LONGEST}", None, path.name))
+        return {}, {}
+    content: Any = None
+    try:
+        depth = 0
+        for event in yaml.parse(text, _Loader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            wrong = "nests its values too deep" if depth > _DEEPEST else ""
+            if isinstance(event, yaml.AliasEvent):  # a few are a value of any size, or one that holds itself
+                wrong = f"*{shown(event.anchor)} is not read; write the value out"
+            if wrong:
+                mark = event.start_mark
+                problems.add(KeyProblem(wrong, mark.line + 1 if mark is not None else None, path.name))
+                return {}, {}
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        content = loader.construct_document(node) if node is not None else None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        what = getattr(error, "problem", None) or str(error)
+        line = mark.line + 1 if mark is not None else None
+        problems.add(KeyProblem(f"is not valid YAML: {shown(what)}", line, path.name))
+        return {}, {}
+    except (ValueError, TypeError, AttributeError, LookupError) as error:  # a date that is none, a number of digits
+        problems.add(KeyProblem(f"holds a value that cannot be read: {shown(error)}", None, path.name))
+        return {}, {}
+    if not isinstance(content, dict):
+        problems.add(KeyProblem(f"holds {json_kind(content)}; expected keys: {', '.join(keys)}", 1, path.name))
+        return {}, {}
+    lines: dict[tuple, int] = {}
+
+    def walk(item: Any, place: tuple) -> None:
+        if isinstance(item, yaml.MappingNode):
+            for key, value in item.value:
+                inner = (*place, key.value)
+                lines[inner] = key.start_mark.line + 1
+                walk(value, inner)
+        elif isinstance(item, yaml.SequenceNode):
+            for k, value in enumerate(item.value):
+                inner = (*place, f"[{k}]")
+                lines[inner] = value.start_mark.line + 1
+                walk(value, inner)
+
+    walk(node, ())
+    return content, lines
+
+
+class KeyReader:
+    """Reads keys and values of a file; what is wrong is collected, each with its line."""
+
+    def __init__(self, problems: Problems, lines: Mapping[tuple, int]):
+        self.problems, self.lines = problems, lines
+
+    def wrong(self, message: str, *place: str) -> None:
+        """Note what is wrong with a key, or with its value."""
+        self.problems.add(KeyProblem(message, self.lines.get(place), key=": ".join(map(str, place))))
+
+    def known(self, given: Any, keys: Sequence[str], *place: str) -> dict[str, Any]:
+        """Return an object whose keys are known ones; what is none is a problem and gives {}."""
+        if given is None:
+            return {}
+        if not isinstance(given, dict):
+            self.wrong(f"is {json_kind(given)}; expected keys: {', '.join(keys)}", *place)
+            return {}
+        for key in given:
+            if key not in keys:
+                self.wrong(f"is no key here. {nearest_names(str(key), list(keys))}", *place, str(key))
+        return given
+
+    def number(self, given: Mapping[str, Any], key: str, fallback: float, *place: str) -> float:
+        """Return a number, the fallback where there is none; a value that is no number is a problem."""
+        value = given.get(key, fallback)
+        if not is_number(value):
+            self.wrong(f"is {json_kind(value)}; expected a number", *place, key)
+            return fallback
+        return float(value)
+
+
+# -- the file ----------------------------------------------------------------------------------------------------------
+
+
+#: Prefix of a joint's column -> what it measures, of joints that turn and of joints that slide.
+_JOINT = {
+    "q": ("angle", "length"),
+    "qd": ("angular velocity", "velocity"),
+    "qdd": ("angular acceleration", "acceleration"),
+    "tau": ("moment", "force"),
+}
+#: What a map may hold.
+KEYS = ("robot", "time", "columns", "rotations", "motors", "resample", "at_rest", "noise", "tolerances", "notes")
+
+
+def robot_named(path: str | Path) -> str | None:
+    """Return the robot that a map names, None where it names none. Raises RecordingFileError for what is no map."""
+    path = Path(path)
+    problems = Problems(path)
+    content, _ = load_yaml(path, problems, KEYS)
+    problems.raise_all()
+    named = content.get("robot")
+    return named if isinstance(named, str) else None
+
+
+def read_map(path: str | Path, log: Log, mechanism: NamedRobot | None = None) -> LogMap:
+    """Return a map for a log. Raises RecordingFileError with all that is wrong with it, each with its line and key.
+
+    mechanism: the robot whose joints and frames the names have to be; None where it is not known.
+    """
+    path = Path(path)
+    problems = Problems(path)
+    content, lines = load_yaml(path, problems, KEYS)
+    problems.raise_all()
+    reader = _Reader(problems, lines, log, mechanism)
+    found = reader.whole(content)
+    problems.raise_all()
+    return found
+
+
+class _Reader(KeyReader):
+    """Reads a map; what is wrong is collected."""
+
+    def __init__(self, problems: Problems, lines: Mapping[tuple, int], log: Log, mechanism: NamedRobot | None):
+        super().__init__(problems, lines)
+        self.log, self.mechanism = log, mechanism
+        self.gains_open = False
+
+    def source(self, name: Any, *place: str) -> str | None:
+        """Return a name of one of the log's columns."""
+        if name in self.log.names:
+            return str(name)
+        if name is None:
+            self.wrong("lacks `from`, the name of a column of the log", *place)
+        else:
+            self.wrong(f"the log has no column '{shown(name)}'. {nearest_names(str(name), self.log.names)}", *place)
+        return None
+
+    def unit(self, text: Any, dimensions: tuple[str, ...], *place: str) -> Unit:
+        unit = unit_for(str(text), dimensions)
+        if unit is None:
+            given = f"'{shown(text)}' is no unit of it" if text is not None else "is missing"
+            self.wrong(f"{given}; expected {units_in_words(dimensions)}", *place, "unit")
+            return Unit("?", 1.0)
+        return unit
+
+    def whole(self, content: Mapping[str, Any]) -> LogMap:
+        given = self.known(content, KEYS)
+        tolerances = Tolerances()
+        if given.get("tolerances") is not None:
+            tolerances = tolerances_value(given["tolerances"], self.problems, self.problems.path.name, "tolerances.")
+        deviations = {}
+        for key, value in self.known(given.get("noise"), tuple(NOISE_KEYS), "noise").items():
+            if key in NOISE_KEYS:
+                deviations[NOISE_KEYS[key]] = noise_value(key, value, self.problems, self.problems.path.name, "noise.")
+        self.gains_open = tolerances.effort_gain is not None
+        clocks = self.clocks(given.get("time"))
+        raw = given.get("motors") or []
+        if not isinstance(raw, list):
+            self.wrong(f"is {json_kind(raw)}; expected a list", "motors")
+            raw = []
+        motors = tuple(m for k, item in enumerate(raw) if (m := self.motors(item, k)) is not None)
+        moved = {name for group in motors for name in group.names}
+        columns: dict[str, Column] = {}
+        listed = given.get("columns")
+        if not isinstance(listed, dict) or not listed:
+            self.wrong("is missing or empty; expected lines such as `q.elbow: {from: NAME, unit: rad}`", "columns")
+            listed = {}
+        for name, item in listed.items():
+            column = self.column(str(name), item, moved)
+            if column is not None:
+                columns[str(name)] = column
+        for group in motors:
+            self.complete(group, columns)
+        rotations = {}
+        turned = given.get("rotations")
+        for name, item in self.known(turned, list(turned) if isinstance(turned, dict) else (), "rotations").items():
+            rotation = self.rotation(str(name), item)
+            if rotation is not None:
+                rotations[str(name)] = rotation
+        if not any(name.startswith("q.") for name in columns) and listed:
+            self.wrong("has no position of any joint; expected one line q.<joint> at least", "columns")
+        texts = {key: given.get(key) for key in ("robot", "notes")}
+        for key, value in texts.items():
+            if value is not None and not isinstance(value, str):
+                self.wrong(f"is {json_kind(value)}; expected a text", key)
+        resampling = self.resampling(given.get("resample"), columns, rotations)
+        rest = given.get("at_rest", False)
+        if not isinstance(rest, bool):
+            self.wrong(f"is {json_kind(rest)}; expected true or false", "at_rest")
+        return LogMap(
+            columns, clocks, rotations, motors, resampling, texts["robot"], texts["notes"] or "", tolerances, rest,
+            Noise(**deviations),
+        )  # fmt: skip
+
+    def clocks(self, given: Any) -> dict[str, Clock]:
+        """Return the clock of each stream; a log of one stream may leave its name out."""
+        names = [stream.name for stream in self.log.streams]
+        if given is None and all(stream.clock is not None for stream in self.log.streams):
+            given = {name: {} for name in names}
+        keys = ("from", "unit", "delay", "rate", "like")
+        plain = isinstance(given, dict) and set(given) <= set(keys) and bool(given)
+        if plain and len(names) > 1:
+            self.wrong(f"needs the name of each stream: {', '.join(names)}", "time")
+            return {}
+        listed = {names[0]: given} if plain else self.known(given, names, "time")
+        out = {}
+        for name in names:
+            place = ("time",) if plain else ("time", name)
+            stream = next(stream for stream in self.log.streams if stream.name == name)
+            if name not in listed:
+                if stream.clock is not None:
+                    out[name] = Clock(None, Unit("s", 1.0))
+                continue
+            item = self.known(listed[name], keys, *place)
+            if "like" in item:
+                other = next((each for each in self.log.streams if each.name == item["like"] != name), None)
+                if other is None or len(other) != len(stream) or set(item) != {"like"}:
+                    message = f"expected another stream of {len(stream)} rows, and nothing beside it"
+                    self.wrong(message, *place, "like")
+                else:
+                    out[name] = Clock(None, Unit("s", 1.0), like=other.name)
+                continue
+            rate = self.number(item, "rate", 1.0, *place) if "rate" in item else None
+            if rate is not None and (rate <= 0 or "from" in item):
+                self.wrong("expected a number of rows a second, above 0, and no `from` beside it", *place, "rate")
+                continue
+            if rate is not None or (item.get("from") is None and stream.clock is not None):
+                source, unit = None, Unit("s", 1.0)
+            else:
+                source = self.source(item.get("from"), *place)
+                unit = self.unit(item.get("unit", "s"), ("time",), *place)
+                if source is not None and self.log.stream_of(source).name != name:
+                    self.wrong(f"'{source}' is a column of {self.log.stream_of(source).name}", *place)
+                    source = None
+                if source is None:
+                    continue
+            out[name] = Clock(source, unit, self.number(item, "delay", 0.0, *place), rate)
+        if not out and not len(self.problems):
+            self.wrong("is missing; expected `{from: NAME, unit: s}`, the column that is the time", "time")
+        return out
+
+    def dimensions(self, name: str, moved: set[str]) -> tuple[str, ...] | None:
+        """Return what a column of the recording measures; a name that is none is a problem."""
+        joint = joint_of(name)
+        if joint is not None:
+            return self.joint_dimensions(name, joint[1], moved)
+        marker = marker_of(name)
+        if marker is not None:
+            frames = self.mechanism.frame_names if self.mechanism is not None else None
+            if frames is not None and marker[1] not in frames:
+                self.wrong(f"the robot has no frame '{marker[1]}'. {nearest_names(marker[1], frames)}", "columns", name)
+            return ("length",) if marker[0] == "markers" else ("angle",)
+        if name == "time":
+            self.wrong("is told under the key `time`, not among the columns", "columns", name)
+            return None
+        if name not in COLUMNS:
+            valid = [*COLUMNS, *(f"{prefix}.<joint>" for prefix in _JOINT), "p.<frame>.x"]
+            self.wrong(f"is no column of a recording. {nearest_names(name, valid)}", "columns", name)
+            return None
+        return {
+            "w.f": ("force",), "w.m": ("moment",), "p": ("length",), "r": ("angle",), "g": ("acceleration",),
+            "temperature": ("temperature",), "run": ("label",),
+        }[name[:3] if name.startswith("w.") else name.partition(".")[0]]  # fmt: skip
+
+    def joint_dimensions(self, name: str, joint: str, moved: set[str]) -> tuple[str, ...]:
+        turning, sliding = _JOINT[name.partition(".")[0]]
+        if joint in moved or self.mechanism is None:
+            return turning, sliding
+        known = {item.name: item for item in self.mechanism.joints}
+        if joint not in known:
+            near = nearest_names(joint, self.mechanism.actuated)
+            self.wrong(f"the robot has no joint '{joint}'. {near}", "columns", name)
+            return turning, sliding
+        return (sliding,) if known[joint].slides else (turning,)
+
+    def column(self, name: str, item: Any, moved: set[str]) -> Column | None:
+        place = ("columns", name)
+        if isinstance(item, str):
+            item = {"from": item}
+        dimensions = self.dimensions(name, moved)
+        keys = ("from", "unit", "sign", "scale", "offset", "unwrap")
+        given = self.known(item, keys, *place)
+        source = self.source(given.get("from"), *place)
+        if dimensions is None or source is None:
+            return None
+        if "unit" in given:
+            unit = self.unit(given["unit"], dimensions, *place)
+        else:
+            unit = Unit({"label": "1"}.get(dimensions[0], "SI"), 1.0)
+        effort = name.startswith("tau.")
+        if unit.needs_scale and "scale" not in given and not (effort and self.gains_open):
+            how = ", or `tolerances: {effort_gain: 1}` where nobody knows" * effort
+            self.wrong(f"a unit '{unit.name}' needs a `scale`: how much SI is one {unit.name}{how}", *place)
+        sign = given.get("sign", 1)
+        if sign not in (1, -1) or isinstance(sign, bool):
+            self.wrong(f"is {json_kind(sign)}; expected 1 or -1", *place, "sign")
+            sign = 1
+        scale = self.number(given, "scale", 1.0, *place)
+        if scale == 0:
+            self.wrong("is 0: nothing would be left", *place, "scale")
+        unwrap = given.get("unwrap", False)
+        if not isinstance(unwrap, bool):
+            self.wrong(f"is {json_kind(unwrap)}; expected true or false", *place, "unwrap")
+            unwrap = False
+        return Column(source, unit, int(sign), scale, self.number(given, "offset", 0.0, *place), unwrap)
+
+    def rotation(self, name: str, item: Any) -> Rotation | None:
+        place = ("rotations", name)
+        given = self.known(item, ("from", "as", "unit"), *place)
+        frames = ("", *(self.mechanism.frame_names if self.mechanism is not None else ()))
+        body = name.removeprefix("r").removeprefix(".")
+        if name.partition(".")[0] != "r" or (self.mechanism is not None and body not in frames):
+            self.wrong("is no orientation; expected r (the tool's) or r.<frame>", *place)
+            return None
+        manner = given.get("as")
+        if not isinstance(manner, str) or manner not in ROTATIONS:
+            plain = [name for name in ROTATIONS if not name.startswith("euler")]
+            self.wrong(f"is '{shown(manner)}'; expected one of {', '.join(plain)}, euler_ZYX …", *place, "as")
+            return None
+        names = given.get("from")
+        if not isinstance(names, list) or len(names) != ROTATIONS[manner]:
+            self.wrong(f"expected a list of {ROTATIONS[manner]} columns of the log", *place, "from")
+            return None
+        sources = [self.source(source, *place, "from") for source in names]
+        angles = ROTATIONS[manner] == 3
+        unit = self.unit(given.get("unit", "rad"), ("angle",), *place) if angles else Unit("1", 1.0)
+        return Rotation(tuple(s for s in sources if s), manner, unit) if all(sources) else None
+
+    def motors(self, item: Any, k: int) -> Motors | None:
+        place = ("motors", f"[{k}]")
+        given = self.known(item, ("names", "joints", "matrix"), *place)
+        for key in ("names", "joints"):
+            value = given.get(key)
+            if not isinstance(value, list) or not all(isinstance(word, str) for word in value):
+                self.wrong("expected a list of names", *place, key)
+                return None
+        names, joints = tuple(given["names"]), tuple(given["joints"])
+        try:
+            matrix = np.array(given.get("matrix"), float)
+        except (TypeError, ValueError):
+            matrix = np.zeros(0)
+        n = len(joints)
+        if matrix.shape != (n, len(names)) or len(names) != n or not np.isfinite(matrix).all():
+            self.wrong(f"expected {n} rows of {n} numbers: joint = matrix x motor", *place, "matrix")
+            return None
+        if abs(np.linalg.det(matrix / max(np.abs(matrix).max(), 1e-300))) < 1e-9:
+            self.wrong("has no inverse: several motors would do the same", *place, "matrix")
+            return None
+        driven = self.mechanism.actuated if self.mechanism is not None else joints
+        for joint in joints:
+            if joint not in driven:
+                near = nearest_names(joint, driven)
+                self.wrong(f"the robot has no actuated joint '{joint}'. {near}", *place, "joints")
+        return Motors(names, joints, matrix)
+
+    def complete(self, group: Motors, columns: Mapping[str, Column]) -> None:
+        """A joint's value needs that of every motor of its group."""
+        for prefix in _JOINT:
+            there = [name for name in group.names if f"{prefix}.{name}" in columns]
+            if there and len(there) < len(group.names):
+                lacking = [f"{prefix}.{name}" for name in group.names if name not in there]
+                self.wrong(f"lacks {', '.join(lacking)}, which the motors of {', '.join(group.joints)} need", "columns")
+            for joint in group.joints:
+                if there and f"{prefix}.{joint}" in columns and joint not in group.names:
+                    self.wrong("comes from its motors already", "columns", f"{prefix}.{joint}")
+
+    def resampling(self, given: Any, columns: Mapping[str, Column], rotations: Mapping[str, Rotation]) -> Resampling:
+        used = {self.log.stream_of(column.source).name for column in columns.values()}
+        used |= {self.log.stream_of(name).name for rotation in rotations.values() for name in rotation.sources}
+        if given is None:
+            if len(used) > 1:
+                self.wrong(
+                    f"the columns come on {len(used)} clocks ({', '.join(sorted(used))}); expected "
+                    "`resample: {clock: NAME}` or `resample: {rate: 250}`",
+                    "resample",
+                )
+            return Resampling()
+        item = self.known(given, ("rate", "clock"), "resample")
+        if len(item) != 1:
+            self.wrong("expected either `rate`, in samples a second, or `clock`, the name of a stream", "resample")
+            return Resampling()
+        if "clock" in item:
+            names = [stream.name for stream in self.log.streams]
+            if item["clock"] not in names:
+                near = nearest_names(str(item["clock"]), names)
+                self.wrong(f"the log has no stream '{shown(item['clock'])}'. {near}", "resample", "clock")
+                return Resampling()
+            return Resampling(clock=item["clock"])
+        rate = self.number(item, "rate", 0.0, "resample")
+        if rate <= 0:
+            self.wrong("expected a number of samples a second, above 0", "resample", "rate")
+        return Resampling(rate=rate)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
-from ..spatial import WRENCH_NAMES
+import numpy as np
+
+from ..spatial import WRENCH_NAMES, Array
 
 #: Prefix of the columns of one joint -> the field of Recording that holds them.
 JOINT_GROUPS = {"q": "positions", "qd": "velocities", "qdd": "accelerations", "tau": "efforts"}
 #: Prefix of the columns of one marker -> the field of Recording that holds them.
 MARKER_GROUPS = {"p": "markers", "r": "marker_rotations"}
+#: Prefix of three columns -> the field of Recording that holds them.
+TRIPLES = {"p": "position", "r": "rotation", "g": "gravity"}
 AXES = ("x", "y", "z")
 #: Columns with a fixed name, and their unit.
 UNITS = {
@@ -64,6 +69,26 @@ def joint_of(name: str) -> tuple[str, str] | None:
     """Return the field of Recording and the joint of a column q.<joint> and the like, or None."""
     prefix, dot, joint = name.partition(".")
     return (JOINT_GROUPS[prefix], joint) if dot and joint and prefix in JOINT_GROUPS else None
+
+
+def fields_of(columns: Mapping[str, Array], rows: int) -> dict[str, Any]:
+    """Return the fields of Recording of columns (rows,) by name; the inverse of `Recording.columns`."""
+    fields: dict[str, Any] = {group: {} for group in (*JOINT_GROUPS.values(), *MARKER_GROUPS.values())}
+    fields["wrench"] = np.zeros((rows, 6))
+    fields["wrench_columns"] = tuple(name for name in WRENCH_NAMES if f"w.{name}" in columns)
+    for name, values in columns.items():
+        prefix, _, rest = name.partition(".")
+        if joint := joint_of(name):
+            fields[joint[0]][joint[1]] = values
+        elif marker := marker_of(name):
+            fields[marker[0]].setdefault(marker[1], np.full((rows, 3), np.nan))[:, marker[2]] = values
+        elif prefix == "w":
+            fields["wrench"][:, WRENCH_NAMES.index(rest)] = values
+        elif prefix in TRIPLES:
+            fields.setdefault(TRIPLES[prefix], np.full((rows, 3), np.nan))[:, AXES.index(rest)] = values
+        elif name == "temperature":
+            fields[name] = values
+    return fields
 
 
 def is_known(name: str) -> bool:

@@ -20,19 +20,6 @@ from ..numbers import number
 from ..spatial import Array, cross, rotation_exp, rotation_log
 from .recording import Recording
 
-__all__ = [
-    "GROUPS",
-    "WORDS",
-    "Convention",
-    "Drawn",
-    "Word",
-    "as_json",
-    "convention_of",
-    "joints_of",
-    "read_as",
-    "written_as",
-]
-
 #: Groups of columns that are written alike, in the order in which they are read: wrenches need the drawn tool's pose.
 GROUPS = {
     "time": "the clock",

@@ -282,10 +282,7 @@ def add_noise(recording: Recording, noise: Noise, seed: int) -> Recording:
     if recording.rotation is not None:
         changes["rotation"] = noisy(recording.rotation, noise.rotation, 2)
     if recording.has_wrench:
-        loads = [
-            noisy(recording.wrench[:, :3], noise.force, 3),
-            noisy(recording.wrench[:, 3:], noise.moment, 4),
-        ]
+        loads = [noisy(recording.wrench[:, :3], noise.force, 3), noisy(recording.wrench[:, 3:], noise.moment, 4)]
         there = [name in recording.wrench_columns for name in WRENCH_NAMES]
         changes["wrench"] = np.where(there, np.concatenate(loads, axis=1), recording.wrench)
     changes["efforts"] = {
@@ -355,20 +352,8 @@ def _load_json(load: LoadProgramme) -> dict[str, Any]:
 class _PlanReader:
     """Turns JSON into a plan and adds whatever is wrong, with its place, to the problems."""
 
-    KEYS = (
-        "poses",
-        "loads",
-        "sample_interval",
-        "temperature",
-        "noise",
-        "tolerances",
-        "markers",
-        "gravity",
-        "encoder_resolution",
-        "seed",
-        "robot",
-        "notes",
-    )
+    KEYS = ("poses", "loads", "sample_interval", "temperature", "noise", "tolerances", "markers", "gravity",
+            "encoder_resolution", "seed", "robot", "notes")  # fmt: skip
 
     def __init__(self, path: Path, problems: Problems):
         self.path, self.problems = path, problems

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,13 @@ from .columns import (
     AXES,
     COARSEST_NOISE,
     FINEST_NOISE,
-    JOINT_GROUPS,
     LARGEST_GRAVITY,
-    MARKER_GROUPS,
     NOISE_KEYS,
     NOISE_UNITS,
     candidates,
+    fields_of,
     in_other_words,
     is_known,
-    joint_of,
     largest,
     marker_of,
     meant,
@@ -48,10 +47,9 @@ from .problems import (
     read_json_object,
     shown,
 )
-from .recording import Noise, Recording
+from .recording import Noise, Recording, ToolPath
 from .thinning import Thinning
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
-from .tool_path import ToolPath
 
 #: Keys of the JSON beside the table.
 KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "conventions", "notes")
@@ -115,20 +113,6 @@ class _Form:
         return is_known(name) or name in self.coordinates
 
 
-@dataclass
-class _Beside:
-    """What the JSON file beside the table says."""
-
-    noise: Noise = field(default_factory=Noise)
-    tolerances: Tolerances = field(default_factory=Tolerances)
-    own_sensors: tuple[str, ...] = ()
-    own_by_run: tuple[str, ...] = ()
-    conventions: tuple[Convention, ...] = ()
-    robot: str | None = None
-    notes: str = ""
-    remarks: list[str] = field(default_factory=list)
-
-
 def read_recording(path: str | Path) -> Recording:
     """Return the recording of a CSV file and of the JSON file of the same stem beside it, if there is one.
 
@@ -159,7 +143,7 @@ def robot_named_beside(path: str | Path) -> str | None:
     """
     path = Path(path)
     read_bytes(path, _EXPECTED, (".csv",))
-    return _beside(path, Problems(path)).robot
+    return _beside(path, Problems(path))[0].get("robot")
 
 
 def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
@@ -184,11 +168,11 @@ def _read(path: Path, form: _Form) -> tuple[Recording, dict[str, Array]]:
         parts.append(part.kept(thinning))
         if problems.many:
             break
-    beside = _beside(path, problems, header)
+    beside, told = _beside(path, problems, header)
     problems.raise_all()
     table = _Table.together(parts, tuple(labels) if labels else ("",))
     wanted = {name: table.numbers.pop(name) for name in form.coordinates if name in table.numbers}
-    return _recording(path, header, table, beside, form, thinning.remarks), wanted
+    return _recording(path, header, table, beside, form, thinning.remarks, told), wanted
 
 
 def _rows_in(path: Path) -> int:
@@ -458,10 +442,7 @@ def _careful(
         lines.extend(chunk_lines)
     numbers = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()}
     return _Table(
-        np.array(lines, dtype=np.int64),
-        numbers,
-        None if run is None else np.array(codes, dtype=np.int64),
-        blank=blank,
+        np.array(lines, dtype=np.int64), numbers, None if run is None else np.array(codes, dtype=np.int64), blank=blank
     )
 
 
@@ -641,16 +622,13 @@ def _check_path(table: _Table, header: Sequence[str], form: _Form, problems: Pro
         problems.cells(name, "another unit", [(line, message) for line, message in far if message])
 
 
-def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Beside:
-    """Return what the JSON file beside a table with these columns says, with remarks."""
+def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> tuple[dict[str, Any], list[str]]:
+    """Return what the JSON file beside a table with these columns says, by fields of Recording, and remarks."""
     beside = path.with_suffix(".json")
     if not beside.exists():
-        return _Beside(remarks=[f"There is no {beside.name} beside the table: the noise is not declared."])
-    remarks = []
-    tolerances = Tolerances()
-    own: tuple[str, ...] = ()
-    by_run: tuple[str, ...] = ()
-    conventions: tuple[Convention, ...] = ()
+        return {}, [f"There is no {beside.name} beside the table: the noise is not declared."]
+    remarks: list[str] = []
+    found: dict[str, Any] = {}
     values = read_json_object(beside, "a JSON object", problems)
     noise = {}
     for key, value in values.items():
@@ -659,35 +637,27 @@ def _beside(path: Path, problems: Problems, header: Sequence[str] = ()) -> _Besi
             if checked is not None:
                 noise[NOISE_KEYS[key]] = checked
         elif key == "tolerances":
-            tolerances = tolerances_value(value, problems, beside.name, f"{key}.")
+            found[key] = tolerances_value(value, problems, beside.name, f"{key}.")
         elif key == "own_sensors":
             if isinstance(value, dict) and set(value) <= {"by_run"}:
-                by_run = own_sensors_value(value.get("by_run"), problems, beside.name, f"{key}.by_run")
+                found["own_by_run"] = own_sensors_value(value.get("by_run"), problems, beside.name, f"{key}.by_run")
             else:
-                own = own_sensors_value(value, problems, beside.name, key)
+                found[key] = own_sensors_value(value, problems, beside.name, key)
         elif key == "conventions":
-            conventions = conventions_value(value, _joints(header), problems, beside.name) if header else ()
+            found[key] = conventions_value(value, _joints(header), problems, beside.name) if header else ()
         elif key == "frame" and value == "base":
             pass  # which they all are in
         elif key in ("robot", "notes"):
-            if value is not None and not isinstance(value, str):
+            if isinstance(value, str):
+                found[key] = value
+            elif value is not None:
                 message = f"is {json_kind(value)}; expected a text"
                 problems.add(KeyProblem(message, None, beside.name, key=key))
         else:
             remarks.append(
                 f"{beside.name}: the unknown key '{shown(key)}' is ignored. {nearest_names(shown(key), KEYS)}"
             )
-    robot, notes = values.get("robot"), values.get("notes")
-    return _Beside(
-        Noise(**noise),
-        tolerances,
-        own,
-        by_run,
-        conventions,
-        robot if isinstance(robot, str) else None,
-        notes if isinstance(notes, str) else "",
-        remarks,
-    )
+    return {**found, "noise": Noise(**noise)}, remarks
 
 
 def own_sensors_value(value: object, problems: Problems, file: str, key: str) -> tuple[str, ...]:
@@ -794,55 +764,27 @@ def tolerances_value(values: object, problems: Problems, file: str, at: str = ""
 
 
 def _recording(
-    path: Path, header: Sequence[str], table: _Table, beside: _Beside, form: _Form, told: Sequence[str]
+    path: Path,
+    header: Sequence[str],
+    table: _Table,
+    beside: Mapping[str, Any],
+    form: _Form,
+    thinned: Sequence[str],
+    told: Sequence[str],
 ) -> Recording:
-    n = len(table.lines)
-    numbers = table.numbers
-    groups: dict[str, dict[str, Array]] = {group: {} for group in JOINT_GROUPS.values()}
-    markers: dict[str, dict[str, Array]] = {group: {} for group in MARKER_GROUPS.values()}
-    for name, values in numbers.items():
-        if joint := joint_of(name):
-            groups[joint[0]][joint[1]] = values
-        elif marker := marker_of(name):
-            group, frame, axis = marker
-            markers[group].setdefault(frame, np.full((n, 3), np.nan))[:, axis] = values
-
-    def triple(prefix: str) -> Array | None:
-        columns = [numbers.get(f"{prefix}.{axis}") for axis in AXES]
-        if all(values is None for values in columns):
-            return None
-        return np.column_stack([np.full(n, np.nan) if values is None else values for values in columns])
-
-    wrench_columns = tuple(name for name in WRENCH_NAMES if f"w.{name}" in numbers)
-    wrench = np.zeros((n, 6))
-    for k, name in enumerate(WRENCH_NAMES):
-        if name in wrench_columns:
-            wrench[:, k] = numbers[f"w.{name}"]
-    remarks = [*told, *_remarks(header, numbers, table.blank, form)]
+    n, numbers = len(table.lines), table.numbers
+    remarks = [*thinned, *_remarks(header, numbers, table.blank, form)]
     if not form.is_path:  # which has nothing measured
-        remarks += [*_unmeasured(numbers), *beside.remarks, *_undeclared(numbers, beside.noise)]
+        remarks += [*_unmeasured(numbers), *told, *_undeclared(numbers, beside.get("noise", Noise()))]
     return Recording(
         time=numbers["time"],
-        wrench=wrench,
-        wrench_columns=wrench_columns,
-        position=triple("p"),
-        rotation=triple("r"),
-        gravity=triple("g"),
-        temperature=numbers.get("temperature"),
         run=np.zeros(n, np.int64) if table.run is None else table.run,
         run_names=table.run_names,
-        noise=beside.noise,
-        tolerances=beside.tolerances,
-        own_sensors=beside.own_sensors,
-        own_by_run=beside.own_by_run,
-        conventions=beside.conventions,
-        robot=beside.robot,
-        notes=beside.notes,
         path=str(path),
         ignored=tuple(name for name in header if name != "run" and not form.knows(name)),
         remarks=tuple(remarks),
-        **markers,
-        **groups,
+        **fields_of(numbers, n),
+        **beside,
     )
 
 

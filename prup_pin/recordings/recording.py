@@ -1,8 +1,8 @@
-"""A recording in memory: what was commanded, applied and measured, sample by sample. SI units and radians."""
+"""A recording in memory: what was commanded, applied and measured, sample by sample; and the path of a tool. SI."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, UnknownNameError
 from ..numbers import number
 from ..spatial import WRENCH_NAMES, Array
-from .columns import COARSEST_NOISE, FINEST_NOISE, LARGEST_GRAVITY, MARKER_GROUPS, largest
+from .columns import AXES, COARSEST_NOISE, FINEST_NOISE, JOINT_GROUPS, LARGEST_GRAVITY, MARKER_GROUPS, largest
 from .tolerances import SENSORS, Tolerances
 
 if TYPE_CHECKING:
     from .conventions import Convention
+
 
 #: Encoders resolve better than this; deliberate steps between poses are larger [m or rad].
 STANDSTILL = 1e-5
@@ -174,6 +175,22 @@ class Recording:
         """Whether any component of the wrench has a column."""
         return bool(self.wrench_columns)
 
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the name and the values (N,) of every column but time and run, in the order of a table."""
+        for prefix, group in JOINT_GROUPS.items():
+            for joint, values in getattr(self, group).items():
+                yield f"{prefix}.{joint}", values
+        for name in self.wrench_columns:
+            yield f"w.{name}", self.wrench[:, WRENCH_NAMES.index(name)]
+        triples = {"p": self.position, "r": self.rotation}
+        for prefix, group in MARKER_GROUPS.items():
+            triples |= {f"{prefix}.{name}": values for name, values in getattr(self, group).items()}
+        for prefix, array in {**triples, "g": self.gravity}.items():
+            if array is not None:
+                yield from zip((f"{prefix}.{axis}" for axis in AXES), array.T, strict=True)
+        if self.temperature is not None:
+            yield "temperature", self.temperature
+
     def actuator_positions(self, names: Sequence[str]) -> Array:
         """Return the encoders' positions (N, len(names)) [m or rad], or raise UnknownNameError."""
         missing = [name for name in names if name not in self.positions]
@@ -274,3 +291,68 @@ def _filled(values: Array) -> Array:
     source = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
     source[: int(np.argmax(known))] = int(np.argmax(known))
     return values[source]
+
+
+# -- a path: where a tool shall be, row by row, and what acts on it meanwhile ------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ToolPath:
+    """A path of N rows. SI units and radians.
+
+    recording: time, wrench, gravity, temperature and runs; where there are no `coordinates`, also the positions of the
+    joints at which the robot, undeformed and as drawn, would have its tool where it is wanted. coordinates: the wanted
+    task coordinates (of a plain tree its joints) by name, (N,) each.
+    """
+
+    recording: Recording
+    coordinates: Mapping[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        wanted = {str(name): np.array(values, float) for name, values in self.coordinates.items()}
+        for name, values in wanted.items():
+            if values.shape != (len(self),):
+                raise InputError(f"coordinate '{name}' has shape {values.shape}; expected ({len(self)},), one per row")
+            if not np.isfinite(values).all():
+                raise InputError(f"coordinate '{name}' is not finite in row {int(np.argmin(np.isfinite(values)))}")
+            values.flags.writeable = False
+        object.__setattr__(self, "coordinates", MappingProxyType(wanted))
+
+    def __reduce__(self):
+        return ToolPath, (self.recording, dict(self.coordinates))
+
+    def __len__(self) -> int:
+        return len(self.recording)
+
+    def __repr__(self) -> str:
+        return f"<ToolPath of {len(self)} rows by {', '.join(self.coordinates) or 'actuator positions'}>"
+
+    @classmethod
+    def of(
+        cls, coordinates: Mapping[str, ArrayLike], wrench: ArrayLike | None = None, time: ArrayLike | None = None
+    ) -> ToolPath:
+        """Return a path by arrays: (N,) coordinates, or numbers that hold all along; wrench (6,) or (N, 6); time (N,).
+
+        Without times, rows are a second apart. Raises InputError for shapes that do not fit, or nothing at all.
+        """
+        try:
+            columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in coordinates.values()))
+            loads = np.zeros(6) if wrench is None else np.asarray(wrench, float)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a path needs numbers of one shape (N,) for each coordinate: {error}") from error
+        if loads.shape[-1:] != (6,) or loads.ndim > 2:
+            raise InputError(f"wrench has shape {loads.shape}; expected (6,) or (N, 6), one row per row of the path")
+        rows = max([columns[0].shape[0] if columns else 0, len(loads) if loads.ndim == 2 else 1])
+        if not columns or not columns[0].size or columns[0].ndim != 1:
+            raise InputError(
+                "a path needs coordinates with at least one row; for example z=[0.3, 0.31], theta=0, phi=0"
+            )
+        if columns[0].shape[0] not in (1, rows) or (loads.ndim == 2 and len(loads) not in (1, rows)):
+            raise InputError(f"{columns[0].shape[0]} rows of coordinates and {len(loads)} of wrenches do not fit")
+        if not np.isfinite(loads).all():
+            raise InputError("wrench is not finite everywhere; write 0 where nothing acts")
+        times = np.arange(rows, dtype=float) if time is None else np.asarray(time, float)
+        if times.shape != (rows,) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+            raise InputError(f"time must be {rows} numbers that increase [s]; got shape {times.shape}")
+        named = {name: np.broadcast_to(v, rows) for name, v in zip(coordinates, columns, strict=True)}
+        return cls(Recording(times, wrench=np.broadcast_to(loads, (rows, 6))), named)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..numbers import number
 from ..spatial import WRENCH_NAMES, Array
-from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, NOISE_UNITS
+from .columns import NOISE_UNITS
 from .recording import Recording
 
 #: Larger than any bench that is measured in metres, newtons and radians.
@@ -32,24 +32,6 @@ def suspicions(recording: Recording) -> tuple[str, ...]:
         *_duplicates(recording),
         *_noise(recording),
     )
-
-
-def _columns(recording: Recording) -> Iterator[tuple[str, Array]]:
-    """Yield the name and the values (N,) of every column but time and run."""
-    for prefix, group in JOINT_GROUPS.items():
-        for joint, values in getattr(recording, group).items():
-            yield f"{prefix}.{joint}", values
-    for name in recording.wrench_columns:
-        yield f"w.{name}", recording.wrench[:, WRENCH_NAMES.index(name)]
-    triples = {"p": recording.position, "r": recording.rotation}
-    for prefix, group in MARKER_GROUPS.items():
-        triples |= {f"{prefix}.{name}": values for name, values in getattr(recording, group).items()}
-    for prefix, array in triples.items():
-        if array is not None:
-            for k, axis in enumerate(AXES):
-                yield f"{prefix}.{axis}", array[:, k]
-    if recording.temperature is not None:
-        yield "temperature", recording.temperature
 
 
 def _time(recording: Recording) -> Iterator[str]:
@@ -116,7 +98,9 @@ def _units(recording: Recording) -> Iterator[str]:
 
 def _channels(recording: Recording) -> Iterator[str]:
     empty, constant = [], []
-    for name, values in _columns(recording):
+    for name, values in recording.columns():
+        if name.startswith("g."):
+            continue
         known = values[np.isfinite(values)]
         # A part of a triple that has no column is NaN too, and stands among the remarks of the reader.
         if not len(known):
@@ -131,9 +115,7 @@ def _channels(recording: Recording) -> Iterator[str]:
 
 
 def _duplicates(recording: Recording) -> Iterator[str]:
-    columns = [values for _, values in _columns(recording)]
-    if recording.gravity is not None:
-        columns += list(recording.gravity.T)
+    columns = [values for _, values in recording.columns()]
     if len(recording) < 2 or (recording.position is None and recording.rotation is None and not recording.efforts):
         return
     # Equal rows have equal sums of their bits times odd random numbers; the converse fails once in 2^64.

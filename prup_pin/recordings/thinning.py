@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["MOST_ROWS", "Thinning"]
-
 #: Rows that are kept of a table, and in how many pieces: long ones, in which motions and loads last.
 MOST_ROWS, PIECES = 1_000_000, 40
 

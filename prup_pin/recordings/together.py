@@ -10,18 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..spatial import WRENCH_NAMES, Array
-from .columns import JOINT_GROUPS, MARKER_GROUPS
+from ..spatial import Array
+from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, fields_of
 from .recording import Recording
 from .tolerances import KINDS_OF_TOLERANCE, SENSORS, Tolerances
-
-__all__ = ["Group", "Source", "Together"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,54 +256,30 @@ def _declared(recordings: Sequence[Recording], kind: str) -> dict[int, float]:
 
 def _joined(recordings: Sequence[Recording], names: Sequence[str], gravity: Array) -> Recording:
     """Return all samples as one recording; what one of them did not measure is NaN there."""
-    sizes = [len(recording) for recording in recordings]
-
-    def stacked(values: Sequence[Array | None], shape: tuple[int, ...] = ()) -> Array | None:
-        if all(value is None for value in values):
-            return None
-        parts = [
-            np.full((n, *shape), np.nan) if value is None else value for n, value in zip(sizes, values, strict=True)
-        ]
-        return np.concatenate(parts)
-
-    def mapped(group: str, shape: tuple[int, ...] = ()) -> dict[str, Any]:
-        listed = [getattr(recording, group) for recording in recordings]
-        found = dict.fromkeys(name for values in listed for name in values)
-        return {name: stacked([values.get(name) for values in listed], shape) for name in found}
-
-    def field(name: str, shape: tuple[int, ...] = ()) -> Array | None:
-        return stacked([getattr(recording, name) for recording in recordings], shape)
-
-    velocities = mapped("velocities")
-    everywhere = [joint for joint in velocities if all(joint in recording.velocities for recording in recordings)]
-    pulled: Array | None = None
-    if any(recording.gravity is not None for recording in recordings):
-        pulled = np.concatenate(
+    tables = [dict(recording.columns()) for recording in recordings]
+    every = dict.fromkeys(name for table in tables for name in table)
+    lacking = {f"g.{axis}": value for axis, value in zip(AXES, gravity.tolist(), strict=True)}
+    columns = {
+        name: np.concatenate(
             [
-                np.tile(gravity, (len(recording), 1)) if recording.gravity is None else recording.gravity
-                for recording in recordings
+                table.get(name, np.full(len(recording), lacking.get(name, np.nan)))
+                for table, recording in zip(tables, recordings, strict=True)
             ]
         )
+        for name in every
+        if not name.startswith("qd.") or all(name in table for table in tables)
+    }
+    time = np.concatenate([recording.time for recording in recordings])
+    fields = fields_of(columns, len(time))
+    fields["wrench"] = np.concatenate([recording.wrench for recording in recordings])  # read in other axes, it has more
     runs, run_names, first = [], [], 0
     for name, recording in zip(names, recordings, strict=True):
         runs.append(recording.run + first)
         run_names += [f"{name}: {label}" if label else name for label in recording.run_names]
         first += len(recording.run_names)
-    components = {name for recording in recordings for name in recording.wrench_columns}
     return Recording(
-        time=np.concatenate([recording.time for recording in recordings]),
-        positions=mapped("positions"),
-        velocities={joint: velocities[joint] for joint in everywhere},
-        accelerations=mapped("accelerations"),
-        efforts=mapped("efforts"),
-        wrench=np.concatenate([recording.wrench for recording in recordings]),
-        wrench_columns=tuple(name for name in WRENCH_NAMES if name in components),
-        position=field("position", (3,)),
-        rotation=field("rotation", (3,)),
-        markers=mapped("markers", (3,)),
-        marker_rotations=mapped("marker_rotations", (3,)),
-        gravity=pulled,
-        temperature=field("temperature"),
+        time=time,
+        **fields,
         run=np.concatenate(runs),
         run_names=tuple(run_names),
         noise=recordings[0].noise,

@@ -12,8 +12,6 @@ from ..errors import InputError
 from ..parameters import SMALLEST_TOLERANCE
 from .problems import is_number
 
-__all__ = ["ARM", "KINDS_OF_TOLERANCE", "SENSORS", "TYPICAL", "KindOfTolerance", "Tolerances"]
-
 
 @dataclass(frozen=True)
 class KindOfTolerance:
@@ -51,97 +49,39 @@ _ANYWHERE, _ANY_WAY, _ON_A_LINK = 100.0, 3.2, 1.0
 
 #: Every key, in the order of the documentation. Each member of a kind is off for itself.
 KINDS_OF_TOLERANCE = (
-    KindOfTolerance(
-        "stiffness",
-        "relative",
-        "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs",
-        _RELATIVE,
-        "springs are softer or stiffer than the robot file has them",
-    ),
-    KindOfTolerance(
-        "bending",
-        "relative",
-        "EI of every beam",
-        _RELATIVE,
-        "beams bend more or less than the robot file has them",
-    ),
+    KindOfTolerance("stiffness", "relative",
+                    "every stiffness of a machine element: bearings, nuts, screws, belts, motors, springs", _RELATIVE,
+                    "springs are softer or stiffer than the robot file has them"),
+    KindOfTolerance("bending", "relative", "EI of every beam", _RELATIVE,
+                    "beams bend more or less than the robot file has them"),
     KindOfTolerance("mass", "relative", "mass of every link", _RELATIVE),
     KindOfTolerance("inertia", "relative", "inertia of every link", _RELATIVE),
-    KindOfTolerance(
-        "position",
-        "m",
-        "drawn origin of every joint, loop frame and base point, each direction",
-        _METRES,
-        "joints sit and point beside the robot file",
-    ),
-    KindOfTolerance(
-        "direction",
-        "rad",
-        "drawn direction of every joint axis and beam, about both axes across",
-        _RADIANS,
-        "joints sit and point beside the robot file",
-    ),
-    KindOfTolerance(
-        "encoder_offset",
-        "m, rad",
-        "zero of every actuated joint, in the joint's unit",
-        _RADIANS,
-        "the zeros of joints are off",
-    ),
-    KindOfTolerance(
-        "encoder_slope",
-        "relative",
-        "scale of every actuated joint (lead of a screw, tooth count of a belt)",
-        _RELATIVE,
-        "joints turn by another ratio than their encoders say",
-    ),
-    KindOfTolerance(
-        "frame_position",
-        "m",
-        "origin of the pose sensor's frame against the base frame",
-        _ANYWHERE,
-        "the pose sensor stands elsewhere",
-    ),
-    KindOfTolerance(
-        "frame_rotation",
-        "rad",
-        "axes of the pose sensor's frame against the base frame",
-        _ANY_WAY,
-        "the pose sensor stands elsewhere",
-    ),
-    KindOfTolerance(
-        "target_position",
-        "m",
-        "measured target against the tool frame, and each marker against its frame",
-        _ON_A_LINK,
-        "markers sit beside their frames",
-    ),
-    KindOfTolerance(
-        "target_rotation",
-        "rad",
-        "axes of the measured target against the tool frame",
-        _RADIANS,
-        "markers sit beside their frames",
-    ),
-    KindOfTolerance(
-        "wrench_gain",
-        "relative",
-        "scale of each component of the wrench sensor",
-        _RELATIVE,
-        "the wrench sensor tells another load than acts",
-    ),
-    KindOfTolerance(
-        "wrench_rotation",
-        "rad",
-        "axes of the wrench sensor against the base frame",
-        _RADIANS,
-        "the wrench sensor tells another load than acts",
-    ),
+    KindOfTolerance("position", "m", "drawn origin of every joint, loop frame and base point, each direction", _METRES,
+                    "joints sit and point beside the robot file"),
+    KindOfTolerance("direction", "rad", "drawn direction of every joint axis and beam, about both axes across",
+                    _RADIANS, "joints sit and point beside the robot file"),
+    KindOfTolerance("encoder_offset", "m, rad", "zero of every actuated joint, in the joint's unit", _RADIANS,
+                    "the zeros of joints are off"),
+    KindOfTolerance("encoder_slope", "relative",
+                    "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE,
+                    "joints turn by another ratio than their encoders say"),
+    KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _ANYWHERE,
+                    "the pose sensor stands elsewhere"),
+    KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _ANY_WAY,
+                    "the pose sensor stands elsewhere"),
+    KindOfTolerance("target_position", "m", "measured target against the tool frame, and each marker against its frame",
+                    _ON_A_LINK, "markers sit beside their frames"),
+    KindOfTolerance("target_rotation", "rad", "axes of the measured target against the tool frame", _RADIANS,
+                    "markers sit beside their frames"),
+    KindOfTolerance("wrench_gain", "relative", "scale of each component of the wrench sensor", _RELATIVE,
+                    "the wrench sensor tells another load than acts"),
+    KindOfTolerance("wrench_rotation", "rad", "axes of the wrench sensor against the base frame", _RADIANS,
+                    "the wrench sensor tells another load than acts"),
     KindOfTolerance("wrench_bias_force", "N", "zero of each force of the wrench sensor", _LOADS),
     KindOfTolerance("wrench_bias_moment", "N m", "zero of each moment of the wrench sensor", _LOADS),
     KindOfTolerance("effort_gain", "relative", "scale of the effort of each actuated joint", _RELATIVE),
     KindOfTolerance("effort_bias", "N or N m", "zero of the effort of each actuated joint", _LOADS),
-)
+)  # fmt: skip
 
 
 #: What a recording may have for itself beside others of the same device -> the kinds that are then its own.

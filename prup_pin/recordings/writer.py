@@ -18,21 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..spatial import WRENCH_NAMES, Array
-from .columns import AXES, JOINT_GROUPS, MARKER_GROUPS, NOISE_KEYS
+from ..spatial import Array
+from .columns import AXES, NOISE_KEYS
 from .conventions import as_json
 from .recording import Recording
-
-__all__ = [
-    "check_replaceable",
-    "json_lines",
-    "text_of",
-    "writable",
-    "write_folder",
-    "write_prediction",
-    "write_recording",
-    "write_whole",
-]
 
 #: Significant digits of all columns but the time.
 DIGITS = 9
@@ -52,18 +41,7 @@ def write_recording(recording: Recording, path: str | Path, status: Sequence[str
     path = Path(path)
     if path.suffix.lower() == ".json":
         raise InputError(f"cannot write the table to {path}: the JSON file beside it has this name; expected .csv")
-    columns: dict[str, Array | list[str]] = {"time": recording.time}
-    for prefix, group in JOINT_GROUPS.items():
-        columns |= {f"{prefix}.{joint}": values for joint, values in getattr(recording, group).items()}
-    for name in recording.wrench_columns:
-        columns[f"w.{name}"] = recording.wrench[:, WRENCH_NAMES.index(name)]
-    columns |= _triple("p", recording.position) | _triple("r", recording.rotation)
-    for prefix, group in MARKER_GROUPS.items():
-        for name, values in getattr(recording, group).items():
-            columns |= _triple(f"{prefix}.{name}", values)
-    columns |= _triple("g", recording.gravity, all_axes=True)
-    if recording.temperature is not None:
-        columns["temperature"] = recording.temperature
+    columns: dict[str, Array | list[str]] = {"time": recording.time, **_there(recording)}
     if recording.run_names != ("",):
         columns["run"] = [recording.run_names[code] for code in recording.run.tolist()]
     if status is not None:
@@ -109,10 +87,10 @@ def write_prediction(
     times = np.asarray(time, float)
     n = len(times)
     columns: dict[str, Array | list[str]] = {"time": times}
-    columns |= _triple("p", position, all_axes=True) | _triple("r", rotation, all_axes=True)
+    columns |= _triple("p", position) | _triple("r", rotation)
     for prefix, marked in (("p", markers), ("r", marker_rotations)):
         for name, values in (marked or {}).items():
-            columns |= _triple(f"{prefix}.{name}", values, all_axes=True)
+            columns |= _triple(f"{prefix}.{name}", values)
     columns |= {f"tau.{joint}": np.asarray(values, float) for joint, values in (efforts or {}).items()}
     if run is not None:
         columns["run"] = [str(label) for label in run]
@@ -123,8 +101,20 @@ def write_prediction(
     write_whole({path: _lines(columns)})
 
 
-def _triple(prefix: str, values: ArrayLike | None, all_axes: bool = False) -> dict[str, Array | list[str]]:
-    """Return the columns of an (N, 3) array. One that is all NaN beside others is left out, unless `all_axes`."""
+def _there(recording: Recording) -> dict[str, Array]:
+    """Return the columns of a recording; of a position or an orientation an axis without numbers goes beside others."""
+    found = dict(recording.columns())
+    known = {name for name, values in found.items() if not np.isnan(values).all()}
+    measured = {name.rpartition(".")[0] for name in known}
+    return {
+        name: values
+        for name, values in found.items()
+        if name in known or name[:2] not in ("p.", "r.") or name.rpartition(".")[0] not in measured
+    }
+
+
+def _triple(prefix: str, values: ArrayLike | None) -> dict[str, Array]:
+    """Return the columns of an (N, 3) array."""
     if values is None:
         return {}
     array = np.asarray(values, float)
@@ -132,8 +122,7 @@ def _triple(prefix: str, values: ArrayLike | None, all_axes: bool = False) -> di
         return {}  # nothing was asked for
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"columns {prefix}.x {prefix}.y {prefix}.z need an array (N, 3); got {array.shape}")
-    there = ~np.isnan(array).all(axis=0)
-    return {f"{prefix}.{axis}": array[:, k] for k, axis in enumerate(AXES) if all_axes or there[k] or not there.any()}
+    return {f"{prefix}.{axis}": array[:, k] for k, axis in enumerate(AXES)}
 
 
 def _check(recording: Recording, columns: Mapping[str, Array | list[str]]) -> None:

@@ -17,7 +17,7 @@ from prup_pin.diagnosis.efforts.verdict import _worse
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.numbers import number
 from prup_pin.recordings import Noise, Recording
-from prup_pin.views.report.diagnosis_json import diagnosis_as_json
+from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.text.diagnosis_words import effort_rows, noise_text
 
 AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"

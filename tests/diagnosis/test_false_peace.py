@@ -12,8 +12,8 @@ from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.criteria import clean_bound
 from prup_pin.recordings import Noise, Recording, add_noise, read_recording
 from prup_pin.spatial import rotation_exp, rotation_log
+from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
-from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.text.diagnosis_words import verdict_text
 
 NOISE = Noise(position=2e-5, rotation=1e-4)

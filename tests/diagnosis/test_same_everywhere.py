@@ -16,7 +16,7 @@ from prup_pin.diagnosis.compete import select
 from prup_pin.diagnosis.criteria import MOST_FITS
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, inputs_of
-from prup_pin.views.report.diagnosis_json import diagnosis_as_json
+from prup_pin.views.report.as_json import diagnosis_as_json
 
 from ..elsewhere import PRACTICE, needs_practice
 from ..simulation.bench import inputs

@@ -59,8 +59,9 @@ def commands(block: Block) -> list[str]:
 WITH_BLOCKS = [page for page in PAGES if any(True for _ in blocks(page))]
 
 
-#: scripts/stranger.sh, a part of every .ci/run, does the same with these in an environment of its own.
-TWICE = ("README.md", "tutorial.md")
+#: scripts/stranger.sh, a part of every .ci/run, does the same with these in an environment of its own; index.md has
+#: the commands of the README.
+TWICE = ("README.md", "tutorial.md", "index.md")
 #: Of half a minute each.
 LONG = ("diagnosis.md", "command_line.md", "sweep.md")
 

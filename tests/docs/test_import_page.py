@@ -34,7 +34,7 @@ def test_the_map_on_the_page_is_guessed_and_the_recording_is_the_motion(tmp_path
 
 
 def test_the_map_on_the_page_has_the_keys_that_a_map_has():
-    from prup_pin.imports.map_file import KEYS
+    from prup_pin.imports.map import KEYS
 
     shown = next(part for part in TEXT.split("```yaml\n")[1:] if part.startswith("robot:")).split("```")[0]
     assert set(yaml.safe_load(shown)) == set(KEYS)

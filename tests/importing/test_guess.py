@@ -9,8 +9,7 @@ import yaml
 import prup_pin
 from prup_pin.imports import Log, Stream, convert, guess, read_log, read_map
 from prup_pin.imports.log import frozen
-from prup_pin.imports.units import spelled
-from prup_pin.imports.words import unit_in_name, words_of
+from prup_pin.imports.units import spelled, unit_in_name, words_of
 
 from . import logs
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from prup_pin.errors import InputError, UnknownNameError
-from prup_pin.recordings import Noise, Recording, suspicions
+from prup_pin.recordings import Noise, Recording, Together, suspicions
+from prup_pin.recordings.columns import fields_of
+from prup_pin.spatial import WRENCH_NAMES
 
 
 def bench(n=60, seed=3, **changes):
@@ -214,3 +216,24 @@ def test_a_clock_in_milliseconds_is_suspected():
     assert "is it in milliseconds?" in said
     postures = {"axis": np.random.default_rng(1).uniform(-1, 1, len(time))}
     assert not suspicions(Recording(**(motion | {"time": 1e3 * time, "positions": postures})))
+
+
+def test_columns_and_fields_say_the_same():
+    recording = bench(
+        6, gravity=np.ones((6, 3)), marker_rotations={"tip": np.ones((6, 3))}, wrench_columns=WRENCH_NAMES[:2]
+    )
+    fields = fields_of(dict(recording.columns()), 6)
+    again = Recording(recording.time, **fields)
+    assert dict(again.columns()).keys() == dict(recording.columns()).keys()
+    for (_, mine), (_, theirs) in zip(again.columns(), recording.columns(), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_recordings_together_have_no_load_where_one_has_no_column_of_it_and_keep_what_was_turned():
+    """A wrench that was read in other axes has components beside the logged ones."""
+    turned = Recording(np.arange(2.0), {"a": np.zeros(2)}, wrench=np.ones((2, 6)), wrench_columns=("fx",))
+    bare = Recording(np.arange(3.0), {"a": np.ones(3)}, gravity=np.ones((3, 3)))
+    joined = Together.of([turned, bare], ["a"], (0, 0, -9.81)).recording
+    np.testing.assert_array_equal(joined.wrench, np.repeat([[1.0], [0.0]], [2, 3], axis=0) * np.ones(6))
+    assert joined.wrench_columns == ("fx",)
+    np.testing.assert_array_equal(joined.gravity[:, 2], [-9.81, -9.81, 1, 1, 1])

@@ -21,8 +21,8 @@ from prup_pin.numbers import number, quantity
 from prup_pin.recordings import Tolerances, read_plan
 from prup_pin.simulation import read_model
 from prup_pin.views.drawing.diagnosis_figures import _lines, marks
+from prup_pin.views.report.as_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_files import write_diagnosis
-from prup_pin.views.report.diagnosis_json import diagnosis_as_json
 from prup_pin.views.report.diagnosis_report import diagnosis_html
 from prup_pin.views.text.diagnosis_words import (
     alternative_text,

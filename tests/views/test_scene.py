@@ -15,7 +15,7 @@ from prup_pin.views.scene.colours import MAP, map_colour, rgb_of
 from prup_pin.views.scene.elastic import Deflections
 from prup_pin.views.scene.motions import load_ramp, path_motion, vibration, workspace_cloud
 from prup_pin.views.scene.painter import pose_scene
-from prup_pin.views.scene.shapes import (
+from prup_pin.views.scene.scene import (
     Box,
     Ellipsoid,
     Mesh,

@@ -6,8 +6,8 @@ import numpy as np
 
 from prup_pin.diagnosis.asked import _not_simulated
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream
-from prup_pin.imports.wrench_columns import wrench_lines
 from prup_pin.numbers import counted
 from prup_pin.recordings import Convention
 from prup_pin.views.text.diagnosis_words import (

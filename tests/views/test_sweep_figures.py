@@ -9,7 +9,7 @@ import prup_pin
 from prup_pin import InputError
 from prup_pin.views.drawing.plotting import encoded
 from prup_pin.views.drawing.sweep_figures import beside_figure, figures_of, share_figure
-from prup_pin.views.meshcat.boundary import boundary_view
+from prup_pin.views.meshcat.view import boundary_view
 from prup_pin.views.scene.boundary import boundary_scene
 
 ROBOT = prup_pin.load("3prup")

@@ -16,14 +16,12 @@ from ...numbers import readable_unit
 from ...robot import Robot
 from ...spatial import Array
 from ..scene.camera import camera_of
-from ..scene.colours import FOUND
+from ..scene.colours import AXES, FOUND, INK
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.diagnosis_words import finding_text
-from .drawing import AXES, INK, Drawing, Labels, Layout
+from .drawing import Drawing, Layout
 from .figures import draw_compass, draw_legend, draw_mechanism, draw_tool
-from .plotting import Figure, FigureCanvasAgg, plain_words
-
-__all__ = ["AFTER", "BEFORE", "Mark", "histogram_figure", "marks", "place_figure", "response_figure", "sample_figure"]
+from .plotting import Figure, plain_axes, plain_words, sheet
 
 #: What is measured less simulated before a diagnosis, and after it.
 BEFORE, AFTER = "#9AA3AD", "#0B6AA8"
@@ -111,34 +109,22 @@ def place_figure(robot: Robot, diagnosis: Diagnosis, beside: Finding | None = No
     parts = skeleton(pose)
     camera = camera_of(robot, pose)
     layout = _NARROW if narrow else _WIDE
-    figure = Figure(figsize=layout.size, dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes(layout.drawing)
-    axes.set_aspect("equal")
-    axes.axis("off")
+    figure = sheet(*layout.size)
     flat, size = camera.flat(parts.points), parts.size
     low, high = flat.min(axis=0) - 0.1 * size, flat.max(axis=0) + 0.1 * size
     # a tall robot leaves room at its sides, where labels may go
     middle, half = (low + high) / 2, (high - low) / 2
     _, _, wide, high_ = layout.drawing
     half[0] = max(half[0], half[1] * (wide * layout.size[0]) / (high_ * layout.size[1]))
-    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
-    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
-    figure.canvas.draw()
-    labels = Labels(figure, axes)
-    drawing = Drawing(figure, axes, camera, labels)
+    drawing = Drawing(figure, layout.drawing, camera, middle - half, middle + half)
     draw_mechanism(drawing, parts)
     texts = draw_tool(drawing, parts)
     found = marks(robot, pose, diagnosis.told)
     _draw_marks(drawing, found)
     middle = camera.flat(parts.points).mean(axis=0)
     for text, at in _mark_texts(drawing, found):
-        labels.put(text, at, FOUND, at - middle, 17, "bold")
-    for text, at, colour, towards in texts:
-        labels.put(text, at, colour, towards)
-    for leg, point in parts.legs.items():
-        at = camera.flat(point)
-        labels.put(leg, at, INK, at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
+        drawing.labels.put(text, at, FOUND, at - middle, 17, "bold")
+    drawing.write(texts, parts.legs, parts.points, size)
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     draw_legend(figure, parts, False, None, layout)
     place = (0.06, 0.33) if narrow else (0.655, 0.87 if response is None else 0.965)
@@ -213,8 +199,7 @@ def response_figure(finding: Finding, *, narrow: bool = False) -> Figure:
     response = finding.recovered
     if isinstance(response, Agreement):
         return _agreement_figure(finding, response, narrow)
-    figure = Figure(figsize=(5.2, 4.8) if narrow else (9.5, 4.9), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(*((5.2, 4.8) if narrow else (9.5, 4.9)))
     axes = figure.add_axes((0.15, 0.27, 0.81, 0.61) if narrow else (0.1, 0.19, 0.87, 0.7))
     if response is not None:
         size = 9.5 if narrow else 10
@@ -271,16 +256,11 @@ def _draw_response(axes, response: Recovered, physics: str, size: float) -> None
     axes.set_ylim(max(low - pad, -top), min(high + pad, top))
     axes.set_xlabel(f"{response.x_label} [{x_unit}]", fontsize=size)
     axes.set_ylabel(f"{response.y_label} [{y_unit}]", fontsize=size)
-    axes.tick_params(labelsize=size - 1)
-    axes.grid(color="#EDF0F2", zorder=0)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    plain_axes(axes, size - 1)
 
 
 def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Figure:
-    figure = Figure(figsize=(5.2, 8.0) if narrow else (9.5, 4.6), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(*((5.2, 8.0) if narrow else (9.5, 4.6)))
     _title(figure, finding, narrow)
     shown = [group for group in response.columns if np.any(response.asked[:, group.where])][:2]
     for index, (kind, si, block) in enumerate(shown):
@@ -303,11 +283,7 @@ def _agreement_figure(finding: Finding, response: Agreement, narrow: bool) -> Fi
         axes.set_ylim(-reach - 2 * noise, reach + 2 * noise)
         axes.set_xlabel(f"{kind} that the law gives [{unit}]", fontsize=10)
         axes.set_ylabel(f"{kind} that the recording asks for [{unit}]", fontsize=10)
-        axes.tick_params(labelsize=9)
-        axes.grid(color="#EDF0F2", zorder=0)
-        axes.set_axisbelow(True)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
+        plain_axes(axes, 9)
         axes.legend(frameon=False, fontsize=9, loc="best", handlelength=1.2)
     return figure
 
@@ -323,8 +299,7 @@ def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
     """
     every = [(group, column) for group in diagnosis.columns for column in range(group.where.start, group.where.stop)]
     rows = [(group, column) for group, column in every if np.any(diagnosis.residual_before[:, column])]
-    figure = Figure(figsize=(5.2 if narrow else 11, 1.0 + 1.35 * max(len(rows), 1)), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(5.2 if narrow else 11, 1.0 + 1.35 * max(len(rows), 1))
     height = figure.get_size_inches()[1]
     each = (height - 1.0) / max(len(rows), 1)
     samples = diagnosis.samples
@@ -350,11 +325,8 @@ def sample_figure(diagnosis: Diagnosis, *, narrow: bool = False) -> Figure:
         axes.plot(samples, factor * after, ".", color=AFTER, ms=2.6, zorder=3, label="after")
         axis = _AXIS_NAMES[si][channel - block.start]
         axes.set_ylabel("\n".join([*_lines(kind), f"{axis} [{unit}]"]), fontsize=8.5)
-        axes.tick_params(labelsize=8)
         axes.margins(x=0.005)
-        axes.grid(axis="y", color="#EDF0F2", zorder=0)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
+        plain_axes(axes, 8, "y")
         if row < len(rows) - 1:
             axes.tick_params(axis="x", labelbottom=False)
         else:
@@ -389,8 +361,7 @@ def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
     groups = [(name, block) for name, _, block in found.columns if found.exists[:, block].any()]
     across = 1 if narrow else 2
     lines = max(-(-len(groups) // across), 1)
-    figure = Figure(figsize=(5.2 if narrow else 11, 3.3 * lines), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(5.2 if narrow else 11, 3.3 * lines)
     edges = np.linspace(-6, 6, 49).tolist()
     grid = np.linspace(-6, 6, 200)
     for index, (name, block) in enumerate(groups):
@@ -407,9 +378,7 @@ def histogram_figure(found: Residuals, *, narrow: bool = False) -> Figure:
         axes.set_title(name, fontsize=11, loc="left", color=INK)
         axes.set_xlabel("multiples of the noise (beyond ± 6: in the outermost bars)", fontsize=8.5)
         axes.set_yticks([])
-        axes.tick_params(labelsize=8.5)
-        for side in ("top", "right", "left"):
-            axes.spines[side].set_visible(False)
+        plain_axes(axes, 8.5, None, ("top", "right", "left"))
         if index == 0:
             axes.legend(frameon=False, fontsize=9, loc="upper left")
     return figure

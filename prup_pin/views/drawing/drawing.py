@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...spatial import Array
 from ..scene.camera import Camera
-from ..scene.colours import AXES, FAINT, INK
+from ..scene.colours import INK
 from .plotting import Bbox, Figure
-
-__all__ = ["AXES", "FAINT", "INK", "NARROW", "WIDE", "Drawing", "Labels", "Layout"]
 
 
 class Layout(NamedTuple):
@@ -98,10 +97,26 @@ def _inside(points: Array, low: Array, high: Array) -> Array:
 
 
 class Drawing:
-    """One drawing of the mechanism on 2-D axes."""
+    """One drawing on 2-D axes of its own, at a `place` of the figure, of points on the page from `low` to `high`."""
 
-    def __init__(self, figure: Figure, axes, camera: Camera, labels: Labels):
-        self.figure, self.axes, self.camera, self.labels = figure, axes, camera, labels
+    def __init__(self, figure: Figure, place: tuple[float, ...], camera: Camera, low, high):
+        self.figure, self.camera = figure, camera
+        self.axes: Any = figure.add_axes(place)  # type: ignore[arg-type]
+        self.axes.set_aspect("equal")
+        self.axes.axis("off")
+        self.axes.set_xlim(low[0], high[0])
+        self.axes.set_ylim(low[1], high[1])
+        figure.canvas.draw()  # labels are placed on the page
+        self.labels = Labels(figure, self.axes)
+
+    def write(self, texts, legs: Mapping[str, Array], points: Array, size: float) -> None:
+        """Write (text, at, colour, towards) beside their points, and the names of legs away from the middle."""
+        for text, at, colour, towards in texts:
+            self.labels.put(text, at, colour, towards)
+        middle = self.camera.flat(points).mean(axis=0)
+        for leg, point in legs.items():
+            at = self.camera.flat(point)
+            self.labels.put(leg, at, INK, at - middle + 0.3 * size * self.camera.flat(self.camera.up), 11, "bold")
 
     def line(self, points: Array, colour: str, width: float, lift: float = 0.0, halo: bool = True, **style) -> None:
         """Draw a line; nearer lines cross farther ones with a white edge."""

@@ -12,9 +12,7 @@ from ...numbers import number, readable_unit
 from ...spatial import Array
 from ..scene.colours import FOUND
 from ..text.diagnosis_words import finding_text
-from .plotting import Figure, FigureCanvasAgg, plain_words
-
-__all__ = ["effort_curve_figure", "effort_figure", "effort_spectra_figure"]
+from .plotting import Figure, plain_axes, plain_words, sheet
 
 _BEFORE, _AFTER, _MEASURED = "#9AA3AD", "#0B6AA8", "#23272E"
 #: Joints that a page shows, those whose effort the findings change most, and the time that it shows of them [s].
@@ -42,8 +40,7 @@ def effort_figure(efforts: EffortDiagnosis, *, narrow: bool = False) -> Figure:
     chosen = sorted(np.argsort(gain)[::-1][:_MOST_JOINTS].tolist())
     rows = len(chosen)
     height = (0.9 if narrow else 0.7) + 2.1 * rows
-    figure = Figure(figsize=(5.2 if narrow else 11, height), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(5.2 if narrow else 11, height)
     grid = figure.add_gridspec(
         rows,
         1 if narrow else 2,
@@ -103,7 +100,7 @@ def _draw_time(axes, efforts: EffortDiagnosis, column: int, shown: np.ndarray, l
     axes.set_ylabel(f"effort [{unit}]", fontsize=9)
     if last:
         axes.set_xlabel("time [s]", fontsize=9)
-    _plain(axes)
+    plain_axes(axes, 8.5)
 
 
 def _draw_left(axes, efforts: EffortDiagnosis, column: int, last: bool) -> None:
@@ -116,7 +113,7 @@ def _draw_left(axes, efforts: EffortDiagnosis, column: int, last: bool) -> None:
     axes.set_ylabel(f"left [{efforts.units[column]}]", fontsize=9)
     if last:
         axes.set_xlabel(f"speed [{'m/s' if efforts.units[column] == 'N' else 'rad/s'}]", fontsize=9)
-    _plain(axes)
+    plain_axes(axes, 8.5)
 
 
 @plain_words
@@ -125,8 +122,7 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
 
     `narrow`: for a phone.
     """
-    figure = Figure(figsize=(5.2, 4.9) if narrow else (9.5, 4.2), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(*((5.2, 4.9) if narrow else (9.5, 4.2)))
     axes = figure.add_axes((0.15, 0.26, 0.81, 0.62) if narrow else (0.1, 0.14, 0.87, 0.73))
     unit, factor = readable_unit(float(np.abs(curve.x).max(initial=0.0)), curve.x_unit)
     x = factor * curve.x
@@ -145,7 +141,7 @@ def effort_curve_figure(finding: Finding, curve: EffortCurve, *, narrow: bool = 
         axes.legend(frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(0, -0.17))
     else:
         axes.legend(frameon=False, fontsize=9.5, loc="best")
-    _plain(axes)
+    plain_axes(axes, 8.5)
     figure.text(
         0.04 if narrow else 0.1,
         0.94,
@@ -170,8 +166,7 @@ def effort_spectra_figure(
     """
     from scipy.signal import welch  # heavy; not needed to draw anything else
 
-    figure = Figure(figsize=(9.5, 5.0), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(9.5, 5.0)
     axes = figure.add_axes((0.085, 0.115, 0.895, 0.73))
     largest, least = 0.0, np.inf
     for key, (label, style) in _SPECTRA.items():
@@ -199,7 +194,7 @@ def effort_spectra_figure(
         ncols=2, handlelength=1.8, columnspacing=2.2, borderpad=0.0,
     )  # fmt: skip
     figure.text(0.085, 0.965, f"Spectra of the effort of {joint}", fontsize=12.5, weight="bold", va="center")
-    _plain(axes)
+    plain_axes(axes, 8.5)
     return figure
 
 
@@ -209,11 +204,3 @@ def _averaged(frequency: Array, power: Array, at: Array) -> Array:
     low = np.searchsorted(frequency, at * 2 ** (-1 / 12))
     high = np.maximum(np.searchsorted(frequency, at * 2 ** (1 / 12), side="right"), low + 1)
     return (total[high] - total[low]) / (high - low)
-
-
-def _plain(axes) -> None:
-    axes.tick_params(labelsize=8.5)
-    axes.grid(color="#EDF0F2", zorder=0)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)

@@ -1,4 +1,4 @@
-"""Pictures: the mechanism at a pose, and which module yields. Needs matplotlib.
+"""Pictures: the mechanism at a pose, its compliance, and which module yields. Needs matplotlib.
 
 The mechanism is drawn in parallel projection: gravity points down on the page, nearer parts cover farther ones, and
 labels are placed where nothing else is.
@@ -14,30 +14,20 @@ import numpy as np
 from ...errors import InputError
 from ...kinematics import ClosedPose
 from ...mechanism import Mechanism
-from ...numbers import fixed, number, readable_unit
+from ...numbers import fixed, number, quantity, readable_unit
 from ...robot import Robot
 from ...spatial import Array, as_wrench, wrench_text
 from ...statics import Compliance
 from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
-from ..scene.colours import BEAM, GHOST, LOAD, MAP, map_rgb, share_colours
+from ..scene.colours import AXES, BEAM, ELLIPSOIDS, FAINT, GHOST, INK, LOAD, MAP, map_rgb, rgb_of, share_colours
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked
 from ..text.joints import pose_text
 from ..text.quantities import length_text
 from ..text.tables import load_text, percent_text
-from .drawing import AXES, FAINT, INK, NARROW, WIDE, Drawing, Labels, Layout
-from .ellipsoid import draw_ellipsoid, draw_small_ellipsoid
-from .plotting import Figure, FigureCanvasAgg, Line2D, ListedColormap, Patch, Polygon, plain_words
-
-__all__ = [
-    "draw_compass",
-    "draw_legend",
-    "draw_mechanism",
-    "draw_tool",
-    "pose_figure",
-    "shares_figure",
-]
+from .drawing import NARROW, WIDE, Drawing, Layout
+from .plotting import Figure, Line2D, ListedColormap, Patch, PolyCollection, Polygon, plain_axes, plain_words, sheet
 
 _PLATE, _PALE = "#aeb6bf", "#c3c9d0"
 
@@ -71,17 +61,12 @@ def pose_figure(
     size = parts.size
     camera = camera_of(robot, pose)
     layout = NARROW if narrow else WIDE
-    figure = Figure(figsize=layout.size, dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes(layout.drawing)
-    axes.set_aspect("equal")
-    axes.axis("off")
+    figure = sheet(*layout.size)
     moved = Deflections(compliance, load) if load is not None and compliance is not None else None
     if moved is not None and scale is None:
         scale = fitting_scale(moved, size)
     times = scale or 0.0
     ghost = moved if times else None
-    # fix the limits first: labels are placed on the page
     extent = [camera.flat(parts.points)]
     if ghost is not None:
         extent += [camera.flat(ghost.curve(segment, times)) for segment in parts.segments]
@@ -90,12 +75,7 @@ def pose_figure(
         extent.append(camera.flat(tool + FORCE_LENGTH * size * load[:3] / np.linalg.norm(load[:3]))[None])
     extent.append(camera.flat(tool) + 0.16 * size * np.array([[-1, -1], [1, 1]]))
     flat = np.concatenate(extent)
-    low, high = flat.min(axis=0) - 0.07 * size, flat.max(axis=0) + 0.07 * size
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    figure.canvas.draw()
-    labels = Labels(figure, axes)
-    drawing = Drawing(figure, axes, camera, labels)
+    drawing = Drawing(figure, layout.drawing, camera, flat.min(axis=0) - 0.07 * size, flat.max(axis=0) + 0.07 * size)
     shares = _shares(compliance, load)
     colours, top = share_colours(shares)
     draw_mechanism(drawing, parts, pale=ghost is not None)
@@ -106,12 +86,7 @@ def pose_figure(
     texts = draw_tool(drawing, parts)
     if load is not None and load.any():
         texts += _draw_wrench(drawing, tool, load, size)
-    for text, at, colour, towards in texts:
-        labels.put(text, at, colour, towards)
-    middle = camera.flat(parts.points).mean(axis=0)
-    for leg, point in parts.legs.items():
-        at = camera.flat(point)
-        labels.put(leg, at, INK, at - middle + 0.3 * size * camera.flat(camera.up), 11, "bold")
+    drawing.write(texts, parts.legs, parts.points, size)
     draw_compass(figure, camera, robot.mechanism.gravity, layout)
     if compliance is not None:
         draw_ellipsoid(figure, camera, compliance, layout)
@@ -268,14 +243,8 @@ def _draw_wrench(drawing: Drawing, at: Array, load: Array, size: float) -> list[
 
 def draw_compass(figure: Figure, camera: Camera, gravity: Array, layout: Layout) -> None:
     """Draw the base's axes and gravity in the corner."""
-    axes = figure.add_axes(layout.compass)
-    axes.set_aspect("equal")
-    axes.axis("off")
-    axes.set_xlim(-2.0, 2.3)
-    axes.set_ylim(-2.0, 2.0)
-    figure.canvas.draw()
-    labels = Labels(figure, axes)
-    drawing = Drawing(figure, axes, camera, labels)
+    drawing = Drawing(figure, layout.compass, camera, (-2.0, -2.0), (2.3, 2.0))
+    axes, labels = drawing.axes, drawing.labels
     texts = []
     for axis, colour, name in zip(np.eye(3), AXES, "xyz", strict=True):
         drawing.arrow(np.zeros(3), axis, colour, 1.8, 9)
@@ -284,10 +253,7 @@ def draw_compass(figure: Figure, camera: Camera, gravity: Array, layout: Layout)
     if np.linalg.norm(gravity) > 0:
         start, end = (1.75, 0.75), (1.75, -0.75)
         axes.annotate(
-            "",
-            xy=end,
-            xytext=start,
-            arrowprops={"arrowstyle": "-|>", "color": FAINT, "lw": 1.6, "shrinkA": 0},
+            "", xy=end, xytext=start, arrowprops={"arrowstyle": "-|>", "color": FAINT, "lw": 1.6, "shrinkA": 0}
         )
         labels.avoid(np.array([start, end]))
         labels.put("gravity", np.array(end), FAINT, np.array([0, -1]), 8.5)
@@ -374,8 +340,7 @@ def _draw_scale(figure: Figure, top: float, layout: Layout) -> None:
     axes.set_xticks([0, 255], ["0", f"{number(100 * top, 3)} %"], fontsize=9)
     axes.tick_params(length=0, pad=2)
     axes.set_title("share of a part in the deflection", fontsize=9.5, loc="left", pad=4)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    axes.spines[:].set_visible(False)
 
 
 @plain_words
@@ -407,8 +372,7 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     lines = wrap(told, 58 if narrow else 130)
     head = 1.1 + 0.22 * (len(lines) - 1)
     height = head + 0.9 + 0.33 * len(rows)
-    figure = Figure(figsize=(width, height), dpi=130, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(width, height)
     left = min(0.45, (0.38 + letter * max(len(row[0]) for row in rows)) / width)
     axes = figure.add_axes((left, 0.55 / height, 0.97 - left, 1 - (head + 0.55) / height))
     largest = max(share for _, share, _ in rows)
@@ -425,8 +389,7 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
     axes.tick_params(axis="x", labelsize=size)
     axes.grid(axis="x", color="#E3E6EA", zorder=0)
     axes.set_axisbelow(True)
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
+    plain_axes(axes, None, None, ("top", "right", "left"))
     if compliance.legs:
         parts = {leg: answer.share_of(part) or 0.0 for leg, part in compliance.legs.items()}
         legs = [f"{leg}  {percent_text(share, coarse=True)} %" for leg, share in parts.items()]
@@ -438,3 +401,115 @@ def shares_figure(compliance: Compliance, wrench=None, *, narrow: bool = False) 
         place = 1 - (0.72 + 0.22 * index) / height
         figure.text(0.025, place, line, fontsize=size + 0.5, color=INK, va="center")
     return figure
+
+
+# -- the ellipsoid of compliance: how far, and whereto, a unit force in every direction moves the tool -----------------
+
+
+SOFT = ELLIPSOIDS["translation"]
+
+
+def _principal(compliance: Compliance) -> tuple[Array, Array]:
+    """Return the principal compliances of the translation block [m/N], largest first, and their axes as columns."""
+    values, vectors = np.linalg.eigh(compliance.C[:3, :3])
+    return np.maximum(values[::-1], 0.0), vectors[:, ::-1]
+
+
+def _silhouette(camera: Camera, values: Array, vectors: Array) -> Array:
+    """Return the outline of the projected ellipsoid, (n, 2), about its centre."""
+    half = camera.plane @ vectors * values
+    u, s, _ = np.linalg.svd(half, full_matrices=False)
+    angle = np.linspace(0, 2 * np.pi, 121)
+    return (u * s @ np.array([np.cos(angle), np.sin(angle)])).T
+
+
+def draw_small_ellipsoid(drawing: Drawing, compliance: Compliance, at: Array, size: float) -> None:
+    """Draw the outline around the tool at `at`, in proportion to the mechanism's size."""
+    values, vectors = _principal(compliance)
+    if values[0] <= 0:
+        return
+    outline = drawing.camera.flat(at) + _silhouette(drawing.camera, values * 0.15 * size / values[0], vectors)
+    drawing.axes.add_patch(Polygon(outline, facecolor=SOFT, alpha=0.35, edgecolor=SOFT, lw=1.0, zorder=9.0))
+
+
+def draw_ellipsoid(figure: Figure, camera: Camera, compliance: Compliance, layout: Layout) -> None:
+    """Draw the ellipsoid large, in the same view, with its semi-axes in µm/N."""
+    values, vectors = _principal(compliance)
+    drawing = Drawing(figure, layout.beside, camera, (-1.75, -1.6), (1.75, 1.6))
+    axes, labels = drawing.axes, drawing.labels
+    axes.set_title("Compliance at the tool", fontsize=11, weight="bold", loc="center", pad=14)
+    axes.text(
+        0.5,
+        1.0,
+        "displacement by 1 N in every direction" if layout is WIDE else "displacement by 1 N",
+        transform=axes.transAxes,
+        ha="center",
+        fontsize=9,
+        color=FAINT,
+    )
+    if values[0] <= 0:
+        axes.text(0, 0, "no force moves the tool", ha="center", color=FAINT)
+        return
+    size = values / values[0]
+    faces, shades = _surface(camera, size, vectors)
+    axes.add_collection(PolyCollection(faces, facecolors=shades, edgecolors="face", lw=0.4, zorder=2))
+    outline = _silhouette(camera, size, vectors)
+    axes.plot(*outline.T, color="#2F6355", lw=1.2, zorder=3)
+    flat = _spread_ends(camera, size, vectors)
+    labels.avoid(outline)
+    labels.obstacles.append(_filled(outline))
+    yields = values > 1e-9 * values[0]
+    for value, tip in zip(values[yields], flat[yields], strict=True):
+        length = float(np.linalg.norm(tip))
+        direction = tip / length if length > 1e-6 else np.array([0.0, 1.0])
+        edge = max(float((outline @ direction).max()), length) * 1.02
+        axes.plot(*np.array([-tip, tip]).T, color="#14352B", lw=1.4, zorder=5)
+        axes.plot(*np.array([tip, direction * (edge + 0.18)]).T, color="#14352B", lw=0.8, ls=":", zorder=5)
+        axes.plot(*tip, "o", ms=4, color="#14352B", zorder=6)
+        labels.put(quantity(value, "m/N"), direction * (edge + 0.16), "#14352B", direction, 10.5, "bold")
+    if not yields.all():
+        text = "rigid across" if yields.sum() == 1 else "rigid in the third direction"
+        axes.text(0.5, 0.0, text, transform=axes.transAxes, ha="center", fontsize=9.5, color="#14352B")
+
+
+def _surface(camera: Camera, size: Array, vectors: Array) -> tuple[list[Array], Array]:
+    """Return the visible faces of an ellipsoid on the page, far ones first, and their shades."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 49), np.linspace(0, np.pi, 25))
+    ball = np.stack((np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)), axis=-1)
+    points = ball * size @ vectors.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normals = np.nan_to_num(ball / np.maximum(size, 1e-3)) @ vectors.T
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    light = camera.viewer + 0.8 * camera.plane[1] - 0.6 * camera.plane[0]
+    light /= np.linalg.norm(light)
+    corners, normal = _quads(points), _quads(normals).mean(axis=1)
+    seen = normal @ camera.viewer >= -0.1
+    corners, normal = corners[seen], normal[seen]
+    bright = 0.62 + 0.45 * np.maximum(normal @ light, 0.0)[:, None]
+    base = 0.55 * rgb_of(SOFT) + 0.45
+    shades = np.clip(base * bright + 0.18 * (bright - 0.62), 0, 1)
+    order = np.argsort((corners @ camera.viewer).mean(axis=1), kind="stable")
+    return list(camera.flat(corners[order])), shades[order]
+
+
+def _quads(grid: Array) -> Array:
+    """Return the corners (n, 4, 3) of the faces of a grid (rows, columns, 3) of points."""
+    return np.stack((grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]), axis=2).reshape(-1, 4, 3)
+
+
+def _filled(outline: Array) -> Array:
+    """Return points that fill an outline, so that labels stay outside."""
+    return np.concatenate([outline * share for share in np.linspace(0.1, 0.95, 12)])
+
+
+def _spread_ends(camera: Camera, size: Array, vectors: Array) -> Array:
+    """Return the ends of the three semi-axes, on the page, whose labels are farthest apart."""
+    ends = camera.flat((vectors * size).T)
+    angles = np.arctan2(ends[:, 1], ends[:, 0])
+    best, found = -1.0, (1, 1, 1)
+    for signs in ((1, a, b) for a in (1, -1) for b in (1, -1)):
+        turned = angles + np.where(np.array(signs) > 0, 0, np.pi)
+        gaps = [abs(np.angle(np.exp(1j * (turned[i] - turned[j])))) for i, j in ((0, 1), (1, 2), (0, 2))]
+        if min(gaps) > best + 1e-9:
+            best, found = min(gaps), signs
+    return ends * np.array(found)[:, None]

@@ -6,10 +6,8 @@ import numpy as np
 
 from ...compensation import Compensation
 from ...spatial import Array
-from .drawing import INK
-from .plotting import Figure, FigureCanvasAgg, plain_words
-
-__all__ = ["path_figure"]
+from ..scene.colours import INK
+from .plotting import Figure, plain_axes, plain_words, sheet
 
 _BEFORE, _AFTER = "#C2255C", "#0B6AA8"
 _PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
@@ -22,8 +20,7 @@ def path_figure(found: Compensation) -> Figure:
     What is left stands beside it at its own scale.
     """
     count = len(found.names)
-    figure = Figure(figsize=(7.2, 1.55 * count + 0.9), layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(7.2, 1.55 * count + 0.9, None, "constrained")
     grid = figure.subplots(count, 2, sharex=True, squeeze=False)
     time, several = found.commands.time, len(found.commands.run_names) > 1
     across = np.arange(1, len(found) + 1) if several else time
@@ -46,8 +43,7 @@ def path_figure(found: Compensation) -> Figure:
     for axes in grid[-1]:
         axes.set_xlabel("row" if several else "time [s]")
     for axes in grid.flat:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=8)
+        plain_axes(axes, 8, None)
     return figure
 
 

@@ -3,7 +3,9 @@
 Objects only, never pyplot's global state: pictures can be made anywhere, without a display.
 """
 
+from collections.abc import Sequence
 from io import BytesIO
+from typing import Literal
 
 from ...errors import MissingExtraError
 
@@ -31,7 +33,9 @@ __all__ = [
     "PolyCollection",
     "Polygon",
     "encoded",
+    "plain_axes",
     "plain_words",
+    "sheet",
 ]
 
 #: Decorates what makes a figure: dollar signs in names are signs, not mathematics.
@@ -39,6 +43,23 @@ plain_words = rc_context({"text.parse_math": False})
 
 #: Dots per inch of pictures that are written as PNG.
 _DPI = 200
+
+
+def sheet(width: float, height: float, dpi: float | None = 130, layout: Literal["constrained"] | None = None) -> Figure:
+    """Return an empty white figure [in] that can be drawn without a display."""
+    figure = Figure(figsize=(width, height), dpi=dpi, layout=layout, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def plain_axes(axes, letters: float | None, grid: str | None = "both", sides: Sequence[str] = ("top", "right")) -> None:
+    """Draw axes without the lines at some sides, with a pale grid behind all; `letters`: the size of its numbers."""
+    if letters is not None:
+        axes.tick_params(labelsize=letters)
+    if grid is not None:
+        axes.grid(axis=grid, color="#EDF0F2", zorder=0)
+        axes.set_axisbelow(True)
+    axes.spines[list(sides)].set_visible(False)
 
 
 def encoded(figure: Figure, kind: str) -> bytes:

@@ -12,9 +12,7 @@ from ...numbers import number, readable_unit
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from ..scene.colours import FAINT, INK, map_colour
-from .plotting import Figure, FigureCanvasAgg, ListedColormap, MaxNLocator, Patch, plain_words
-
-__all__ = ["Panel", "beside_figure", "check_drawn", "figures_of", "map_figure", "share_figure"]
+from .plotting import Figure, ListedColormap, MaxNLocator, Patch, plain_axes, plain_words, sheet
 
 #: Quantities that no map shows: where the robot stands, and matrices.
 _NO_MAP = {"C", "K", "K_yielding", "q", "softest"}
@@ -92,9 +90,7 @@ def beside_figure(
     ]
     count, wide = len(each[0]), 2 if len(each[0]) > _TALL else 1
     rows, across = ceil(count / wide), wide * len(columns)
-    size = (_SIZE * 1.25 * across + 0.4, _SIZE * rows + 0.7)
-    figure = Figure(figsize=size, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(_SIZE * 1.25 * across + 0.4, _SIZE * rows + 0.7, None, "constrained")
     grid = figure.subplots(rows, across, squeeze=False)
     figure.suptitle(title, fontsize=11, color=INK)
     for place in range(count):
@@ -233,9 +229,7 @@ def _grid(count: int) -> tuple[int, int]:
 
 def _figure(count: int) -> Figure:
     rows, columns = _grid(count)
-    figure = Figure(figsize=(_SIZE * 1.25 * columns + 0.3, _SIZE * rows + 0.5), layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
+    return sheet(_SIZE * 1.25 * columns + 0.3, _SIZE * rows + 0.5, None, "constrained")
 
 
 def _maps(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
@@ -256,9 +250,7 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
     by_unit: dict[str, list[Panel]] = {}
     for panel in panels:
         by_unit.setdefault(panel[1], []).append(panel)
-    size = (_SIZE * 1.9 * len(by_unit) + 0.3, _SIZE + 0.7)
-    figure = Figure(figsize=size, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = sheet(_SIZE * 1.9 * len(by_unit) + 0.3, _SIZE + 0.7, None, "constrained")
     figure.suptitle(_heading(found, summary), fontsize=10, color=INK, wrap=True)
     (only,) = found._places.axes
     across, along = _axis(found, only)
@@ -270,8 +262,7 @@ def _curves(found: Swept, panels: Sequence[Panel], summary: str) -> Figure:
         axes.set_ylabel(_with_unit(group[0][0] if len(group) == 1 else "", unit).strip(), fontsize=8)
         if len(group) > 1:
             axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-        axes.tick_params(labelsize=7)
-        axes.spines[["top", "right"]].set_visible(False)
+        plain_axes(axes, 7, None)
     return figure
 
 

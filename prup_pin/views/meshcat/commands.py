@@ -16,20 +16,7 @@ import numpy as np
 from ...errors import InputError, MissingExtraError
 from ...spatial import Array
 from ..scene.motions import Motion
-from ..scene.scene import Part, Scene
-from ..scene.shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
-
-__all__ = [
-    "FIELD_OF_VIEW",
-    "Command",
-    "changes",
-    "folders",
-    "motion_commands",
-    "packed",
-    "scene_commands",
-    "stage",
-    "tree_path",
-]
+from ..scene.scene import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Part, Ring, Scene, Shape, Tube
 
 Command = dict[str, Any]
 #: Vertical opening of the eye [deg].
@@ -248,12 +235,12 @@ def motion_commands(motion: Motion) -> list[Command]:
     return commands
 
 
-def _track(name: str, kind: str, rate: float, values: Sequence[Any]) -> dict[str, Any]:
-    keys = [{"time": index, "value": value} for index, value in enumerate(values)]
-    # the clip counts 30 frames a second; the motion's own rate stretches it
-    stretch = 30.0 / rate
-    for key in keys:
-        key["time"] *= stretch
+def _track(name: str, kind: str, rate: float, values: Sequence[Any], at: Sequence[int] | None = None) -> dict[str, Any]:
+    """Return the track of values at frames `at`; none: one for each frame."""
+    stretch = 30.0 / rate  # the clip counts 30 frames a second
+    keys = [
+        {"time": stretch * frame, "value": value} for frame, value in zip(at or range(len(values)), values, strict=True)
+    ]
     return {"name": f".{name}", "type": kind, "keys": keys}
 
 
@@ -315,9 +302,7 @@ def _influence(index: int, shown: np.ndarray, rate: float) -> dict[str, Any]:
     """Return the track of one morph target: full at the frames that show it, nothing at the others."""
     turns = np.flatnonzero(np.diff(shown.astype(int)))
     times = sorted({0, len(shown) - 1, *turns.tolist(), *(turns + 1).tolist()})
-    stretch = 30.0 / rate
-    keys = [{"time": time * stretch, "value": float(shown[time])} for time in times]
-    return {"name": f".morphTargetInfluences[{index}]", "type": "number", "keys": keys}
+    return _track(f"morphTargetInfluences[{index}]", "number", rate, [float(shown[time]) for time in times], times)
 
 
 def _extent(shape: Shape) -> Array:
@@ -337,19 +322,8 @@ def _extent(shape: Shape) -> Array:
 
 def _quaternions(rotations: Array) -> Array:
     """Return (n, 4) quaternions x, y, z, w of rotations (n, 3, 3), each on the side of the one before."""
-    r = rotations
-    trace = np.trace(r, axis1=1, axis2=2)
-    candidates = np.empty((len(r), 4, 4))
-    d = np.diagonal(r, axis1=1, axis2=2)
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        candidates[:, i, i] = 1 + 2 * d[:, i] - trace
-        candidates[:, i, j] = candidates[:, j, i] = r[:, i, j] + r[:, j, i]
-        candidates[:, i, k] = candidates[:, k, i] = r[:, i, k] + r[:, k, i]
-        candidates[:, i, 3] = candidates[:, 3, i] = r[:, k, j] - r[:, j, k]
-    candidates[:, 3, 3] = 1 + trace
-    best = np.argmax(np.diagonal(candidates, axis1=1, axis2=2), axis=1)
-    found = candidates[np.arange(len(r)), best]
-    found /= np.linalg.norm(found, axis=1, keepdims=True)
+    from scipy.spatial.transform import Rotation
+
+    found = Rotation.from_matrix(rotations).as_quat()
     signs = np.concatenate(([1.0], np.sign(np.sum(found[1:] * found[:-1], axis=1) + 1e-15)))
     return found * np.cumprod(signs)[:, None]

@@ -29,8 +29,6 @@ from .commands import changes, folders, packed, stage
 from .server import Message, Served, Server
 from .view import page_html, words
 
-__all__ = ["Explorer"]
-
 #: How far sliders of task coordinates reach from where they start: share of the robot's size [m], and [rad].
 REACH, TURN = 0.5, np.radians(45)
 #: How far those of loads reach, where the load asked for is smaller [N], [N m].

@@ -10,8 +10,6 @@ from typing import Any, Protocol
 
 from ...errors import InputError, MissingExtraError
 
-__all__ = ["START", "Message", "Served", "Server", "Session"]
-
 #: Binary ones are meshcat's commands, texts are for the page itself.
 Message = bytes | str
 

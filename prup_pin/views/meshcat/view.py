@@ -22,13 +22,13 @@ from ...kinematics import ClosedPose
 from ...robot import Robot
 from ...spatial import Array
 from ...statics import Compliance
+from ...workspace import Workspace
+from ..scene.boundary import boundary_scene
 from ..scene.motions import Motion, load_ramp, path_motion, vibration, workspace_cloud
 from ..scene.painter import pose_scene
 from ..scene.scene import Scene
 from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
 from .server import START, Served, Server
-
-__all__ = ["View", "page_html", "script_json", "view", "words"]
 
 PoseLike = ClosedPose | Mapping[str, float]
 
@@ -220,3 +220,11 @@ def _several(pose: PoseLike | Sequence[PoseLike] | None) -> list[PoseLike]:
 
 def _pose(robot: Robot, pose: PoseLike) -> ClosedPose:
     return pose if isinstance(pose, ClosedPose) else robot.pose(**pose)
+
+
+def boundary_view(found: Workspace, name: str = "robot") -> View:
+    """Return a view of the boundary in three coordinates: `.save("workspace.html")`, or a notebook's cell.
+
+    Raises InputError where not three coordinates vary, MissingExtraError without meshcat.
+    """
+    return View(boundary_scene(found, name))

@@ -17,16 +17,7 @@ from ...statics import Compliance
 from ..text.answer import Answer, ranked
 from ..text.diagnosis_words import channel_rows, effort_rows, finding_text, parameter_texts, verdict_text
 from ..text.joints import clean, pose_text
-from ..text.tables import (
-    MatrixTable,
-    compliance_table,
-    load_text,
-    percent_text,
-    rigid_texts,
-    stiffness_tables,
-)
-
-__all__ = ["compliance_html", "diagnosis_html", "robot_html"]
+from ..text.tables import MatrixTable, compliance_table, load_text, percent_text, rigid_texts, stiffness_tables
 
 #: Modules whose shares are listed.
 _SHOWN = 6

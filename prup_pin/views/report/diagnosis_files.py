@@ -26,10 +26,7 @@ from ...robot import Robot
 from ...simulation import CorrectedModel, as_recorded
 from ...simulation.model_file import model_document
 from ..text.diagnosis_words import verdict_text
-from .as_json import dump
-from .diagnosis_json import diagnosis_as_json
-
-__all__ = ["MODEL", "PLAN", "REPORT", "VERDICT", "check_before", "missing_for_report", "write_diagnosis"]
+from .as_json import diagnosis_as_json, dump
 
 VERDICT, MODEL, REPORT, PLAN = "diagnosis.json", "corrected_model.json", "report.html", "next_experiment.json"
 FILES = (VERDICT, MODEL, REPORT, PLAN)

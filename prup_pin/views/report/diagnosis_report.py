@@ -38,8 +38,6 @@ from ..text.diagnosis_words import (
 from ..text.joints import clean, dimension
 from .pose_report import Picture, page_template, picture
 
-__all__ = ["diagnosis_html", "page"]
-
 #: Beyond so many points a drawing is a picture of pixels, lest the page grow heavy.
 _MOST_DRAWN = 200
 

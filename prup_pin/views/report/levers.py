@@ -16,8 +16,6 @@ from ...spatial import Array
 from ..text.answer import Answer
 from ..text.tables import module_parameters
 
-__all__ = ["STEP", "Lever", "find_levers"]
-
 #: Relative change of a parameter.
 STEP = 0.1
 

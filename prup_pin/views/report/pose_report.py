@@ -49,8 +49,6 @@ from ..text.tables import (
 )
 from .levers import STEP, Lever, find_levers
 
-__all__ = ["Picture", "page_template", "picture", "report_html", "svg"]
-
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
 SOFTEST, LEVERS = 10, 8

@@ -11,10 +11,7 @@ from ...numbers import number
 from ...spatial import Array
 from ...workspace import Workspace
 from .colours import BEAM, FAINT, INK
-from .scene import Label, Legend, Part, Row, Scene
-from .shapes import Lines, Mesh
-
-__all__ = ["boundary_scene"]
+from .scene import Label, Legend, Lines, Mesh, Part, Row, Scene
 
 #: Towards the eye.
 _VIEWER = np.array([0.62, -0.66, 0.42])

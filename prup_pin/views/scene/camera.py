@@ -10,8 +10,6 @@ from ...robot import Robot
 from ...spatial import Array
 from .skeleton import Skeleton, skeleton
 
-__all__ = ["FORCE_LENGTH", "Camera", "best_camera", "camera_of", "hull"]
-
 #: Length of the force's arrow as a share of the mechanism's size.
 FORCE_LENGTH = 0.21
 #: A view that comes so near to the best is as good; of these the first is taken, so that small changes keep the side.
@@ -95,20 +93,10 @@ def best_camera(gravity: Array, parts: Skeleton) -> Camera:
 
 
 def hull(points: Array) -> Array:
-    """Return the convex hull of (n, 2) points, in order."""
-    ordered = sorted(map(tuple, np.round(points, 12)))
-    if len(set(ordered)) < 3:
-        return np.array(ordered)
+    """Return the convex hull of (n, 2) points, in order; nothing where they span no area."""
+    from scipy.spatial import ConvexHull, QhullError
 
-    def chain(sequence):
-        found: list[tuple[float, float]] = []
-        for p in sequence:
-            while len(found) >= 2:
-                (ax, ay), (bx, by) = found[-2:]
-                if (bx - ax) * (p[1] - ay) - (by - ay) * (p[0] - ax) > 0:
-                    break
-                found.pop()
-            found.append(p)
-        return found[:-1]
-
-    return np.array(chain(ordered) + chain(ordered[::-1]))
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return np.zeros((0, 2))

@@ -9,26 +9,6 @@ import numpy as np
 
 from ...spatial import Array
 
-__all__ = [
-    "AXES",
-    "BEAM",
-    "ELLIPSOIDS",
-    "FAINT",
-    "FOUND",
-    "GHOST",
-    "INK",
-    "LOAD",
-    "MAP",
-    "MOVED",
-    "SYMBOL",
-    "grey_of",
-    "hex_of",
-    "map_colour",
-    "map_rgb",
-    "rgb_of",
-    "share_colours",
-]
-
 #: Words and rigid parts, and words beside them.
 INK, FAINT = "#374151", "#6b7280"
 #: The robot without load, the load, what it displaces; a place that a diagnosis found.

@@ -10,8 +10,6 @@ from ...spatial import Array, axis_as_z, placement
 from ...statics import Compliance
 from .skeleton import Segment
 
-__all__ = ["SECTIONS", "BentLine", "Deflections", "beam_frame", "fitting_scale", "nice_below"]
-
 #: Sections of a bent beam from root to tip.
 SECTIONS = 25
 

@@ -17,10 +17,7 @@ from ...statics.vibration import vibration_modes
 from .colours import MAP, map_rgb
 from .elastic import Deflections, fitting_scale
 from .painter import Painter, pose_words
-from .scene import Label, Legend, Part, Scene
-from .shapes import Mesh, ball_mesh
-
-__all__ = ["Motion", "load_ramp", "path_motion", "softest_translation", "vibration", "workspace_cloud"]
+from .scene import Label, Legend, Mesh, Part, Scene, ball_mesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,13 +20,28 @@ from ..text.quantities import length_text
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below
-from .scene import ComplianceEllipsoid, Label, Legend, Part, Row, Scene, outline
-from .shapes import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Shape, Tube, box_mesh
+from .scene import (
+    Ball,
+    Box,
+    ComplianceEllipsoid,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Label,
+    Legend,
+    Lines,
+    Mesh,
+    Part,
+    Row,
+    Scene,
+    Shape,
+    Tube,
+    box_mesh,
+    outline,
+)
 from .skeleton import Segment, skeleton
 from .symbols import symbols
 from .visuals import Visual, visuals
-
-__all__ = ["Painter", "pose_scene", "pose_words"]
 
 #: How far a deflection may be drawn at most, in sizes of the robot, or rotated [rad].
 _FARTHEST = 100.0

@@ -8,15 +8,261 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from ...spatial import Array
 from .colours import INK, MAP
-from .shapes import Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Ring, Shape, Tube
 
-__all__ = ["ComplianceEllipsoid", "Label", "Legend", "Part", "Row", "Scene", "outline"]
+# -- shapes: lengths in metres, axes along z ---------------------------------------------------------------------------
+
+
+def frozen(values, shape: tuple[int, ...], kind=float) -> np.ndarray:
+    """Return a read-only copy as an array of the given trailing shape."""
+    array = np.array(values, kind).reshape(shape)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box centred at its origin."""
+
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A sphere."""
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder centred at its origin, axis z."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Cone:
+    """The head of an arrow: base at the origin, tip at z = length."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A torus about z."""
+
+    radius: float
+    thickness: float
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """An ellipsoid with semi-axes along x, y, z."""
+
+    semi_axes: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Thin lines, (n, 2, 3): start and end of each."""
+
+    ends: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ends", frozen(self.ends, (-1, 2, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles: `vertices` (n, 3), `faces` (m, 3), and per vertex a `normal` or a `colour` (0 to 1) where given."""
+
+    vertices: Array
+    faces: np.ndarray
+    normals: Array | None = None
+    colours: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", frozen(self.vertices, (-1, 3)))
+        object.__setattr__(self, "faces", frozen(self.faces, (-1, 3), np.uint32))
+        for name in ("normals", "colours"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name), (-1, 3)))
+
+
+def clustered(mesh: Mesh, cell: float) -> Mesh:
+    """Return a coarser mesh: vertices in one cell of a grid [m] become one at their mean, triangles without area go.
+
+    Normals and colours are left out; a vertex moves by less than the cell's diagonal.
+    """
+    cells = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
+    _, place, count = np.unique(_numbered(cells), return_inverse=True, return_counts=True)
+    sums = [np.bincount(place, mesh.vertices[:, axis], len(count)) for axis in range(3)]
+    faces = place[mesh.faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(_numbered(np.sort(faces, axis=1)), return_index=True)
+    faces = faces[np.sort(first)]
+    used, faces = np.unique(faces, return_inverse=True)
+    return Mesh((np.array(sums) / count).T[used], faces.reshape(-1, 3))
+
+
+def _numbered(rows: np.ndarray) -> np.ndarray:
+    """Return one whole number for each row (n, 3) of whole numbers, equal for equal rows alone."""
+    span = rows.max(axis=0, initial=0).astype(object) + 1
+    if span[0] * span[1] * span[2] >= 2**62:
+        return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+    return (rows[:, 0] * int(span[1]) + rows[:, 1]) * int(span[2]) + rows[:, 2]
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """A round bar along a line: `points` (n, 3) of its centre line, `radius` (one, or one per point)."""
+
+    points: Array
+    radius: float | Array
+    sides: int = 16
+    capped: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen(self.points, (-1, 3)))
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """Surface of the tube; tubes with equally many points have the same faces."""
+        points, count, sides = self.points, len(self.points), self.sides
+        tangents = _directions(points)
+        across = _carried(tangents)
+        other = np.cross(tangents, across)
+        angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+        normals = np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * other[:, None]
+        radii = np.broadcast_to(self.radius, count)
+        rings = points[:, None] + radii[:, None, None] * normals
+        faces = [_between_rings(count, sides)]
+        vertices, directions = [rings.reshape(-1, 3)], [normals.reshape(-1, 3)]
+        if self.capped:
+            for end, sign in ((0, -1.0), (-1, 1.0)):
+                start = sum(len(block) for block in vertices)
+                vertices += [rings[end], points[end][None]]
+                directions += [np.broadcast_to(sign * tangents[end], (sides + 1, 3))]
+                around = start + np.arange(sides)
+                after = start + (np.arange(sides) + 1) % sides
+                middle = np.full(sides, start + sides)
+                faces.append(np.column_stack((middle, around, after) if sign > 0 else (middle, after, around)))
+        return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(directions))
+
+
+Shape = Box | Ball | Cylinder | Cone | Ring | Ellipsoid | Lines | Mesh | Tube
+
+
+def _between_rings(rings: int, points: int, closed: bool = True) -> np.ndarray:
+    """Return the triangles (n, 3) between each ring of points and the next; of closed ones the last meets the first."""
+    row, column = points * np.arange(rings - 1)[:, None], np.arange(points if closed else points - 1)
+    first, second = (row + column).ravel(), (row + (column + 1) % points).ravel()
+    return np.concatenate(
+        [np.column_stack((first, second, second + points)), np.column_stack((first, second + points, first + points))]
+    )
+
+
+def _directions(points: Array) -> Array:
+    """Return unit tangents of a polyline at its points."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    steps = steps / np.maximum(lengths, 1e-15)
+    tangents = np.vstack((steps[:1], steps[:-1] + steps[1:], steps[-1:]))
+    return tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-15)
+
+
+def _carried(tangents: Array) -> Array:
+    """Return unit vectors across the tangents that turn as little as possible from one to the next."""
+    first = np.eye(3)[int(np.argmin(np.abs(tangents[0])))]
+    across = np.empty_like(tangents)
+    for index, tangent in enumerate(tangents):
+        first = first - (first @ tangent) * tangent
+        first = first / np.linalg.norm(first)
+        across[index] = first
+    return across
+
+
+@lru_cache(maxsize=64)
+def ball_mesh(level: int = 1) -> Mesh:
+    """Return a sphere of radius 1 as a subdivided icosahedron."""
+    from trimesh.creation import icosphere
+
+    ball = icosphere(level)
+    return Mesh(ball.vertices, ball.faces, ball.vertices)
+
+
+def box_mesh(box: Box, along: int, count: int) -> Mesh:
+    """Return a box whose edges along one of its axes (0, 1, 2) have `count` points, so that it can bend."""
+    u, v = (along + 1) % 3, (along + 2) % 3
+    half = np.array(box.size) / 2
+    stations = np.linspace(-half[along], half[along], count)
+    around = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[[u, v]]
+    vertices: list[Array] = []
+    faces: list[np.ndarray] = []
+    normals: list[Array] = []
+    for side in range(4):
+        start, ends = len(vertices) * 2 * count, around[[side, (side + 1) % 4]]
+        points = np.zeros((2 * count, 3))
+        points[:, along] = np.repeat(stations, 2)
+        points[:, [u, v]] = np.tile(ends, (count, 1))
+        i = start + 2 * np.arange(count - 1)
+        faces += [np.column_stack((i, i + 1, i + 3)), np.column_stack((i, i + 3, i + 2))]
+        vertices.append(points)
+        normal = np.zeros(3)
+        normal[[u, v]] = ((0, -1), (1, 0), (0, 1), (-1, 0))[side]
+        normals.append(np.tile(normal, (2 * count, 1)))
+    for end, order in ((0, (0, 2, 1, 0, 3, 2)), (-1, (0, 1, 2, 0, 2, 3))):
+        start = sum(map(len, vertices))
+        points = np.zeros((4, 3))
+        points[:, along], points[:, [u, v]] = stations[end], around
+        faces.append(start + np.array(order).reshape(2, 3))
+        vertices.append(points)
+        normals.append(np.tile(np.eye(3)[along] * (1 if end else -1), (4, 1)))
+    return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals))
+
+
+@lru_cache(maxsize=64)
+def thread_mesh(radius: float, length: float, turns: int = 30, sides: int = 12) -> Mesh:
+    """Return a screw about z from 0 to `length`: a bar whose radius follows a helix."""
+    count = 6 * turns + 1
+    z = np.linspace(0, length, count)[:, None]
+    angle = np.linspace(0, 2 * np.pi, sides + 1)[None, :]
+    r = radius * (0.91 + 0.09 * np.cos(angle - 2 * np.pi * turns * z / length))
+    x, y = r * np.cos(angle), r * np.sin(angle)
+    vertices = np.stack((x, y, np.broadcast_to(z, x.shape)), axis=-1).reshape(-1, 3)
+    return Mesh(vertices, _between_rings(count, sides + 1, closed=False))
+
+
+@lru_cache(maxsize=64)
+def belt_mesh(distance: float, first: float, second: float, width: float, thickness: float) -> Mesh:
+    """Return a belt about two pulleys: axes along z at x = 0 and x = distance, radii `first` and `second`."""
+    lean = np.arcsin(np.clip((first - second) / distance, -0.9, 0.9))
+    left = np.linspace(np.pi / 2 - lean, 3 * np.pi / 2 + lean, 17)
+    right = np.linspace(-np.pi / 2 + lean, np.pi / 2 - lean, 17)
+    normals = np.concatenate([np.column_stack((np.cos(a), np.sin(a))) for a in (left, right)])
+    centres = np.concatenate((np.zeros((17, 2)), np.tile([distance, 0.0], (17, 1))))
+    radii = np.repeat([first, second], 17)[:, None]
+    inner, outer = centres + radii * normals, centres + (radii + thickness) * normals
+    loops = [
+        np.column_stack((edge, np.full(len(edge), height)))
+        for edge, height in ((inner, -width / 2), (outer, -width / 2), (outer, width / 2), (inner, width / 2))
+    ]
+    count = len(inner)
+    vertices = [loops[k % 4] for side in range(4) for k in (side, side + 1)]
+    faces = [2 * count * side + _between_rings(2, count) for side in range(4)]
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+# -- scenes ------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)

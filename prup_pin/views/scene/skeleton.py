@@ -14,8 +14,6 @@ from ...mechanism import Frame
 from ...spatial import Array
 from ..text.joints import joint_role, joint_type
 
-__all__ = ["Joint", "Segment", "Skeleton", "skeleton"]
-
 
 @dataclass(frozen=True)
 class Segment:

@@ -14,9 +14,7 @@ import numpy as np
 from ...kinematics import ClosedPose
 from ...mechanism import Module
 from ...spatial import Array, axis_as_z, placement
-from .shapes import Box, Cylinder, Ring, Shape, Tube, belt_mesh, thread_mesh
-
-__all__ = ["Symbol", "symbols"]
+from .scene import Box, Cylinder, Ring, Shape, Tube, belt_mesh, thread_mesh
 
 _SCREWS = ("ball_screw",)
 _NUTS = ("ball_nut", "preloaded_ball_nut")

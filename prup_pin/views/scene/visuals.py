@@ -20,9 +20,7 @@ from ...mechanism.mesh_paths import mesh_problem
 from ...robots import example_folder
 from ...spatial import Array, placement, rotation_rpy
 from .colours import hex_of
-from .shapes import Ball, Box, Cylinder, Mesh, Shape, clustered
-
-__all__ = ["Visual", "visuals"]
+from .scene import Ball, Box, Cylinder, Mesh, Shape, clustered
 
 _PLAIN = "#9aa3ad"
 #: Larger mesh files are not drawn.

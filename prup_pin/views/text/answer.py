@@ -15,8 +15,6 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 
-__all__ = ["Answer", "Load", "ranked", "softest", "softest_load", "yielding_beside"]
-
 #: Decimals of a share that are more than rounding.
 _SHARE_DIGITS = 9
 #: What of a displacement is rounding, as a share of it.

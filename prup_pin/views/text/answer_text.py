@@ -8,12 +8,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...numbers import fixed, readable_unit
+from ...numbers import fixed, number, readable_unit
 from ...robot import Robot
-from ...spatial import TWIST_NAMES
+from ...sensitivity import Sensitivity
+from ...spatial import TWIST_NAMES, wrench_text
 from .answer import Answer, ranked
 from .joints import pose_text, position_text
-from .quantities import value_text
+from .quantities import value_text, workshop_text
 from .tables import (
     MatrixTable,
     assumptions,
@@ -29,9 +30,7 @@ from .tables import (
     stiffness_tables,
     why_rigid,
 )
-from .terminal import fits, heading, listed, make_table, paragraph, print_table
-
-__all__ = ["print_answer"]
+from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table
 
 #: Width of a full bar.
 _BAR = 20
@@ -192,9 +191,7 @@ def _print_sag(out: Console, answer: Answer) -> None:
 
 
 def _print_assumptions(out: Console, robot: Robot, answer: Answer) -> None:
-    heading(out, "Assumed")
-    for note in assumptions(robot, answer):
-        paragraph(out, note, "- ")
+    bullets(out, "Assumed", assumptions(robot, answer))
 
 
 def _print_matrix(out: Console, matrix: MatrixTable) -> None:
@@ -225,3 +222,28 @@ def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:
             end_section=index == 2 and len(others) > 0,
         )
     return table
+
+
+# -- 'stiffen this first': what a per cent of each value does to the deflection along the load -------------------------
+
+
+#: Lines that are printed; JSON holds all.
+_MOST = 12
+
+
+def print_stiffen_first(out: Console, sensitivity: Sensitivity) -> None:
+    """Print the values that change the deflection along the load the most. Raises InputError where there is none."""
+    lines = sensitivity.stiffen_first
+    load = wrench_text(sensitivity.loaded.wrench)
+    heading(out, "Stiffen this first:", f"% of the deflection along the load ({load}) per % of the value")
+    heavier = any(line.per_kilogram is not None for line in lines[:_MOST])
+    columns = [("parameter", "left"), ("value", "right"), ("% per %", "right")]
+    table = make_table(*columns, *([("% per kg", "right")] if heavier else []))
+    percents = fixed([line.percent for line in lines[:_MOST]], 3)
+    for line, percent in zip(lines, percents, strict=False):
+        value = workshop_text(line.parameter.value, line.parameter.unit)
+        gained = "" if line.per_kilogram is None else number(line.per_kilogram, 3)
+        table.add_row(line.parameter.name, value, percent, *([gained] if heavier else []))
+    print_table(out, table)
+    if len(lines) > _MOST:
+        paragraph(out, f"{len(lines) - _MOST} more move it less; --json FILE writes all.")

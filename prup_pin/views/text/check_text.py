@@ -1,4 +1,4 @@
-"""`prup-pin check` as text: all that a reviewer would say of a robot file."""
+"""`prup-pin check` as text: all that a reviewer would say of a robot file, and what a recording could show."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from ...diagnosis.before import Prospects
 from ...errors import MissingExtraError, NoStiffnessError, PrupPinError
 from ...mechanism.second_reader import second_opinion
 from ...modules import WrenchModule
 from ...numbers import counted, number, quantity
+from ...recordings import Recording
 from ...robot import Robot
 from ...statics import Compliance
+from .diagnosis_words import hidden_rows
 from .tables import mobility_text, redundancy_text, some
-from .terminal import heading, in_options, listed, paragraph
-
-__all__ = ["print_check", "print_remarks", "robot_remarks"]
+from .terminal import bullets, heading, in_options, listed, make_table, paragraph, print_table
 
 #: Share of the largest module's load below which one carries nothing.
 _NOTHING = 1e-9
@@ -190,7 +191,43 @@ def print_remarks(out: Console, remarks: list[str], assumed: list[str]) -> None:
     heading(out, "To look at" if remarks else "Nothing to object")
     for text in remarks:
         paragraph(out, text, "- ")
-    if assumed:
-        heading(out, "Assumed")
-        for text in assumed:
-            paragraph(out, text, "- ")
+    bullets(out, "Assumed", assumed)
+
+
+# -- what a recording could show ---------------------------------------------------------------------------------------
+
+
+def print_prospects(out: Console, robot: Robot, recording: Recording, found: Prospects) -> None:
+    """Print how the joints move, what could not be told apart or seen, and remarks."""
+    listed(out, "robot", [robot.name])
+    listed(out, "recording", [counted(len(recording), "sample")])
+    bullets(out, "Written otherwise than it says", found.conventions)
+    if found.joints:
+        heading(out, "Motion")
+        names = (
+            ("joint", "left"),
+            ("travel", "right"),
+            ("top speed", "right"),
+            ("at rest", "right"),
+            ("effort", "right"),
+        )
+        table = make_table(*names)
+        for item in found.joints:
+            slides = item.unit == "m"
+            table.add_row(
+                item.joint,
+                f"{number(item.travel, 3)} {item.unit}",
+                f"{number(item.speed, 3)} {item.unit}/s",
+                f"{100 * item.rest:.0f} %",
+                "not recorded" if item.effort is None else f"up to {number(item.effort, 3)} {'N' if slides else 'N m'}",
+            )
+        print_table(out, table)
+    if found.alike:
+        heading(out, "What this motion cannot tell apart")
+        for first, second in found.alike:
+            paragraph(out, f"{first.replace('_', ' ', 1)} and {second.replace('_', ' ', 1)}", "- ")
+    if found.not_detectable:
+        heading(out, "What these data could not show", "(and from which size they would)")
+        for physics, where, needed in hidden_rows(found.not_detectable):
+            paragraph(out, f"{physics}{f' ({where})' if where else ''}: {needed}", "- ")
+    bullets(out, "Remarks", found.remarks)

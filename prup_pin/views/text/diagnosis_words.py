@@ -13,25 +13,6 @@ from ...laws.efforts import EFFORT
 from ...numbers import counted, number, quantity, readable_unit
 from ...recordings import Recording
 
-__all__ = [
-    "alternative_text",
-    "by_place",
-    "channel_rows",
-    "cost_text",
-    "diagnosis_text",
-    "effort_rows",
-    "finding_text",
-    "hidden_rows",
-    "length_of",
-    "multiple_text",
-    "noise_text",
-    "parameter_texts",
-    "places_text",
-    "recording_rows",
-    "summary_text",
-    "verdict_text",
-]
-
 #: No gap, offset or friction of a robot is so large, in any SI unit: a test that needs it never shows one.
 _ABSURD = 1e9
 #: Findings that a sentence lists one by one.

@@ -15,9 +15,7 @@ from ...numbers import counted, number
 from ...recordings import suspicions
 from ...recordings.columns import unit_of
 from ...spatial import WRENCH_NAMES
-from .terminal import heading, listed, make_table, paragraph, print_table
-
-__all__ = ["print_conversion", "print_log"]
+from .terminal import bullets, heading, listed, make_table, paragraph, print_table
 
 
 def print_log(out: Console, log: Log) -> None:
@@ -49,10 +47,7 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
     for group in plan.motors:
         paragraph(out, f"{', '.join(group.joints)} from the motors {', '.join(group.names)} by their matrix.", "- ")
     odd = [*done.remarks, *suspicions(recording), *recording.remarks]
-    if odd:
-        heading(out, "Remarks")
-        for text in odd:
-            paragraph(out, text, "- ")
+    bullets(out, "Remarks", odd)
     _print_unused(out, (*done.unused, *log.left_out))
 
 

@@ -10,17 +10,6 @@ from ...mechanism import Mechanism
 from ...numbers import number
 from ...robot import Robot
 
-__all__ = [
-    "clean",
-    "coordinate_dimensions",
-    "dimension",
-    "joint_role",
-    "joint_type",
-    "limits",
-    "pose_text",
-    "position_text",
-]
-
 _ANGLES = ("rx", "ry", "rz")
 
 

@@ -19,8 +19,6 @@ from ...parameters import Quantity
 from ...robot import Robot
 from .terminal import listed, make_table, paragraph, print_table
 
-__all__ = ["laws_named", "print_laws"]
-
 #: Both channels', poses' first.
 _ALL: tuple[Law, ...] = (*LAWS, *EFFORT_LAWS)
 _NEEDS = {

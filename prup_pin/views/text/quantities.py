@@ -16,18 +16,6 @@ from ...errors import InputError, nearest_names
 from ...numbers import number, quantity
 from ...spatial import WRENCH_NAMES
 
-__all__ = [
-    "UNITS",
-    "WRENCH_DIMENSIONS",
-    "length_text",
-    "mark_position",
-    "parse_assignments",
-    "parse_list",
-    "parse_quantity",
-    "value_text",
-    "workshop_text",
-]
-
 _LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 _ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3, "°": math.pi / 180}
 #: SI value of each unit that may be typed, by dimension; SI is meant where no unit is given. A "joint" is one whose

@@ -20,9 +20,7 @@ from ...robot import Robot
 from .joints import clean, joint_role, joint_type, limits, pose_text
 from .quantities import value_text
 from .tables import default_parameters, mobility_text, module_parameters, redundancy_text
-from .terminal import fits, heading, in_options, listed, make_table, paragraph, print_table
-
-__all__ = ["print_info", "print_kinds", "print_robots"]
+from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table
 
 
 def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None) -> None:
@@ -52,9 +50,7 @@ def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None)
         heading(out, "Variants")
         for name, variant in description.variants.items():
             paragraph(out, ": ".join((name, "; ".join(variant.notes))) if variant.notes else name)
-    heading(out, "Assumed")
-    for note in robot.assumptions or ("nothing besides small deflections",):
-        paragraph(out, note, "- ")
+    bullets(out, "Assumed", robot.assumptions or ("nothing besides small deflections",))
     _print_other_readers(out, robot)
 
 

@@ -1,21 +1,25 @@
-"""What a simulation came to, as text: rows, failures, agreement with what was measured, remarks."""
+"""Effects as they are typed; a simulation and a compensation as text for a terminal."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from ...compensation import Compensation
+from ...errors import InputError, UnknownNameError
 from ...laws import Effect
+from ...mechanism import Mechanism
 from ...numbers import counted, number
 from ...recordings import Recording, suspicions
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
-from .terminal import heading, listed, make_table, paragraph, print_table
-
-__all__ = ["effect_text", "print_failures", "print_simulation"]
+from ...simulation.model_file import law_named, place_named
+from .quantities import UNITS, parse_quantity
+from .terminal import bullets, heading, listed, make_table, paragraph, print_table
 
 #: So many row numbers are listed.
 _SHOWN = 8
@@ -41,10 +45,7 @@ def print_simulation(
     if found:
         _print_agreement(out, robot, found)
     odd = [*suspicions(recording), *recording.remarks, *prediction.remarks, *notes]
-    if odd:
-        heading(out, "Remarks")
-        for text in odd:
-            paragraph(out, text, "- ")
+    bullets(out, "Remarks", odd)
 
 
 def effect_text(effect: Effect) -> str:
@@ -94,3 +95,102 @@ def _unit(robot: Robot, channel: str) -> tuple[str, float]:
     if kind == "effort":
         return ("N", 1.0) if robot.mechanism.joint(name).slides else ("N m", 1.0)
     return ("µrad", 1e6) if channel.endswith("rotation") else ("µm", 1e6)
+
+
+# -- effects as they are typed -----------------------------------------------------------------------------------------
+
+
+_FORM = re.compile(r"\s*(?P<physics>[^@\s]+)@(?P<place>[^@=]*?)(?P<values>(?:\s+[^\s=]+=\S+)*)\s*")
+_EXPECTED = "expected 'physics@place[:aspect] name=value …', for example 'backlash@leg2/ball_nut half_gap=30um …'"
+
+
+def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> Effect:
+    """Return an effect on this robot; values are SI, or carry a unit. Raises InputError with what was expected."""
+    match = _FORM.fullmatch(text)
+    if match is None:
+        raise InputError(f"{option} '{text}': {_EXPECTED}; `prup-pin laws` lists them")
+    physics, typed = match["physics"], match["place"].strip()
+    try:
+        law_named(physics)
+        name, _, aspect = _split(typed, physics, mechanism)
+        place = place_named(physics, name, aspect, mechanism)
+        law = law_named(physics, place, mechanism)
+        quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
+        values: dict[str, float] = {}
+        for assignment in match["values"].split():
+            key, _, value = assignment.partition("=")
+            if key not in quantities:
+                raise UnknownNameError(f"parameter of {physics}", key, list(quantities))
+            if key in values:
+                raise InputError(f"{key} is given twice")
+            values[key] = parse_quantity(value, _dimension(quantities[key].unit), option, text, text.index(assignment))
+        missing = [item for item in quantities.values() if item.name not in values]
+        if missing:
+            usual = law.starts(place, mechanism)[0]
+            listed = ", ".join(
+                f"{item.name} ({item.expected()}; a fit starts at {number(usual[item.name])})" for item in missing
+            )
+            raise InputError(f"missing {listed}")
+        return Effect(law, place, values).checked(mechanism)
+    except InputError as error:
+        message = str(error)
+        raise InputError(message if message.startswith(option) else f"{option} '{text}': {message}") from None
+
+
+def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, str]:
+    """Return name and aspect of 'leg1/R_lambda:tilting'; names of a robot may hold a colon themselves."""
+    try:
+        place_named(physics, typed, "", mechanism)
+        return typed, "", ""
+    except InputError:
+        name, colon, aspect = typed.rpartition(":")
+        return (name.strip(), colon, aspect.strip()) if colon else (typed, "", "")
+
+
+def _dimension(unit: str) -> str:
+    plain = unit.replace(" ", "")
+    return next((name for name, units in UNITS.items() if plain in units), "number")
+
+
+# -- a compensation: what the path missed, what the commands leave -----------------------------------------------------
+
+
+#: What is smaller is rounding [um, urad].
+_ROUNDING = 1e-2
+
+
+def print_compensation(out: Console, robot: Robot, effects: Sequence[Effect], found: Compensation) -> None:
+    """Print what the tool missed before and after, and the largest correction of each actuator."""
+    out.print(Text(f"{robot.name}, loaded, put where it was wanted", style="bold"))
+    listed(out, "with", [effect_text(effect) for effect in effects] or ["nothing added to the robot file"], "; ")
+    count = found.status.count("ok")
+    good = "all compensated" if count == len(found) else f"{count} compensated"
+    listed(out, "rows", [f"{len(found)}, {good}", f"{found.passes} passes of the loaded robot"], "; ")
+    print_failures(out, found.failures, found.reasons)
+    heading(out, "What the tool misses", "(root mean square and largest of all rows, by the loaded robot)")
+    table = make_table(
+        ("", "left"), ("before", "right"), ("largest", "right"), ("after", "right"), ("largest", "right"), ("", "left")
+    )
+    for column, (name, unit) in enumerate(zip(found.names, found.units, strict=True)):
+        both = np.isfinite(found.after[:, column])
+        cells = []
+        for errors in (found.before, found.after):
+            error = 1e6 * errors[both, column]
+            sizes = (np.sqrt(np.mean(error**2)), np.abs(error).max()) if len(error) else (np.nan, np.nan)
+            cells += [f"< {_ROUNDING:g}" if size < _ROUNDING else number(float(size), 4) for size in sizes]
+        table.add_row(name, *cells, "µm" if unit == "m" else "µrad")
+    print_table(out, table)
+    moved = [
+        f"{name} by up to {_largest(found, name)} {'mm' if robot.mechanism.joint(name).unit == 'm' else 'mrad'}"
+        for name in robot.mechanism.actuated
+    ]
+    listed(out, "moved", moved, ", ")
+    remarks = [*found.path.recording.remarks, *found.remarks]
+    bullets(out, "Remarks", remarks)
+
+
+def _largest(found: Compensation, name: str) -> str:
+    """Return the largest correction of an actuator [mm or mrad]."""
+    moved = found.corrections[name]
+    known = moved[np.isfinite(moved)]
+    return number(1e3 * float(np.abs(known).max()), 4) if len(known) else "-"

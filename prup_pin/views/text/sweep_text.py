@@ -11,9 +11,7 @@ from rich.text import Text
 from ...numbers import counted, fixed, readable_unit
 from ...sweep import QUANTITIES, SweepFile, SweepResult
 from .joints import coordinate_text
-from .terminal import heading, listed, make_table, paragraph, print_table
-
-__all__ = ["print_sweep"]
+from .terminal import bullets, heading, listed, make_table, paragraph, print_table
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8
@@ -33,10 +31,7 @@ def print_sweep(out: Console, found: SweepResult | SweepFile, about: Mapping[str
     ok = found.status == "ok"
     if ok.any():
         _print_spread(out, found, ok)
-    if found.remarks:
-        heading(out, "Remarks")
-        for text in found.remarks:
-            paragraph(out, text, "- ")
+    bullets(out, "Remarks", found.remarks)
 
 
 def _print_spread(out: Console, found: SweepResult | SweepFile, ok: np.ndarray) -> None:

@@ -16,31 +16,6 @@ from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, wrench_text
 from .answer import Answer, yielding_beside
 
-__all__ = [
-    "MatrixTable",
-    "assumptions",
-    "compliance_table",
-    "default_parameters",
-    "direction_text",
-    "displacement_cells",
-    "displacement_columns",
-    "displacement_units",
-    "given_parameters",
-    "load_text",
-    "mobility_text",
-    "module_parameters",
-    "percent_text",
-    "redundancy_text",
-    "rigid_texts",
-    "sag_cells",
-    "some",
-    "stiffness_table",
-    "stiffness_tables",
-    "task_table",
-    "why_rigid",
-    "yielding_table",
-]
-
 #: A wrench's component below this, beside a largest one of 1, is none.
 _NO_COMPONENT = 1e-4
 #: What a robot's six motions are called: the load along each, the motion, whether it is a turn.

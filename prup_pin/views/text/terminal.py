@@ -12,19 +12,6 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-__all__ = [
-    "console",
-    "error_text",
-    "fits",
-    "heading",
-    "in_options",
-    "lines_of",
-    "listed",
-    "make_table",
-    "paragraph",
-    "print_table",
-]
-
 #: No unit is longer; what is stays whole.
 _UNIT = 12
 #: Wider than any table.
@@ -137,6 +124,14 @@ def paragraph(out: Console, text: str, bullet: str = "") -> None:
     """Print an indented paragraph."""
     for line in lines_of(text, out.width, f"  {bullet}", "  " + " " * len(bullet)):
         out.print(Text(line), soft_wrap=True)
+
+
+def bullets(out: Console, title: str, texts: Iterable[str]) -> None:
+    """Print a heading and a paragraph for each text; nothing where there is none."""
+    for index, text in enumerate(texts):
+        if not index:
+            heading(out, title)
+        paragraph(out, text, "- ")
 
 
 def make_table(*columns: tuple[str, str]) -> Table:

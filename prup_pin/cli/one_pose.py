@@ -1,4 +1,4 @@
-"""`view` and `report`: pages about one pose."""
+"""The commands about one pose: `stiffness`, in text, JSON and pictures; `view` and `report`, pages about it."""
 
 from __future__ import annotations
 
@@ -9,17 +9,60 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .. import __version__
 from ..errors import InputError
 from ..recordings.writer import text_of
-from .files import check_folder, file_name, say_written, write
-from .options import Frame, Open, Scale
-from .question import Question, Sight
+from ..robot import Robot
+from ..views.report.as_json import answer_as_json, dump
+from ..views.text import terminal
+from ..views.text.answer import Answer
+from ..views.text.answer_text import print_answer, print_stiffen_first
+from .files import check_folder, file_name, folder_for, list_written, say_written, write, write_figures
+from .options import AsJson, Frame, Open, Question, Scale, Sight
 
 if TYPE_CHECKING:
     from ..views.meshcat.explorer import Explorer
     from ..views.meshcat.view import View
 
-__all__ = ["report", "view"]
+
+def stiffness(
+    question: Question,
+    frame: Frame = None,
+    as_json: AsJson = None,
+    pictures: Annotated[Path | None, typer.Option(metavar="DIR", help="Write pose.png and shares.png there.")] = None,
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity", help="Also say which values to change first to make it stiffer.")
+    ] = False,
+) -> None:
+    """K, C, deflection and each module's share at one pose."""
+    case = question.understood(frame)
+    folder_for(pictures, "--pictures")
+    answer = Answer(case.compliance(), case.wrench, frame)
+    slopes = case.robot.sensitivity(case.pose, answer.load.wrench) if sensitivity else None
+    written = [] if pictures is None else _draw(pictures, case.robot, answer)
+    document = answer_as_json(case.robot, answer, case.source, case.changes, case.notes, __version__, slopes)
+    if as_json == "-":
+        typer.echo(dump(document))
+        return
+    if as_json is not None:
+        write(Path(as_json), dump(document) + "\n", "--json")
+        written.append(Path(as_json))
+    print_answer(terminal.console(), case.robot, answer, case.source, case.changes, case.notes)
+    if slopes is not None:
+        print_stiffen_first(terminal.console(), slopes)
+    if written:
+        list_written(written)
+
+
+def _draw(folder: Path, robot: Robot, answer: Answer) -> list[Path]:
+    """Write the pictures of an answer and return where they are."""
+    from ..views.drawing.figures import pose_figure, shares_figure
+
+    wrench = answer.load.wrench
+    figures = {"pose": pose_figure(robot, answer.compliance.pose, answer.compliance, wrench)}
+    if answer.shares is not None:
+        figures["shares"] = shares_figure(answer.compliance, wrench)
+    return write_figures(folder, figures, "--pictures", ["png"])
 
 
 def view(

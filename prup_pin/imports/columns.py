@@ -1,37 +1,97 @@
-"""Which columns are which joints': by the joints' names, by numbers in their order, by how many there are of a kind."""
+"""Which columns of a log are what: the time, the joints, a wrench, places and orientations of bodies."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 
-from .draft import Guessing, Line
-from .log import Stream
-from .named import NamedRobot, driven
-from .units import spelled
-from .words import CURRENT, IN_OUT, KIND, MEASURED, WISHED, unit_in_name, words_of
+import numpy as np
+
+from ..spatial import Array
+from .bodies import bodies_of, frame_of
+from .draft import Guessing, Line, Seen
+from .log import Log, Stream
+from .map import NamedRobot, driven
+from .units import CURRENT, IN_OUT, KIND, MEASURED, TIME, UNITS, WISHED, dimension_of, spelled, unit_in_name, words_of
+
+# -- the time ----------------------------------------------------------------------------------------------------------
+
+
+#: Column of a stream's time (None: stamps of the format, "": none), its unit, and what is not sure of it.
+TimeColumn = tuple[str | None, str, str]
+#: The same by stream.
+Clocks = dict[str, TimeColumn]
+#: Share of rows that may fall in a column of time.
+LATE = 0.01
+#: Periods of loggers [s].
+_PERIODS = (2e-5, 0.5)
+
+
+def time_column(stream: Stream) -> TimeColumn:
+    """Return column, unit and doubt of a stream's time."""
+    if stream.clock is not None:
+        return None, "s", ""
+    rising = [name for name, values in stream.columns.items() if _rises(values)]
+    named = [name for name in rising if _is_time(stream, name)]
+    if not named:  # a few rows came late, or the clock was started again
+        named = [name for name, values in stream.columns.items() if _rises(values, LATE) and _is_time(stream, name)]
+    named.sort(key=lambda name: (len(words_of(name)), -np.ptp(stream.columns[name])))
+    rising = [name for name in rising if _may_be_time(stream, name)]
+    if not (named or rising):
+        return "", "s", "no column is a time: write how many rows a second there are; 1 will do for poses at rest"
+    name = (named or rising)[0]
+    doubt = "" if named else "no column has a name of time; this one rises from row to row"
+    said = stream.units.get(name) or unit_in_name(name)
+    unit = spelled(said) if said else None
+    if unit is None or dimension_of(unit) != "time":
+        words = words_of(name)
+        unit = next((u for u in ("ns", "us", "ms") if u in words), "ms" if "ipoc" in words else None)
+    if unit is None:
+        values = stream.columns[name]
+        step = float(np.median(np.diff(values[np.isfinite(values)])))
+        since = float(np.nanmax(values))  # an epoch tells its unit by its size
+        unit = next((u for u, size in (("ns", 1e17), ("us", 1e14), ("ms", 1e11)) if since > size), None)
+        if unit is None:
+            fits = [u for u in ("s", "ms", "us", "ns") if _PERIODS[0] <= step * UNITS["time"][u] <= _PERIODS[1]]
+            unit = fits[0] if fits else "s"
+            if step > _PERIODS[1]:
+                doubt = doubt or f"the step is {step:g}: {unit} makes {step * UNITS['time'][unit]:g} s of it"
+    return name, unit, doubt
+
+
+def _is_time(stream: Stream, name: str) -> bool:
+    """Return whether a column's name or unit is that of a time."""
+    words = set(words_of(name))
+    unit = stream.units.get(name) or unit_in_name(name)
+    timed = unit is not None and dimension_of(spelled(unit) or "") == "time"
+    return bool(words & set(TIME) or timed) and not words & set(WISHED)
+
+
+def _may_be_time(stream: Stream, name: str) -> bool:
+    """Return whether a column that rises may be the time by its name: no joint, no place, no count of rows."""
+    words, values = words_of(name), stream.columns[name]
+    said = stream.units.get(name) or unit_in_name(name)
+    other = said is not None and dimension_of(spelled(said) or "s") != "time"
+    spoken = set(words) & set(KIND) or (any(word.isdigit() for word in words) and name != "column 1")
+    return not (other or spoken or words[-1:] in (["x"], ["y"], ["z"]) or (np.diff(values) == 1).all())
+
+
+def _rises(values: Array, late: float = 0.0) -> bool:
+    """Return whether a column rises from row to row, but for a share of them that may fall."""
+    steps = np.diff(values[np.isfinite(values)])
+    return len(steps) > 1 and float(np.mean(steps < 0)) <= late and float(np.mean(steps > 0)) > 0.5
+
+
+# -- joints: by their names, by numbers in their order, by how many there are of a kind --------------------------------
+
 
 #: Not the joint itself, or not what was measured there, where something better is in the log.
 _ASIDE = ("d", "ext", "external", "estimated", "est", "filtered", "friction", "model", "gravity", "raw")
 #: Of the tool, not of joints.
 OF_THE_TOOL = ("tcp", "tool", "cartesian", "cart", "flange", "eef", "ee")
 #: Words beside a joint's number that say nothing of what is measured.
-_PLAIN = (
-    "joint",
-    "joints",
-    "j",
-    "axis",
-    "axes",
-    "a",
-    "value",
-    "val",
-    "robot",
-    "achse",
-    "achsen",
-    "gelenk",
-    "train",
-    "test",
-)
+_PLAIN = ("joint", "joints", "j", "axis", "axes", "a", "value", "val", "robot", "achse", "achsen", "gelenk", "train",
+          "test")  # fmt: skip
 #: What blocks of columns without names are, by how many there are.
 _BLOCKS = {1: ("q",), 2: ("q", "tau"), 3: ("q", "qd", "tau"), 4: ("q", "qd", "qdd", "tau")}
 
@@ -182,3 +242,71 @@ def _in_order(mechanism: NamedRobot | None, count: int) -> list[str]:
     slides = {joint.name: joint.slides for joint in mechanism.joints}
     turning = [joint for joint in driven(mechanism) if not slides.get(joint, False)]
     return turning if len(turning) == count else driven(mechanism)
+
+
+# -- a wrench: fx … mz, or force.x … torque.z --------------------------------------------------------------------------
+
+
+#: What forces and moments are called, in English, German, French, Spanish and Italian.
+_FORCES = ("force", "kraft", "fuerza", "forza")
+_MOMENTS = ("torque", "moment", "drehmoment", "couple", "momento", "coppia")
+
+
+def wrench_lines(log: Log, taken: set[str]) -> list[Line]:
+    """Return the lines of a wrench: fx … mz, or force.x … torque.z."""
+    lines: dict[str, Line] = {}
+    for stream in log.streams:
+        for name in stream.columns:
+            words = words_of(name)
+            if name in taken or not words or set(words) & set(WISHED):
+                continue
+            last = words[-1]
+            if re.fullmatch(r"[fmt][xyz]", last):
+                component = ("f" if last[0] == "f" else "m") + last[1]
+            elif last in ("x", "y", "z") and len(words) > 1 and words[-2] in (*_FORCES, *_MOMENTS):
+                component = ("f" if words[-2] in _FORCES else "m") + last
+            else:
+                continue
+            said = stream.units.get(name) or unit_in_name(name)
+            if said and dimension_of(spelled(said) or "N") not in (None, "force", "moment"):
+                continue  # TX in mm is a translation
+            # the recording's own name says what it is
+            doubt = "" if name == f"w.{component}" else "is it what acts on the tool point, in base axes?"
+            unit = (spelled(said) if said else None) or ("N" if component[0] == "f" else "N m")
+            lines.setdefault(f"w.{component}", Line(f"w.{component}", name, unit, doubt=doubt))
+    return list(lines.values())
+
+
+# -- places and orientations -------------------------------------------------------------------------------------------
+
+
+def seen_poses(log: Log, taken: set[str], mechanism: NamedRobot | None) -> Seen:
+    """Return the lines of positions and orientations of bodies: of those called like a frame, else of the tool."""
+    seen = Seen()
+    frames = mechanism.frame_names if mechanism is not None else ()
+    found = [body for stream in log.streams for body in bodies_of(stream, taken, frames)]
+    homes = {body.called: frame_of(body.called, frames) for body in found}
+    nobody = [body for body in found if not homes[body.called]]
+    for body in sorted(found, key=lambda body: len(body.called)):  # tool0 comes before its markers
+        frame = homes[body.called]
+        place = f".{frame}" if frame else ""
+        if (not frame and len(nobody) > 1) or f"p{place}.x" in seen.lines or f"r{place}" in seen.turns:
+            seen.others.append(body)
+            continue
+        for axis, name in body.place.items():
+            seen.lines[f"p{place}.{axis}"] = place_line(f"p{place}.{axis}", name, body.stream, bool(frame))
+        if body.turn:
+            seen.turns[f"r{place}"] = body
+    return seen
+
+
+def place_line(target: str, name: str, stream: Stream, framed: bool) -> Line:
+    """Return the line of one coordinate of a body: of a frame of the robot (`framed`), or of who knows what."""
+    said = stream.units.get(name) or unit_in_name(name)
+    unit = spelled(said) if said else None
+    doubt = "" if framed else "is it the tool point, measured from outside, in base axes? Else p.<frame>"
+    if unit is None:
+        reach = float(np.nanmax(np.abs(stream.columns[name]), initial=0.0))
+        unit = "mm" if reach > 20 else "m"
+        doubt = doubt or (f"up to {reach:.4g}, so taken as mm" if unit == "mm" else "")
+    return Line(target, name, unit, doubt=doubt)

@@ -1,4 +1,4 @@
-"""`simulate` and `predict`: what a bench would measure, row by row."""
+"""The commands about bench tests: `import`, `diagnose`, `calibrate`, `predict`, `simulate`."""
 
 from __future__ import annotations
 
@@ -17,24 +17,26 @@ from ..recordings import Convention, Recording, add_noise, read_plan, read_recor
 from ..robot import Robot
 from ..simulation import Prediction, as_recorded, in_format, read_model
 from ..views.text import terminal
-from ..views.text.effect_options import parse_effect
 from ..views.text.simulation_text import print_simulation
 from . import progress
-from .files import check_csv, list_written
+from .files import check_csv, check_folder, file_name, list_written
 from .options import (
     ConventionOption,
+    Effects,
+    ModelOption,
     PredictionFile,
     Reading,
     RecordingFile,
+    RecordingFiles,
     RobotOption,
     SetParameters,
     Stop,
+    TolerancesOption,
     Workers,
+    recorded,
     robot_beside,
     with_conventions,
 )
-
-__all__ = ["predict", "simulate"]
 
 
 def simulate(
@@ -49,13 +51,8 @@ def simulate(
         Path | None, typer.Option("--plan", metavar="PLAN.json", help="Simulate a test plan; writes a whole recording.")
     ] = None,
     robot: RobotOption = None,
-    model: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL.json", help="A corrected model: robot and effects.")
-    ] = None,
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(metavar="'PHYSICS@PLACE[:ASPECT] NAME=VALUE …'", help="Add physics; see laws. Repeatable."),
-    ] = None,
+    model: ModelOption = None,
+    effect: Effects = None,
     marker: Annotated[
         list[str] | None,
         typer.Option(metavar="FRAME", help="Also where this frame is, and how it is turned. Repeatable."),
@@ -77,15 +74,9 @@ def simulate(
     programme = read_plan(source) if read is None else None
     corrected = read_model(model) if model is not None else None
     named = read.robot if read is not None else programme.robot if programme is not None else None
-    if robot is None and corrected is not None:
-        name, loaded = corrected.robot, reading.of_model(corrected, set_parameters)
-    else:
-        name = robot or robot_beside(named, source)
-        loaded, _ = reading.changed(name, set_parameters)
-    effects = [
-        *(corrected.effects if corrected else ()),
-        *(parse_effect(text, loaded.mechanism) for text in effect or ()),
-    ]
+    name, loaded, effects = reading.modelled(
+        corrected, robot, lambda: robot_beside(named, source), effect, set_parameters
+    )
     if read is not None:
         _predict(loaded, read, effects, out, workers, stop, [], marker or ())
         return
@@ -220,3 +211,169 @@ def _write_prediction(
         markers=prediction.markers,
         marker_rotations=prediction.marker_rotations,
     )
+
+
+# -- diagnose and calibrate --------------------------------------------------------------------------------------------
+
+
+def diagnose(
+    recordings: RecordingFiles,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for verdict, corrected model and report. Default: ./RECORDING_diagnosis.",
+        ),
+    ] = None,
+    robot: RobotOption = None,
+    tolerances: TolerancesOption = None,
+    convention: ConventionOption = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
+) -> None:
+    """What recordings say that the simulation left out: where, which physics, how much of it."""
+    from ..diagnosis import diagnose as diagnosed
+    from ..views.report.diagnosis_files import REPORT, check_before, missing_for_report, write_diagnosis
+    from ..views.text.diagnosis_text import print_diagnosis
+
+    out = Path(f"{file_name(recordings[0].stem)}_diagnosis") if out is None else out
+    check_before(out, recordings)
+    missing = missing_for_report() if report else ""
+    read, name = recorded(recordings, tolerances, robot, convention)
+    loaded, understood = reading.changed(name, set_parameters)
+    with progress.stages() as tell:
+        found = diagnosed(loaded, read, tell=tell)
+    drawn = report and not missing
+    written = write_diagnosis(found, loaded, read, out, robot_name=name, reading=understood, report=drawn)
+    print_diagnosis(terminal.console(), loaded, read, found)
+    list_written(written)
+    if missing:
+        typer.echo(f"Left out: {REPORT}: {missing}")
+
+
+def calibrate(
+    recordings: RecordingFiles,
+    out: Annotated[Path, typer.Option("--out", metavar="MODEL.json", help="Where to write the calibrated model.")],
+    robot: RobotOption = None,
+    tolerances: TolerancesOption = None,
+    convention: ConventionOption = None,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
+) -> None:
+    """What recordings say of every parameter that may be off within its tolerance; no physics is looked for."""
+    from ..diagnosis.calibration import calibrated
+    from ..laws.in_recording import lasting
+    from ..simulation import CorrectedModel, as_recorded, write_model
+    from ..views.text.diagnosis_text import print_calibration
+
+    check_folder(out, "--out", whole=True)
+    read, name = recorded(recordings, tolerances, robot, convention)
+    loaded, understood = reading.changed(name, set_parameters)
+    adapted = as_recorded(loaded, read)
+    with progress.stages() as tell:
+        found = calibrated(loaded, read, tell=tell)
+    loaded = adapted.robot
+    effects = lasting(found.effects, loaded.mechanism)
+    notes = f"calibrated on {', '.join(path.name for path in recordings)}"
+    understood = adapted.read(understood)
+    write_model(
+        CorrectedModel(name, effects, understood.variant, notes, understood, conventions=found.conventions), out
+    )
+    print_calibration(terminal.console(), loaded, read, found)
+    list_written([out])
+
+
+# -- import ------------------------------------------------------------------------------------------------------------
+
+
+def import_(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help=".csv, .tsv, .parquet, .mat, .h5, .npz, .mcap, .bag, .db3, or a ROS 2 bag's folder; several of one "
+            "motion, such as the robot's and a camera's.",
+        ),
+    ],
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map", metavar="MAP.yaml", help="Which column is what; guessed and written where there is none."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="RECORDING.csv", help="The recording. Default: only the map.")
+    ] = None,
+    robot: RobotOption = None,
+    *,
+    reading: Reading,
+) -> None:
+    """Somebody's log as a recording: units, signs, motors to joints, one clock; docs/import.md."""
+    from ..imports import convert, guess, read_logs, read_map, robot_named
+    from ..imports.guess import write_text
+    from ..views.text.import_text import print_conversion, print_log
+
+    plan = map_file if map_file is not None else Path(f"{logs[0].stem}.map.yaml")
+    _check(logs, plan, out)
+    content = read_logs(logs)
+    there = plan.exists()
+    name = robot if robot is not None or not there else robot_named(plan)
+    if name is not None and robot is None:
+        name = robot_beside(name, plan)
+    mechanism = reading.load(name).mechanism if name is not None else None
+    shown = terminal.console()
+    if not there:
+        first = guess(content, mechanism, robot)
+        write_text(plan, first.text)
+        if out is None:
+            print_log(shown, content)
+            typer.echo()
+            typer.echo(first.text.rstrip())
+            _tell(first.doubts)
+            list_written((plan,))
+            return
+        if first.doubts:
+            lines = "\n".join(f"  {doubt}" for doubt in first.doubts)
+            raise InputError(
+                f"a map was guessed and written: {plan}. {_count(first.doubts)} in it must be looked at before a "
+                f"recording is made of it:\n{lines}\nCorrect the lines, then give the same command again"
+            )
+    understood = read_map(plan, content, mechanism)
+    if out is None:
+        raise InputError(
+            f"'{plan}' is there already; give --out RECORDING.csv to make a recording by it, or remove it "
+            "to have it guessed anew"
+        )
+    done = convert(content, understood, mechanism)
+    write_recording(done.recording, out)
+    print_conversion(shown, content, understood, done)
+    if not there:
+        typer.echo("\nThe map was guessed, every line by a name or by proof; read it once.")
+    list_written((*(() if there else (plan,)), out, out.with_suffix(".json")))
+
+
+def _check(logs: list[Path], plan: Path, out: Path | None) -> None:
+    """Raise InputError, before anything is read, where a file could not be written or would be written over."""
+    check_folder(plan, "--map")
+    if plan.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(f"--map: '{plan}' has the ending '{plan.suffix}'; expected .yaml")
+    check_folder(out, "--out")
+    if out is not None and out.suffix.lower() != ".csv":
+        raise InputError(f"--out: '{out}' has the ending '{out.suffix}'; expected .csv")
+    if out is not None and out.exists() and any(log.exists() and out.samefile(log) for log in logs):
+        raise InputError(f"--out: '{out}' is the log itself; give another name")
+
+
+def _tell(doubts: tuple[str, ...]) -> None:
+    if doubts:
+        typer.echo(f"\n{_count(doubts)} must be looked at (CHECK). Then: --map and --out RECORDING.csv.")
+    else:
+        typer.echo("\nNothing in it is doubtful; read it once. Then: --map and --out RECORDING.csv.")
+
+
+def _count(doubts: tuple[str, ...]) -> str:
+    return f"{len(doubts)} line{'s' if len(doubts) != 1 else ''}"

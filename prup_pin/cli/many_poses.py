@@ -1,4 +1,4 @@
-"""`sweep`: many poses at once, as a summary and as a table."""
+"""The commands about many poses: `sweep`, over the workspace; `compensate`, along a path."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,22 +14,26 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from ..compensation import Compensation, write_commands
+from ..compensation import compensate as compensated
+from ..compensation import read_path as path_of
 from ..errors import InputError, PrupPinError, UnknownNameError, shortened
 from ..mechanism import Mechanism
 from ..numbers import number
+from ..recordings import robot_named_beside
 from ..robot import Robot
+from ..simulation import read_model
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
 from ..views.text.answer import yielding_beside
 from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
+from ..views.text.simulation_text import print_compensation
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
-from .files import check_folder, folder_for, list_written, write_figures
-from .options import Reading, RobotName, SetParameters, Workers
-
-__all__ = ["sweep"]
+from .files import check_csv, check_folder, folder_for, list_written, write_figures
+from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
 
 #: Units of the half sides of the box of wrenches.
 _BOX = {"force": "N", "moment": "N m"}
@@ -81,8 +86,7 @@ def sweep(
         ),
     ] = None,
     plots: Annotated[
-        Path | None,
-        typer.Option("--plots", metavar="DIR", help="Write a map of each quantity there, as PNG and SVG."),
+        Path | None, typer.Option("--plots", metavar="DIR", help="Write a map of each quantity there, as PNG and SVG.")
     ] = None,
     set_parameters: SetParameters = None,
     *,
@@ -226,3 +230,51 @@ def _print_quantities() -> None:
     for quantity in QUANTITIES.values():
         table.add_row(quantity.name, quantity.summary, quantity.unit)
     terminal.print_table(terminal.console(), table)
+
+
+# -- compensate --------------------------------------------------------------------------------------------------------
+
+
+def compensate(
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH.csv", help="Where the tool shall be, and its load; docs/compensation.md.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.csv", help="Where to write the commands.")],
+    model: ModelOption = None,
+    robot: RobotOption = None,
+    effect: Effects = None,
+    plots: Annotated[
+        Path | None, typer.Option("--plots", metavar="DIR", help="Write path.png and path.svg there.")
+    ] = None,
+    workers: Workers = 1,
+    set_parameters: SetParameters = None,
+    *,
+    reading: Reading,
+) -> None:
+    """Commands that put the loaded tool where it was wanted, along a path with its loads."""
+    check_csv(out, path, "path")
+    folder_for(plots, "--plots")
+    corrected = read_model(model) if model is not None else None
+    name, loaded, effects = reading.modelled(
+        corrected, robot, lambda: robot_beside(robot_named_beside(path), path), effect, set_parameters
+    )
+    read = path_of(loaded, path)
+    with progress.stages() as tell:
+        found = compensated(loaded, read, effects=effects, workers=workers, tell=tell)
+    _check_any(found)
+    commands = replace(found.commands, robot=name)
+    written = [out, out.with_suffix(".json")]
+    write_commands(replace(found, commands=commands), out)
+    if plots is not None:
+        from ..views.drawing.path_figures import path_figure
+
+        written += write_figures(plots, {"path": path_figure(found)}, "--plots")
+    print_compensation(terminal.console(), loaded, effects, found)
+    list_written(written)
+
+
+def _check_any(found: Compensation) -> None:
+    """Raise where no row has a command: an empty table helps nobody."""
+    if all(word in found.failures and word != "not cancelled" for word in set(found.status)):
+        reasons = "\n".join(f"  {word}: {text}" for word, text in found.reasons.items())
+        raise PrupPinError(f"none of {len(found)} rows has a command\n{reasons}")

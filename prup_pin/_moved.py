@@ -1,0 +1,66 @@
+"""Modules that stand elsewhere now: their old names work for one release, with a warning that says the new one."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+#: Old module -> new one, both without the package's name.
+MOVED: dict[str, str] = {
+    "cli.answering": "cli.one_pose",
+    "cli.calibrating": "cli.bench_tests",
+    "cli.catalogue": "cli.robot_files",
+    "cli.checking": "cli.robot_files",
+    "cli.compensating": "cli.many_poses",
+    "cli.diagnosing": "cli.bench_tests",
+    "cli.examples": "cli.robot_files",
+    "cli.importing": "cli.bench_tests",
+    "cli.pages": "cli.one_pose",
+    "cli.question": "cli.options",
+    "cli.simulating": "cli.bench_tests",
+    "cli.sweeping": "cli.many_poses",
+    "imports.beside": "imports.clocks",
+    "imports.joint_columns": "imports.columns",
+    "imports.map_file": "imports.map",
+    "imports.map_text": "imports.guess",
+    "imports.matlab_elements": "imports.matlab",
+    "imports.named": "imports.map",
+    "imports.pose_columns": "imports.columns",
+    "imports.stamps": "imports.text_table",
+    "imports.time_column": "imports.columns",
+    "imports.whole_turns": "imports.unit_by_numbers",
+    "imports.words": "imports.units",
+    "imports.wrench_columns": "imports.columns",
+    "imports.yaml_keys": "imports.map",
+    "recordings.tool_path": "recordings.recording",
+    "views.drawing.ellipsoid": "views.drawing.figures",
+    "views.meshcat.boundary": "views.meshcat.view",
+    "views.report.diagnosis_json": "views.report.as_json",
+    "views.scene.shapes": "views.scene.scene",
+    "views.text.calibration_text": "views.text.diagnosis_text",
+    "views.text.compensation_text": "views.text.simulation_text",
+    "views.text.effect_options": "views.text.simulation_text",
+    "views.text.prospects_text": "views.text.check_text",
+    "views.text.sensitivity_text": "views.text.answer_text",
+}
+
+
+class Moved:
+    """Finds a moved module by its old name: what is imported is the new one."""
+
+    def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        package, _, name = fullname.partition(".")
+        known = package == __package__ and name in MOVED
+        return ModuleSpec(fullname, self) if known else None  # type: ignore[arg-type]  # no Loader by its class
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """Leave it to Python to make a module, which `exec_module` replaces."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        old = module.__name__
+        new = f"{__package__}.{MOVED[old.partition('.')[2]]}"
+        warnings.warn(f"{old} is {new} now; the old name goes with the next release", DeprecationWarning, stacklevel=2)
+        sys.modules[old] = import_module(new)
