@@ -338,7 +338,7 @@ MOST_IN_EFFORT_EVENTS, MOST_EFFORT_EVENTS = 0.1, 3
 #: Share of the efforts, of all or of a joint, that may be left where no noise was declared, and nothing be missing; and
 #: the multiple of one sample's noise beyond which more than that is none: it would be new in less than a sixteenth of
 #: its power from sample to sample, though nothing foretells it.
-EFFORT_UNTOLD, EFFORT_NO_NOISE = 0.3, 4.0
+EFFORT_UNTOLD, EFFORT_NO_NOISE = 0.1, 4.0
 #: ... and the share that the drawing leaves beyond which a correction that leaves so much only took the robot away.
 EFFORT_FOREIGN = 2.0
 #: Share of a joint's effort below which what is left there is no matter, whatever it follows: friction is no better

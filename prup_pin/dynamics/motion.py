@@ -14,6 +14,7 @@ from ..recordings import Recording
 from ..recordings.thinning import Thinning
 from ..spatial import Array
 from .clock import EvenClock, even_clock
+from .glitches import without_glitches
 from .rates import one_rate
 from .smoothing import Band, LowPass, bandwidth, differences, floor_of, pieces, spectrum
 
@@ -144,7 +145,9 @@ def motion_of(
     rates = one_rate(recording)
     if len(recording) < 2 or _stands(rates.recording, names):
         return _standing_motion(recording, names, drives)
-    remarks = list(rates.remarks)
+    clean, told_off = without_glitches(recording)
+    rates = one_rate(clean) if told_off else rates
+    remarks = [*told_off, *rates.remarks]
     recording = _bounded(rates.recording, remarks)
     speeds = _logged(recording.velocities, names)
     accelerations = _logged(recording.accelerations, names)

@@ -14,7 +14,7 @@ from ..recordings import Recording
 from ..recordings.columns import JOINT_GROUPS
 from ..spatial import Array
 
-__all__ = ["OneRate", "one_rate"]
+__all__ = ["OneRate", "one_rate", "samples_of"]
 
 #: Share of rows with a number from which a column is one of every row, but for gaps.
 _EVERY = 0.9
@@ -61,7 +61,7 @@ def one_rate(recording: Recording) -> OneRate:
     if len(time) < _FEWEST or not columns:
         return OneRate(recording, {})
     usual = float(np.median(np.diff(time)))
-    seen = {name: _sampled(values) for name, values in columns.items()}
+    seen = {name: samples_of(values) for name, values in columns.items()}
     slow = {name: rows for name, rows in seen.items() if len(rows) < _EVERY * len(time)}
     all_held = len(slow) == len(columns) and len({rows.tobytes() for rows in slow.values()}) == 1
     filled, every, told = {}, {}, []
@@ -88,7 +88,7 @@ def one_rate(recording: Recording) -> OneRate:
     return OneRate(replace(recording, **changes), every, (remark,))
 
 
-def _sampled(values: Array) -> np.ndarray:
+def samples_of(values: Array) -> np.ndarray:
     """Return the rows (m,) at which a column was sampled: those with a number that is not held from before."""
     known = np.flatnonzero(np.isfinite(values))
     fresh = np.concatenate(([True], np.diff(values[known]) != 0))

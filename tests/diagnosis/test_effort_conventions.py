@@ -91,19 +91,53 @@ def test_what_is_written_otherwise_is_told_as_it_is_declared(ur5, recording, sai
     assert told(ur5, written(recording, *said)) == list(said)
 
 
-@pytest.mark.parametrize("turned", ["shoulder_lift_joint", "elbow_joint", None])
-def test_a_sign_is_told_of_a_motion_so_slow_and_small_that_most_drives_say_nothing(ur5, turned):
-    """What noise of the positions makes of wrists is larger than all that they give."""
+def slow_log(ur5, turned, friction=0.0):
+    """A motion of which noise of the positions makes more of the wrists than all that they give, but friction."""
     rng, time = np.random.default_rng(6), np.arange(3000) * 0.004
     home = np.array([0.0, -1.1, 1.0, -0.3, 0.5, 0.0])
     q = home + 0.15 * np.sin(0.5 * time[:, None] + rng.uniform(0, 6, 6))
     motion = motion_of(Recording(time=time, positions=dict(zip(ur5.actuated, q.T, strict=True))), ur5, ur5.actuated)
-    tau = InMotion.of(ur5, motion).rigid
+    tau = InMotion.of(ur5, motion).rigid + friction * (np.sign(motion.speed) + 20 * motion.speed)
     tau = tau * [-1.0 if name == turned else 1.0 for name in ur5.actuated] + 0.05 * rng.normal(size=tau.shape)
     q = q + 2e-4 * rng.normal(size=q.shape)
     whole = Recording(time=time, positions=dict(zip(ur5.actuated, q.T, strict=True)))
-    log = replace(whole.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
+    return replace(whole.select(motion.rows), efforts=dict(zip(ur5.actuated, tau.T, strict=True)))
+
+
+@pytest.mark.parametrize("turned", ["shoulder_lift_joint", "elbow_joint", None])
+def test_a_sign_is_told_of_a_motion_so_slow_and_small_that_most_drives_say_nothing(ur5, turned):
+    log = slow_log(ur5, turned)
     assert told(ur5, log) == ([f"tau.{turned}=reversed"] if turned else [])
+
+
+def rubbing(ur5, recording):
+    """The same motion where dry friction is most of what the last wrists need."""
+    motion = motion_of(recording, ur5)
+    tau = dict(recording.select(motion.rows).efforts)
+    for column, name in enumerate(ur5.actuated):
+        if name in ("wrist_2_joint", "wrist_3_joint"):
+            tau[name] = tau[name] + 6.0 * np.sign(motion.speed[:, column])
+    return replace(recording.select(motion.rows), efforts=tau)
+
+
+def test_friction_takes_energy_and_so_tells_the_sign_of_an_effort(ur5, recording):
+    log = rubbing(ur5, recording)
+    assert told(ur5, log) == []
+    assert told(ur5, written(log, "tau.shoulder_lift_joint=reversed")) == ["tau.shoulder_lift_joint=reversed"]
+    assert told(ur5, written(log, "tau.wrist_2_joint=reversed")) == ["tau.wrist_2_joint=reversed"]
+
+
+def test_of_friction_alone_nobody_can_tell_whether_effort_or_position_is_turned_round(ur5):
+    log = slow_log(ur5, "wrist_3_joint", friction=3.0)
+    with pytest.raises(InputError, match="Two readings are as good") as told_so:
+        logs_read(load("ur5"), log)
+    assert all(f"--convention {group}.wrist_3_joint=reversed" in str(told_so.value) for group in ("q", "tau"))
+
+
+def test_noise_of_positions_is_not_less_motion_in_another_unit(ur5):
+    """In degrees a joint would need next to nothing, and what positions scatter by would be no effort."""
+    assert told(ur5, slow_log(ur5, None, friction=1.0)) == []
+    assert told(ur5, slow_log(ur5, "elbow_joint", friction=1.0)) == ["tau.elbow_joint=reversed"]
 
 
 def test_nearly_equal_gains_of_all_drives_are_a_unit(ur5, recording):

@@ -295,9 +295,12 @@ def test_friction_that_comes_and_goes_is_no_noise_where_none_was_declared(carria
     (finding,) = found.findings
     assert (finding.physics, finding.location) == ("unknown", "carriage")
     assert "follows its direction by an amount that changes with time" in finding.statement
-    # the same efforts at other times are noise, however loud
+    # the same efforts at other times follow nothing, and are too much to be noise that nobody declared
     late = {"carriage": recording.efforts["carriage"] + np.roll(comes, 1000)}
-    assert diagnose(carriage, recording.with_measurements(efforts=late)).verdict == "nothing_missing"
+    found = diagnose(carriage, recording.with_measurements(efforts=late))
+    assert [(item.physics, item.location) for item in found.findings] == [("unknown", "carriage")]
+    assert "follows" not in found.findings[0].statement
+    assert "no noise was declared that it could be" in found.findings[0].statement
 
 
 def test_a_late_encoder_is_told_where_its_joint_rubs_hard(carriage):

@@ -12,6 +12,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import nnls
 
 from ...dynamics import InMotion, Motion, could_be_gravity, motion_of
 from ...errors import InputError, PrupPinError
@@ -19,6 +20,7 @@ from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
 from ...spatial import Array
 from ..criteria import (
+    CONVENTION_AS_GOOD,
     CONVENTION_LEAVES,
     EFFORT_APART,
     EFFORT_FEWEST,
@@ -158,23 +160,41 @@ class _Search:
         return min(found, key=lambda item: item.read * (1 + 0.05 * len(item.conventions)))
 
     def _turned(self, signed: Mapping[str, float]) -> Evidence | None:
-        """Return drives whose efforts are minus the rigid robot's, each by itself; signed: gains of those that follow.
+        """Return drives whose efforts are minus the rigid robot's and its friction's, each by itself.
 
-        Where most drives do little, what noise makes of them would hide one that says it surely.
+        Where most drives do little, what noise makes of them would hide one that says it surely. signed: gains of those
+        that follow the rigid robot.
         """
         motion, efforts = self.read(self.written)
         both = [_shares(motion, sign * efforts, self.rigid) for sign in (1, -1)]
         which = [
             name
             for name, written, read in zip(motion.driven, *both, strict=True)
-            if signed.get(name, 0.0) < 0 and read < CONVENTION_LEAVES**2 < EFFORT_MEANT * written
+            if not signed.get(name, 0.0) > 0 and read < CONVENTION_LEAVES**2 < EFFORT_MEANT * written
         ]
-        if not which or len(which) == len(signed) or self._hung(self.written) < np.inf:
+        if not which or set(which) >= set(signed) or self._hung(self.written) < np.inf:
             return None  # or gravity pulls another way
         own = [motion.driven.index(name) for name in which]
         written, read = (float(np.sqrt(np.mean(shares[own]))) for shares in both)
-        conventions = tuple(Convention(f"tau.{name}", "reversed") for name in which)
-        return Evidence(conventions, "efforts", "", written, read, 1 - (read / written) ** 2)
+        turned = tuple(Convention(f"tau.{name}", "reversed") for name in which)
+        others = tuple(
+            (*turned[:place], Convention(f"q.{name}", "reversed"), *turned[place + 1 :])
+            for place, name in enumerate(which)
+            if self._moves_back(name, both[1][motion.driven.index(name)])
+        )
+        return Evidence(turned, "efforts", "", written, read, 1 - (read / written) ** 2, others)
+
+    def _moves_back(self, name: str, left: float) -> bool:
+        """Return whether a joint's position turned round leaves as little of its effort as that turned round does.
+
+        Of dry friction alone nobody can tell which of both is.
+        """
+        if name not in self.written.positions or self.mechanism.loops:
+            return False
+        convention = Convention(f"q.{name}", "reversed")
+        motion, efforts = self.read(read_as(self.written, [convention], self.drawn))
+        shares = _shares(motion, efforts, self.at.rigid_of(motion))
+        return bool(shares[motion.driven.index(name)] < CONVENTION_AS_GOOD**2 * left)
 
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
         """Return what is read otherwise beside a unit; begin: as that is read."""
@@ -199,6 +219,16 @@ class _Search:
             return left_of_efforts(motion, efforts, self.at.rigid_of(motion))
         except InputError:  # loops that do not close
             return np.inf
+
+    def _left_by_friction(self, recording: Recording) -> float:
+        """Return what is left where no joint needs more for its rigid body than it helps: a share, RMS of the joints.
+
+        What positions scatter by is less of a motion that is read in a smaller unit: that speaks for no unit.
+        """
+        motion, efforts = self.read(recording)
+        rigid = self.at.rigid_of(motion)
+        both = [_shares(motion, efforts, needed) for needed in (rigid, np.zeros_like(rigid))]
+        return float(np.sqrt(np.nanmean(np.minimum(*both))))
 
     def read(self, recording: Recording) -> tuple[Motion, Array]:
         """Return motion and efforts (n, k) of samples that are written as a recording."""
@@ -225,7 +255,7 @@ class _Search:
             if not tried:
                 break
             left, step, read = min(tried, key=lambda item: item[0] * (1 + 0.02 * len(item[1])))
-            if left > EFFORT_STEP * least:
+            if left > EFFORT_STEP * min(least, self._left_by_friction(now)):
                 break
             others = tuple((*taken, *item[1]) for item in tried
                            if item[0] < 1.01 * left and item[1] is not step)  # fmt: skip
@@ -345,8 +375,7 @@ class _Search:
         more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return np.inf
-        shares = [float(((value - own @ more) ** 2).sum()) for own, value in zip(table, values, strict=True)]
-        return float(np.sqrt(np.mean(shares)))
+        return left_of_efforts(motion, efforts, self.rigid + pulled @ more)
 
 
 def _limit(written: float) -> float:
@@ -382,8 +411,8 @@ def _shares(motion: Motion, efforts: Array, rigid: Array) -> Array:
     for column, name in enumerate(motion.driven):
         size = float(efforts[:, column] @ efforts[:, column])
         if size > 0:
-            rest = _freed(motion, name, efforts[:, column] - rigid[:, column])
-            shares[column] = min(float(rest @ rest) / size, 100.0)
+            rest = _rubbed(motion, name, efforts[:, column] - rigid[:, column])
+            shares[column] = min(rest**2 / size, 100.0)
     return shares
 
 
@@ -399,14 +428,26 @@ def _unlike(motion: Motion, efforts: Array, rigid: Array) -> float:
     return float(np.mean(shares)) if shares else 1.0
 
 
+def _rubbed(motion: Motion, joint: str, values: Array) -> float:
+    """Return how large values (n,) are that friction leaves at a joint, which takes energy and gives none."""
+    if joint not in motion.names:
+        return float(np.linalg.norm(values))
+    return float(nnls(_friction(motion, joint), values)[1])
+
+
 def _freed(motion: Motion, joint: str, values: Array) -> Array:
-    """Return values (n, ...) freed of friction at a joint."""
+    """Return values (n, ...) freed of all that goes with friction at a joint, be it of either sign."""
     if joint not in motion.names:
         return values
+    table = _friction(motion, joint)
+    return values - table @ np.linalg.lstsq(table, values, rcond=1e-10)[0]
+
+
+def _friction(motion: Motion, joint: str) -> Array:
+    """Return dry and viscous friction of one unit at a joint (n, 2)."""
     column = motion.names.index(joint)
     speed = motion.speed[:, column]
-    table = np.column_stack((speed / np.hypot(speed, motion.slow[column]), speed))
-    return values - table @ np.linalg.lstsq(table, values, rcond=1e-10)[0]
+    return np.column_stack((speed / np.hypot(speed, motion.slow[column]), speed))
 
 
 def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array) -> dict[str, float]:

@@ -78,7 +78,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
         unknown = unknown or (
             list(_beyond_declared(after, by_joint))
             if declared
-            else list(_no_noise(outcome, measured, shares, by_joint)) or list(_changing(outcome, added, told))
+            else list(_changing(outcome, added, told)) or list(_no_noise(outcome, measured, shares, by_joint))
         )
         if not unknown and _is_foreign(shares["all"]):
             unknown = [foreign_unknown(shares["all"]["rigid"], shares["all"]["heldout"])]
