@@ -204,7 +204,7 @@ def test_a_folder_without_permission(tmp_path, monkeypatch):
     ("name", "file"),
     [
         ("3prup", "3prup"),
-        ("../../etc/passwd", "etc_passwd"),
+        ("../../etc/passwd", "passwd"),
         ("a b<c>", "a_b_c"),
         ("...", "robot"),
         ("", "robot"),
