@@ -45,7 +45,7 @@ class Asked:
     raw_linear (n, K): what it leaves of the simulation that a user starts from; raw_registered: the same with sensors
     where they stand. `remarks` grow as it is looked at.
     `placed`: what was measured, and where its sensors stand; `spread`: by how much what is off that nothing declares,
-    where that was asked.
+    where that was asked; `untold`: nothing tells the noise but what is left beside that.
     """
 
     together: Together
@@ -59,6 +59,7 @@ class Asked:
     remarks: list[str]
     placed: Registered
     spread: Spread | None = None
+    untold: bool = False
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -126,6 +127,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     library = under_load(library, problem.nominal)
     tell("what is off all over", 0.01)
     spread = _spread(problem, together, library)
+    untold = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
         remarks += spread.told(together, noise)
@@ -147,7 +149,9 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     remarks += without_effect(recording.tolerances.declared)
     every = tuple(dict.fromkeys(unused))
     raw = stack.residual_of_start(linear)[problem.first.samples]
-    return Asked(together, problem, inputs, raw_linear, raw, library, toleranced, every, remarks, placed, spread)
+    return Asked(
+        together, problem, inputs, raw_linear, raw, library, toleranced, every, remarks, placed, spread, untold
+    )
 
 
 def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:

@@ -637,10 +637,11 @@ class _Seen:
         share = 1.0
         while share >= CALIBRATION_STEP:
             there = self.at(here.x + share * step, exists, here.influence.run)
-            if there is not None and len(there.samples) >= len(here.samples):
-                if self.left(there, known, fit.noise, variances) < now:
-                    return there
             share /= 3
+            if there is None or len(there.samples) < len(here.samples):
+                continue
+            if self.left(there, known, fit.noise, variances) < now:
+                return there
         return None
 
     def left(self, here: _At, known: Array | None, noise: float, variances: Array) -> float:

@@ -38,10 +38,11 @@ ROBOTS = ("ur5", "panda", "kinova", "xarm7")
 
 class Tracked(Sagging):
     """An arm in motion: scatter, effects and springs as of `Sagging`, of which only linear compliance about the axes
-    counts. late (n,) [s]: how old each encoder's positions are; behind [s]: how old what the tracker tells is."""
+    and encoders' waves count. late (n,) [s]: how old each encoder's positions are; behind [s]: how old what the
+    tracker tells is."""
 
-    def __init__(self, chain: Chain, tool: str, scatter=None, about=None, late=None, behind: float = 0.0):
-        super().__init__(chain, tool, (), scatter)
+    def __init__(self, chain: Chain, tool: str, scatter=None, about=None, late=None, behind: float = 0.0, effects=()):
+        super().__init__(chain, tool, effects, scatter)
         n = len(self.names)
         self.compliance = np.zeros(n) if about is None else np.asarray(about, float)
         self.late = np.zeros(n) if late is None else np.broadcast_to(np.asarray(late, float), (n,))
@@ -51,7 +52,7 @@ class Tracked(Sagging):
 
     def links(self, q: np.ndarray, t: np.ndarray | None) -> np.ndarray:
         """Return where the links are (N, n) for motors at q (N, n); t (N,) [s], evenly spaced, or None at rest."""
-        standing = q * (1 + self.slope) + self.offset
+        standing = q * (1 + self.slope) + self.offset + self.wave * np.sin(self.waves * q + self.phase)
         out = standing
         for _ in range(8):
             still = np.zeros_like(out)
@@ -103,9 +104,10 @@ def draw_tracked(
     kinds: Sequence[str] | None = None,
     turns: bool = True,
     speeds: bool | None = None,
+    wavy: float = 0.0,
 ) -> dict[str, Any]:
     """A device and two of its logs; what is None is drawn. late, behind: ages [s] of encoders and tracker; kinds: those
-    of `ROUGH` that are off."""
+    of `ROUGH` that are off; wavy [rad]: amplitude of waves in all encoders, two to five in a turn."""
     kind = ARMS[robot]
     chain = kind.chain()
     rng = np.random.default_rng([seed, 71, *robot.encode()])
@@ -120,7 +122,10 @@ def draw_tracked(
     about = about * (soft if yields is None else yields)
     drawn_speeds = bool(rng.random() < 0.5)
     late = drawn_late if late is None else late
-    device = Tracked(chain, kind.tool, scatter, about, late, 0.0 if behind is None else behind)
+    own = np.random.default_rng([seed, 72])
+    waves = [{"physics": "eccentric_encoder", "location": name, "amplitude": wavy, "waves": int(own.integers(2, 6)),
+              "phase": float(own.uniform(0, 2 * np.pi))} for name in names]  # fmt: skip
+    device = Tracked(chain, kind.tool, scatter, about, late, 0.0 if behind is None else behind, waves)
     points, spins = (float(f"{np.exp(rng.uniform(*np.log(span))):.2g}") for span in (POINTS, TURNS))
     rate = float(rng.choice([50.0, 100.0, 200.0]))
     records = []
