@@ -320,13 +320,13 @@ USUAL: Mapping[str, float] = {**{kind: size for kind, size in ARM.declared.items
 
 
 def _parameters(
-    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool
+    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool, moves: bool
 ) -> _Parameters:
-    """Return all that may be off on a robot, in units of what is usual there."""
+    """Return all that may be off on a robot, in units of what is usual there; moves: it is known how it moved."""
     tool = mechanism.need_tool().name
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
-    deviations = deviations_of(mechanism, markers, kinds)
+    deviations = deviations_of(mechanism, markers, kinds, moves)
     loose = [replace(item, group=None) for item in deviations]
     toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, USUAL))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
@@ -475,7 +475,8 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     """
     simulator = problem.simulator
     groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
-    parameters = _parameters(together.recording, simulator.robot.mechanism, groups, bool(weight))
+    moves = simulator.inputs.moves
+    parameters = _parameters(together.recording, simulator.robot.mechanism, groups, bool(weight), moves)
     if stations:
         parameters = parameters.with_stations(together.recording.run)
     asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)

@@ -19,7 +19,7 @@ from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
 from .in_recording import in_groups
-from .inputs import Inputs
+from .inputs import Inputs, Trajectory
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition
 from .law import Effect, Law, Place, Sharing
@@ -28,6 +28,7 @@ from .loop_places import LoopEndPosition, SeatPosition
 from .model_equation_error import ModelEquationError
 from .payload import OffCentrePayload, Payload
 from .pose_sensor import PoseSensorDrift, PoseSensorMisalignment, stands_elsewhere
+from .pose_sensor_delay import PoseSensorDelay
 from .root_tilt import HubRootCompliance, RootTiltCompliance
 from .self_weight import SelfWeight, SpreadSelfWeight
 from .setup import Setup
@@ -86,6 +87,7 @@ LAWS: tuple[Law, ...] = (
     WrenchSensorForceBias(),
     PoseSensorMisalignment(),
     PoseSensorDrift(),
+    PoseSensorDelay(),
     TargetMisalignment(),
     CreepLaw(),
     ModelEquationError(),
@@ -103,7 +105,6 @@ LAWS: tuple[Law, ...] = (
             LeadError(),
             GeometricOffset(),
             EncoderOffset(),
-            EncoderDelay(),
             CreepLaw(),
         )
     ),
@@ -118,6 +119,7 @@ __all__ = [
     "Place",
     "Setup",
     "Sharing",
+    "Trajectory",
     "law_at",
     "laws_of",
     "stands_elsewhere",

@@ -53,11 +53,11 @@ class Tracked(Sagging):
     def links(self, q: np.ndarray, t: np.ndarray | None) -> np.ndarray:
         """Return where the links are (N, n) for motors at q (N, n); t (N,) [s], evenly spaced, or None at rest."""
         standing = q * (1 + self.slope) + self.offset + self.wave * np.sin(self.waves * q + self.phase)
-        out = standing
+        still, out = np.zeros_like(standing), standing
+        spline = None if t is None else make_interp_spline(t, standing, 5)
+        # what gears yield changes slowly: its own accelerations are micrometres
+        rates = (still, still) if spline is None else (spline(t, 1), spline(t, 2))
         for _ in range(8):
-            still = np.zeros_like(out)
-            spline = None if t is None else make_interp_spline(t, out, 5)
-            rates = (still, still) if spline is None else (spline(t, 1), spline(t, 2))
             out = standing - self.compliance * self.chain.efforts(out, *rates)
         return out
 
