@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..spatial import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 __all__ = ["Inputs", "Trajectory"]
 
@@ -31,6 +34,8 @@ class Trajectory:
 
         A motion is one whose samples are foretold by their neighbours.
         """
+        from scipy.interpolate import CubicSpline  # heavy: only motions need it
+
         found, missed, moved = {}, 0.0, 0.0
         for run in np.unique(runs):
             t, q = time[runs == run], actuators[runs == run]

@@ -16,7 +16,7 @@ from .setup import Setup
 class PoseSensorDelay(Law):
     """The pose sensor reports where the robot was a little ago: all actuators stood at q(t - delay) then.
 
-    Below zero its poses are earlier than the encoders' positions: that all encoders are late by the same is one with it.
+    Below zero its poses are earlier than the encoders' positions: all encoders late by the same are one with it.
     """
 
     physics = "pose_sensor_delay"

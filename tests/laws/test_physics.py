@@ -360,6 +360,7 @@ def wave(times):
         (of(laws.OvalEncoder, "motor", "twice a turn", sine=3e-6, cosine=4e-6), wave(2)),
         (of(laws.EncoderOffset, "motor", offset=-3e-4), np.full(3, -3e-4)),
         (of(laws.EncoderDelay, "motor", delay=2e-3), 2e-3 * np.array([0.0, 0.1, -0.1])),
+        (of(laws.PoseSensorDelay, "pose_sensor", delay=2e-3), -2e-3 * np.array([0.0, 0.1, -0.1])),
     ],
     ids=lambda value: type(value.law).__name__ if isinstance(value, Effect) else "",
 )
