@@ -9,7 +9,7 @@ import numpy as np
 
 from ..channels import Linear, Noise, Stack, channels_of
 from ..errors import InputError
-from ..laws import Inputs
+from ..laws import Inputs, Trajectory
 from ..laws.deviations import without_effect
 from ..numbers import number, quantity
 from ..recordings import Recording, Together, suspicions
@@ -45,7 +45,7 @@ class Asked:
     raw_linear (n, K): what it leaves of the simulation that a user starts from; raw_registered: the same with sensors
     where they stand. `remarks` grow as it is looked at.
     `placed`: what was measured, and where its sensors stand; `spread`: by how much what is off that nothing declares,
-    where that was asked.
+    where that was asked; `untold`: nothing tells the noise but what is left beside that.
     """
 
     together: Together
@@ -59,6 +59,7 @@ class Asked:
     remarks: list[str]
     placed: Registered
     spread: Spread | None = None
+    untold: bool = False
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -88,9 +89,12 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
         unused += names
         remarks += [together.told(source, text) for text in (*source.recording.remarks, *suspicions(source.recording))]
         remarks += [together.told(source, text) for text in told]
+    every = together.recording
+    positions = every.actuator_positions(robot.mechanism.actuated)
+    motion = Trajectory.of(every.time, positions, every.run)  # before rows are left out
     together = _thinned(together, remarks)
     recording = together.recording
-    inputs = _inputs(robot, together)
+    inputs = _inputs(robot, together, motion)
     measured = Stack(channels_of(recording, robot.mechanism))
     remarks += what_is_missing(inputs, measured, robot.mechanism)
     simulator = Simulator(robot, inputs)
@@ -99,7 +103,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     placed = registered(measured, linear, together, robot.mechanism, allowed)
     if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
         together, placed = apart
-        recording, inputs = together.recording, _inputs(robot, together)
+        recording, inputs = together.recording, _inputs(robot, together, motion)
         simulator = Simulator(robot, inputs)
     stack = placed.stack
     allowed = allowed[0] + placed.beside, allowed[1]
@@ -126,6 +130,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     library = under_load(library, problem.nominal)
     tell("what is off all over", 0.01)
     spread = _spread(problem, together, library)
+    untold = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
         remarks += spread.told(together, noise)
@@ -143,11 +148,13 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     if noise is not problem.noise or stack is not problem.stack:
         problem = Problem.of(simulator, stack, noise, nominal)
     raw_linear = (measured if placed.found else stack).residual_of_start(linear)[problem.first.samples]
-    toleranced = toleranced_of(placed.open(recording), robot.mechanism, together.groups)
+    toleranced = toleranced_of(placed.open(recording), robot.mechanism, together.groups, inputs.moves)
     remarks += without_effect(recording.tolerances.declared)
-    every = tuple(dict.fromkeys(unused))
+    unused = list(dict.fromkeys(unused))
     raw = stack.residual_of_start(linear)[problem.first.samples]
-    return Asked(together, problem, inputs, raw_linear, raw, library, toleranced, every, remarks, placed, spread)
+    return Asked(
+        together, problem, inputs, raw_linear, raw, library, toleranced, tuple(unused), remarks, placed, spread, untold
+    )
 
 
 def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
@@ -173,11 +180,11 @@ def _stations_told(stations: tuple[float, float]) -> str:
     )
 
 
-def _inputs(robot: Robot, together: Together) -> Inputs:
-    """Return the inputs; speeds only where they were recorded for every actuator."""
+def _inputs(robot: Robot, together: Together, motion: Trajectory | None) -> Inputs:
+    """Return the inputs of which `motion` is known; speeds only where they were recorded for every actuator."""
     inputs = inputs_of(together.recording, robot)
     every = all(name in together.recording.velocities for name in robot.mechanism.actuated)
-    inputs = replace(inputs, speeds=inputs.speeds if every else None)
+    inputs = replace(inputs, speeds=inputs.speeds if every else None, motion=motion)
     inputs = replace(inputs, sources=together.setups if together.several or together.by_run else None)
     if not together.several:
         return inputs

@@ -216,16 +216,19 @@ class CalibratedParameter:
 
 
 def toleranced_of(
-    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]] | None = None
+    recording: Recording,
+    mechanism: Mechanism,
+    groups: Mapping[str, Sequence[Group]] | None = None,
+    moves: bool = False,
 ) -> Toleranced:
     """Return the parameters that a robot file and a recording say may be off.
 
-    groups: recordings that share a sensor, by the sensors that not all share.
+    groups: recordings that share a sensor, by the sensors that not all share; moves: it is known how the robot moved.
     """
     tool = mechanism.need_tool().name  # whose target is that of a marker there, too
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in (groups or {}).items() for kind in SENSORS[sensor]}
-    deviations = deviations_of(mechanism, markers, kinds)
+    deviations = deviations_of(mechanism, markers, kinds, moves)
     return Toleranced.of(deviations, amounts_of(deviations, mechanism, recording.tolerances.declared))
 
 

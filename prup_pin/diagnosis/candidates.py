@@ -216,10 +216,9 @@ def candidates(
     all share; alone: each recording, where there are several.
     """
     warm = inputs.temperature is not None and np.ptp(np.nan_to_num(inputs.warming)) > LEAST_WARMING
-    fast = inputs.speeds is not None and np.nanmax(np.abs(inputs.speeds), initial=0.0) > 0
     step = float(np.median(np.diff(inputs.time))) if len(inputs) > 1 else 0.0
     pulled = np.any(mechanism.gravity if inputs.gravity is None else np.nan_to_num(inputs.gravity))
-    has = {"temperature": warm, "speed": fast, "gravity": pulled, "wrench": not inputs.weight_alone}
+    has = {"temperature": warm, "speed": inputs.moves, "gravity": pulled, "wrench": not inputs.weight_alone}
     return [
         Candidate(law, place, mechanism, step)
         for law in laws_of(mechanism, markers, groups, alone)

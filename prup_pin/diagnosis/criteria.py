@@ -28,6 +28,9 @@ FEWEST_POSES: Final = 40
 ROUGH_SHARE: Final = 0.02
 #: ... up to this many times the noise.
 ROUGH: Final = 1.25
+#: Share of what poses were seen to move that may be left where nothing tells the noise but what is left: a pose sensor
+#: is better than this.
+POSE_UNTOLD: Final = 0.02
 #: Declared noise this many times what repeats show hides effects, and is told.
 MUCH_LARGER: Final = 3.0
 

@@ -52,8 +52,8 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
         yield from _without("temperature", "no temperature was recorded")
     elif np.ptp(np.nan_to_num(inputs.warming)) <= LEAST_WARMING:
         yield from _without("temperature", "the temperature hardly changed")
-    if inputs.speeds is None:
-        yield from _without("speed", "no speeds (qd columns) were recorded")
+    if inputs.speeds is None and inputs.motion is None:
+        yield from _without("speed", "no motion and no speeds (qd columns) were recorded")
 
 
 def _without(need: str, reason: str) -> Iterator[Detectable]:

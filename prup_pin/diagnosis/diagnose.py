@@ -28,7 +28,7 @@ from .diagnosis import Diagnosis, Finding
 from .efforts import diagnose_efforts
 from .efforts.at_rest import with_efforts_at_rest
 from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
-from .findings import too_few
+from .findings import no_noise, too_few
 from .fit import Problem
 from .limits import limits_heard
 from .misjudged import beyond_of, judged, misjudged, told, widened
@@ -139,6 +139,8 @@ def _searched(given: Asked, tell: Tell) -> _Searched:
         selection = needed(problem, selection, labels)
     if not given.kinds and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
         problem, selection = _otherwise(given, problem, selection, labels, tell)
+    if given.untold and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
+        doubt = no_noise(problem, selection.last, inputs.blocks)
     return _Searched(problem, selection, labels, doubt)
 
 

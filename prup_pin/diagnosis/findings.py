@@ -9,7 +9,7 @@ import numpy as np
 
 from ..laws import Effect
 from ..laws.deeds import Moved
-from ..numbers import counted, number
+from ..numbers import counted, number, quantity
 from ..recordings import SENSORS
 from ..robot import Robot
 from ..spatial import Array, rotation_exp, rotation_log
@@ -20,6 +20,7 @@ from .candidates import Candidate
 from .criteria import (
     DEFLECTION_SHARE,
     INDISTINCT,
+    POSE_UNTOLD,
     UNSEEN,
     WEIGHT_SHOWS,
     WIDEST_LOGARITHM,
@@ -29,7 +30,7 @@ from .diagnosis import Finding, FittedParameter
 from .fit import Fit, Problem, Term
 from .held_out import cross_validated
 from .selection import Selection, implausible, scale_of
-from .whiteness import compared, could_show_structure
+from .whiteness import compared, could_show_structure, is_white
 
 __all__ = [
     "acting_anyway",
@@ -37,6 +38,7 @@ __all__ = [
     "finite_deflection",
     "growth_without",
     "located_nowhere",
+    "no_noise",
     "nothing_compared",
     "off_beyond_tolerance",
     "parameters_of",
@@ -191,6 +193,41 @@ def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Findi
     )
 
 
+def no_noise(problem: Problem, fit: Fit, blocks: np.ndarray) -> Finding | None:
+    """Return the finding that what is left is no noise, where its size was taken from nothing but itself.
+
+    It follows time or pose, or is too much of what the sensor saw move. None where it may be noise. blocks (N,).
+    """
+    sizes = np.sqrt((fit.residual**2).mean(axis=0))
+    alike = replace(fit, residual=fit.residual / np.where(sizes > 0, sizes, 1.0))
+    share = _share_left(problem, fit)
+    labels = blocks[fit.samples]
+    if share > POSE_UNTOLD:
+        why = f"it is {number(100 * share, 2)} % of what was seen to move, and no pose sensor scatters so much"
+    elif could_show_structure(labels) and not is_white(problem, alike, labels):
+        why = "it follows time or pose, and noise does not"
+    else:
+        return None
+    return unknown_at_robot(
+        f"what is left beside all that may be off, {quantity(problem.noise.position, 'm')} and "
+        f"{quantity(problem.noise.rotation, 'rad')}, is no noise: {why}. Declare position_noise and rotation_noise "
+        "beside the recording, or see some poses again"
+    )
+
+
+def _share_left(problem: Problem, fit: Fit) -> float:
+    """Return the RMS of what is left of positions over that of how far they were seen to move; 0 where none were."""
+    left, moved = 0.0, 0.0
+    raw = problem.stack.residual(fit.run)[fit.samples]
+    lengths = [group.where for group in problem.stack.groups() if group.unit == "m"]
+    for where, channel in zip(lengths, problem.stack.poses, strict=True):
+        position, here = channel.position[fit.samples], problem.stack.exists[fit.samples][:, where].all(axis=1)
+        if here.any():
+            left += float((raw[here][:, where] ** 2).sum())
+            moved += float(((position[here] - position[here].mean(axis=0)) ** 2).sum())
+    return float(np.sqrt(left / moved)) if moved else 0.0
+
+
 def unknown_at_robot(statement: str) -> Finding:
     """Return the finding of something that no law takes away and that has no place."""
     return Finding(
@@ -306,7 +343,7 @@ def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedPar
     term = fit.terms[index]
     candidate: Candidate = term.candidate
     out = {}
-    for place, quantity in enumerate(candidate.quantities):
+    for place, each in enumerate(candidate.quantities):
         deviation = 1.96 * float(np.sqrt(max(covariance[start + place, start + place], 0.0)))
         if unseen[start + place]:
             deviation = np.inf  # these data do not depend on it
@@ -315,9 +352,9 @@ def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedPar
             moved = term.coordinates.copy()
             moved[place] += sign * min(deviation, WIDEST_LOGARITHM if candidate.logarithmic[place] else np.inf)
             end = float(candidate.values_of(moved)[place])
-            ends.append(float(np.clip(end, quantity.lower, quantity.upper)))
+            ends.append(float(np.clip(end, each.lower, each.upper)))
         value = float(candidate.values_of(term.coordinates)[place])
-        out[quantity.name] = FittedParameter(value, quantity.unit, (ends[0], ends[1]))
+        out[each.name] = FittedParameter(value, each.unit, (ends[0], ends[1]))
     return out
 
 

@@ -45,6 +45,7 @@ from .candidates import Candidate
 from .chances import chi2_isf, chi2_median
 from .criteria import (
     APART,
+    CALIBRATION_STEP,
     EXPLAINED,
     FALSE_ALARM,
     MOST_APART,
@@ -250,6 +251,22 @@ class _Parameters:
         out[self.own :] = 0.0
         return out
 
+    def nearest(self, data: _Linear, fit: _Fit) -> Array:
+        """Return the likeliest x (p,) among those that can be: what would not be stays at its bound, and all others
+        move on without it."""
+        free = np.ones(len(fit.mean), bool)
+        mean = fit.mean
+        while True:
+            x = self.clipped(mean)
+            x[self.own :] = mean[self.own :]
+            beyond = free & (np.abs(x - mean) > _SMALL_CLIP)
+            if not beyond.any():
+                return self.clipped(x)
+            free &= ~beyond
+            held = np.where(free, 0.0, x)
+            rest = replace(data, right=data.right - data.normal @ held)
+            mean = held + _posterior(rest, np.where(free, fit.variances, 0.0), fit.noise).mean
+
     def columns(self, simulator: Simulator, influence: Influence, x: Array, beside: Sequence[Effect]) -> Array:
         """Return what is measured per unit of each parameter, (n, K, p), to first order about a run at x."""
         count = len(self.toleranced)
@@ -292,8 +309,8 @@ def _by_stations(influence: Influence, stations: np.ndarray) -> Array:
 #: Kinds of where stations stand, and what is usual of them.
 _STAND = ("frame_rotation", "frame_position")
 _STATIONS = ("station turned", "station shifted")
-#: Share of a unit by which the simulation's first order is differentiated.
-_STEP = 1e-3
+#: Share of a unit by which the simulation's first order is differentiated; what is clipped by less is not.
+_STEP, _SMALL_CLIP = 1e-3, 1e-9
 #: Kinds that are left out first where little was measured.
 _FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "direction", "position", f"{_YIELDS}{OWN}")
 
@@ -303,13 +320,13 @@ USUAL: Mapping[str, float] = {**{kind: size for kind, size in ARM.declared.items
 
 
 def _parameters(
-    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool
+    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool, moves: bool
 ) -> _Parameters:
-    """Return all that may be off on a robot, in units of what is usual there."""
+    """Return all that may be off on a robot, in units of what is usual there; moves: it is known how it moved."""
     tool = mechanism.need_tool().name
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
-    deviations = deviations_of(mechanism, markers, kinds)
+    deviations = deviations_of(mechanism, markers, kinds, moves)
     loose = [replace(item, group=None) for item in deviations]
     toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, USUAL))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
@@ -458,7 +475,8 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     """
     simulator = problem.simulator
     groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
-    parameters = _parameters(together.recording, simulator.robot.mechanism, groups, bool(weight))
+    moves = simulator.inputs.moves
+    parameters = _parameters(together.recording, simulator.robot.mechanism, groups, bool(weight), moves)
     if stations:
         parameters = parameters.with_stations(together.recording.run)
     asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
@@ -478,6 +496,9 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     if last is None:
         return None
     _, fit, data, *_ = last
+    drawn = seen.at(np.zeros(len(labels)), exists)
+    if drawn is None or data.left(fit.mean) > float((drawn.residual**2).sum()):
+        return None  # steps have led astray: the drawing leaves less than the fit calls noise
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
@@ -518,6 +539,28 @@ def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
+class _At:
+    """The simulation at parameters x (p,): which of its samples are `good` (m,), the weights of what was measured and
+    what is left of it there, white and residual (n, K)."""
+
+    x: Array
+    influence: Influence
+    good: np.ndarray
+    white: Array
+    residual: Array
+
+    @property
+    def samples(self) -> np.ndarray:
+        return self.influence.run.samples[self.good]
+
+    def columns_of_stations(self, parameters: _Parameters) -> Array:
+        """Return what is measured per turn and shift of every station, (n, K, q), weighted."""
+        if parameters.stations is None:
+            return np.zeros((*self.residual.shape, 0))
+        return _by_stations(self.influence, parameters.stations)[self.good] * self.white[..., None]
+
+
+@dataclass(frozen=True, eq=False)
 class _Seen:
     """What was measured, as a question to parameters. least: of the noise's variance in multiples of the assumed."""
 
@@ -548,45 +591,79 @@ class _Seen:
     def settled(self, x: Array, exists: np.ndarray, robust: bool) -> tuple[Array, _Fit, _Linear, Array, Array] | None:
         """Return x (p,), the fit about it, its data, distances (N, channels) of what was measured, what is left (N, K).
 
-        None where it leads to parameters of which no sample can be simulated.
+        Gauss-Newton steps, each shortened until less is left. None where no sample can be simulated.
         """
-        problem, parameters = self.problem, self.parameters
         noise, variances = 1e6, np.ones(len(x))
+        here = self.at(x, exists)
+        if here is None:
+            return None
         known: Array | None = None
-        run: Run | None = None
         for _ in range(SPREAD_ROUNDS):
-            acting = [*parameters.effects(x), *self.weight]
-            run = problem.simulator.run(acting, run)
-            influence = Influence(problem.simulator, run, problem.stack)
-            white = np.where(exists[run.samples], 1.0, 0.0) / problem.stack.deviation(problem.noise)
-            residual = problem.stack.residual(run)[run.samples] * white
-            columns = parameters.columns(problem.simulator, influence, x, self.weight) * white[..., None]
-            target = residual + columns @ x
-            good = np.isfinite(target).all(axis=1) & np.isfinite(columns).all(axis=(1, 2))
-            if not good.any():
-                return None
-            white, target, columns, samples = white[good], target[good], columns[good], run.samples[good]
+            samples, stack = here.samples, self.problem.stack
+            columns = self.parameters.columns(self.problem.simulator, here.influence, here.x, self.weight)
+            columns = columns[here.good] * here.white[..., None]
+            target = here.residual + columns @ here.x
             weights = None if known is None else known[samples]
             for _ in range(2 if robust else 1):
-                data = _linear(target, columns, white, weights, problem.stack)
+                data = _linear(target, columns, here.white, weights, stack)
                 fit = self.fitted(data, variances, noise)
                 variances, noise = fit.variances, fit.noise
-                distances = _distances(target, columns, white, weights, fit, problem.stack)
+                distances = _distances(target, columns, here.white, weights, fit, stack)
                 if robust:
                     weights = np.nan_to_num(trusted(distances), nan=1.0)
             if weights is not None:
                 known = np.ones((len(exists), weights.shape[1]))
                 known[samples] = weights
-            new = parameters.clipped(fit.mean)
-            step = new - x
-            x = new
+            now, step = here, self.parameters.nearest(data, fit) - here.x
             if (np.abs(step) < SPREAD_SETTLED * np.sqrt(np.diagonal(fit.covariance)) + 1e-4).all():
                 break
+            further = self.stepped(here, step, exists, known, fit)
+            if further is None:
+                break
+            here = further
         full = np.full((len(exists), distances.shape[1]), np.nan)
-        full[samples] = distances
+        full[now.samples] = distances
         rest = np.full(exists.shape, np.nan)
-        rest[samples] = target - columns @ fit.mean
-        return x, fit, data, full, rest
+        rest[now.samples] = target - columns @ fit.mean
+        return now.x, fit, data, full, rest
+
+    def stepped(self, here: _At, step: Array, exists: np.ndarray, known: Array | None, fit: _Fit) -> _At | None:
+        """Return where a step (p,) leads, shortened until it helps by the fit's noise and variances; or None.
+
+        known (N, groups): weights of what was measured.
+        """
+        # a kind without variance may have something from before, or where its bounds are: no matter of the step
+        variances = np.maximum(fit.variances, np.maximum(here.x**2, (here.x + step) ** 2))
+        now = self.left(here, known, fit.noise, variances)
+        share = 1.0
+        while share >= CALIBRATION_STEP:
+            there = self.at(here.x + share * step, exists, here.influence.run)
+            share /= 3
+            if there is None or len(there.samples) < len(here.samples):
+                continue
+            if self.left(there, known, fit.noise, variances) < now:
+                return there
+        return None
+
+    def left(self, here: _At, known: Array | None, noise: float, variances: Array) -> float:
+        """Return the squares that are left of what was measured and of the parameters, in multiples of the noise."""
+        weights = None if known is None else known[here.samples]
+        beside = here.columns_of_stations(self.parameters)
+        data = _linear(here.residual, beside, here.white, weights, self.problem.stack)
+        own = self.parameters.own
+        placed = _posterior(data, np.maximum(variances[own:], 2 * _NONE**2), noise).mean
+        moved = np.concatenate((here.x[:own], placed))
+        return data.left(placed) / noise + float((moved**2 / np.maximum(variances, _NONE**2)).sum())
+
+    def at(self, x: Array, exists: np.ndarray, start: Run | None = None) -> _At | None:
+        """Return the simulation at parameters x (p,) beside what was measured, exists (N, K); None if there is none."""
+        stack = self.problem.stack
+        run = self.problem.simulator.run([*self.parameters.effects(x), *self.weight], start)
+        influence = Influence(self.problem.simulator, run, stack)
+        white = np.where(exists[run.samples], 1.0, 0.0) / stack.deviation(self.problem.noise)
+        residual = stack.residual(run)[run.samples] * white
+        good = run.solved[run.samples]
+        return _At(x, influence, good, white[good], residual[good]) if good.any() else None
 
     def fitted(self, data: _Linear, variances: Array, noise: float) -> _Fit:
         """Return the likelier of two fits: from what was found so far, and from what is usual.

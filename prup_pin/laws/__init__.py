@@ -19,7 +19,7 @@ from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
 from .hertzian_contact import HertzianContact
 from .in_recording import in_groups
-from .inputs import Inputs
+from .inputs import Inputs, Trajectory
 from .joint_compliance import EveryJointCompliance, JointCompliance, UnevenJointCompliance
 from .joint_places import JointDirection, JointPosition
 from .law import Effect, Law, Place, Sharing
@@ -118,6 +118,7 @@ __all__ = [
     "Place",
     "Setup",
     "Sharing",
+    "Trajectory",
     "law_at",
     "laws_of",
     "stands_elsewhere",

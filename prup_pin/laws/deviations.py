@@ -28,6 +28,8 @@ __all__ = ["Calibration", "Deviation", "amounts_of", "calibration_of", "deviatio
 _AXES = "xyz"
 #: A direction shorter than this is none.
 _SMALL = 1e-9
+#: Kinds of tolerance of which a robot at rest shows nothing.
+DELAYS = ("encoder_delay", "pose_delay")
 #: Kinds of tolerance that no measured pose has anything to say of, each with the reason.
 _NOT_FELT = {
     "inertia": "a robot at rest does not feel its inertia",
@@ -102,14 +104,19 @@ class Calibration(Law):
 
 
 def deviations_of(
-    mechanism: Mechanism, markers: Sequence[str] = (), groups: Mapping[str, Sequence[Sharing]] | None = None
+    mechanism: Mechanism,
+    markers: Sequence[str] = (),
+    groups: Mapping[str, Sequence[Sharing]] | None = None,
+    moves: bool = True,
 ) -> tuple[Deviation, ...]:
     """Return all parameters of a robot, of its sensors, and of the frames of its tool and of `markers`.
 
     What acts on a pose's report comes last, the targets before the frame in which they are reported. groups: recordings
-    that share what is of a kind, where not all do, by the kind; each group has its own parameters.
+    that share what is of a kind, where not all do, by the kind; each group has its own parameters. moves: the actuators
+    do, and delays show.
     """
-    of_all, groups = _of_all(mechanism, markers), groups or {}
+    groups = groups or {}
+    of_all = [item for item in _of_all(mechanism, markers) if moves or item.kind not in DELAYS]
     return tuple(each for item in of_all for each in _of_groups(item, groups.get(item.kind)))
 
 
@@ -319,10 +326,25 @@ def _encoders(mechanism: Mechanism) -> Iterator[Deviation]:
         offset, slope = partial(_encoder_offset, column), partial(_encoder_slope, column)
         yield Deviation(f"{name}.encoder_offset", "encoder_offset", unit, 0.0, False, "encoder_offset", name, offset)
         yield Deviation(f"{name}.encoder_slope", "encoder_slope", "1", 0.0, False, "lead_error", name, slope)
+        late = partial(_encoder_delay, column)
+        yield Deviation(f"{name}.encoder_delay", "encoder_delay", "s", 0.0, False, "encoder_delay", name, late)
+    if mechanism.actuated:
+        yield Deviation("encoders.delay", "pose_delay", "s", 0.0, False, "encoder_delay", "robot", _all_late)
 
 
 def _encoder_offset(column: int, value: float, setup: Setup) -> Iterator[Deed]:
     yield Travel(column, value)
+
+
+def _encoder_delay(column: int, value: float, setup: Setup) -> Iterator[Deed]:
+    moved = setup.inputs.later(column, value)
+    if moved is not None:
+        yield Travel(column, moved)
+
+
+def _all_late(value: float, setup: Setup) -> Iterator[Deed]:
+    for column in range(len(setup.mechanism.actuated)):
+        yield from _encoder_delay(column, value, setup)
 
 
 def _encoder_slope(column: int, value: float, setup: Setup) -> Iterator[Deed]:

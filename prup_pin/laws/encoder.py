@@ -50,7 +50,7 @@ def _slides(place: Place, mechanism: Mechanism) -> bool:
 
 
 class EncoderDelay(Law):
-    """The encoders report where the actuators were a little ago: they stand at q + delay dq/dt."""
+    """The encoders report where the actuators were a little ago: they stand at q(t + delay)."""
 
     physics = "encoder_delay"
     summary = "encoders that report late"
@@ -68,8 +68,11 @@ class EncoderDelay(Law):
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
         column = actuator_places(setup.mechanism)[place.name]
-        if setup.inputs.speeds is not None:
-            yield Travel(column, values["delay"] * setup.inputs.speeds[:, column])
+        moved = setup.inputs.later(column, values["delay"])
+        if moved is not None:
+            yield Travel(column, moved)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        return f"the encoder at {place} reports {number(1e3 * values['delay'], 3)} ms late"
+        delay = 1e3 * values["delay"]
+        late = f"{number(delay, 3)} ms late" if delay > 0 else f"{number(-delay, 3)} ms earlier than the poses"
+        return f"the encoder at {place} reports {late}"

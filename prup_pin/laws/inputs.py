@@ -2,17 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..spatial import Array
 
-__all__ = ["Inputs"]
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+__all__ = ["Inputs", "Trajectory"]
 
 #: Temperature [deg C] at which lengths are nominal.
 REFERENCE_TEMPERATURE = 20.0
+#: Samples without which a run shows no motion, and the share of a sample's step by which its neighbours may miss it: a
+#: motion that is sampled finely enough is told by its neighbours to a hundredth, postures one after another are not.
+_FEWEST, _RESOLVED = 8, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Where actuators were at any time of a recorded motion: a cubic spline of their positions for each run."""
+
+    runs: Mapping[int, CubicSpline]
+
+    @classmethod
+    def of(cls, time: Array, actuators: Array, runs: np.ndarray) -> Trajectory | None:
+        """Return the motion through positions (N, a) at times (N,) [s], runs (N,); None where samples are postures.
+
+        A motion is one whose samples are foretold by their neighbours.
+        """
+        from scipy.interpolate import CubicSpline  # heavy: only motions need it
+
+        found, missed, moved = {}, 0.0, 0.0
+        for run in np.unique(runs):
+            t, q = time[runs == run], actuators[runs == run]
+            if len(t) < _FEWEST or not (np.diff(t) > 0).all() or not np.isfinite(q).all():
+                return None
+            others = CubicSpline(t[::2], q[::2])(t[1:-1:2])
+            missed += float(((others - q[1:-1:2]) ** 2).sum())
+            moved += float(((q[2::2] - q[:-2:2]) ** 2).sum())
+            found[int(run)] = CubicSpline(t, q)
+        return cls(found) if found and missed < _RESOLVED**2 * moved else None
+
+    def later(self, time: Array, runs: np.ndarray, actuator: int, delay: float) -> Array:
+        """Return how far an actuator moves (N,) [m or rad] from times (N,) [s] of runs (N,) in `delay` [s]."""
+        out = np.zeros(len(time))
+        for run, spline in self.runs.items():
+            here = runs == run
+            if here.any():
+                ahead = np.clip(time[here] + delay, spline.x[0], spline.x[-1])
+                # beyond the first and last sample it goes on as there
+                beyond = time[here] + delay - ahead
+                there = spline(ahead)[:, actuator] + beyond * spline(ahead, 1)[:, actuator]
+                out[here] = there - spline(time[here])[:, actuator]
+        return out
 
 
 @dataclass(frozen=True)
@@ -25,6 +71,7 @@ class Inputs:
     where it is the robot file's; sources (N,), which of several recordings a sample is from, or None for one.
     began (N,), when the recording of each sample began [s], or None: with the first one here.
     weight_alone: no wrench was recorded, so that nothing but the robot's weight acts.
+    motion: where the actuators were between the samples, or None where these are postures.
     """
 
     time: Array
@@ -38,6 +85,7 @@ class Inputs:
     sources: np.ndarray | None = None
     weight_alone: bool = False
     began: Array | None = None
+    motion: Trajectory | None = None
 
     @classmethod
     def empty(cls, actuators: int) -> Inputs:
@@ -55,6 +103,18 @@ class Inputs:
     def from_sources(self, places: Sequence[int]) -> np.ndarray:
         """Return which samples are from the recordings with these places, (N,); none where there is one alone."""
         return np.zeros(len(self), bool) if self.sources is None else np.isin(self.sources, list(places))
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is known how the actuators moved."""
+        fast = self.speeds is not None and np.nanmax(np.abs(self.speeds), initial=0.0) > 0
+        return self.motion is not None or bool(fast)
+
+    def later(self, actuator: int, delay: float) -> Array | None:
+        """Return how far an actuator moves from each sample in `delay` [s], (N,) [m or rad]; None: nobody knows."""
+        if self.motion is not None:
+            return self.motion.later(self.time, self.run_labels(), actuator, delay)
+        return None if self.speeds is None else delay * self.speeds[:, actuator]
 
     @property
     def elapsed(self) -> Array:

@@ -44,6 +44,7 @@ class KindOfTolerance:
 
 
 _RELATIVE, _METRES, _RADIANS, _LOADS = 1.0, 0.1, 0.5, 1000.0
+_SECONDS = 0.2
 #: A tracker may stand anywhere in a hall and be turned anyhow, a marker sit anywhere on a link.
 _ANYWHERE, _ANY_WAY, _ON_A_LINK = 100.0, 3.2, 1.0
 
@@ -65,6 +66,10 @@ KINDS_OF_TOLERANCE = (
     KindOfTolerance("encoder_slope", "relative",
                     "scale of every actuated joint (lead of a screw, tooth count of a belt)", _RELATIVE,
                     "joints turn by another ratio than their encoders say"),
+    KindOfTolerance("encoder_delay", "s", "age of the position that each actuated joint reports, beside the others",
+                    _SECONDS, "encoders report late, or early"),
+    KindOfTolerance("pose_delay", "s", "age of all reported positions beside the measured poses", _SECONDS,
+                    "encoders and pose sensor have clocks of their own"),
     KindOfTolerance("frame_position", "m", "origin of the pose sensor's frame against the base frame", _ANYWHERE,
                     "the pose sensor stands elsewhere"),
     KindOfTolerance("frame_rotation", "rad", "axes of the pose sensor's frame against the base frame", _ANY_WAY,
@@ -108,6 +113,8 @@ class Tolerances:
     direction: float | None = None  # rad
     encoder_offset: float | None = None  # m or rad, the joint's unit
     encoder_slope: float | None = None  # relative
+    encoder_delay: float | None = None  # s
+    pose_delay: float | None = None  # s
     frame_position: float | None = None  # m
     frame_rotation: float | None = None  # rad
     target_position: float | None = None  # m
@@ -144,6 +151,8 @@ ARM = Tolerances(
     direction=3e-3,
     encoder_offset=0.01,
     encoder_slope=1e-3,
+    encoder_delay=1e-3,
+    pose_delay=5e-3,
     frame_position=5.0,
     frame_rotation=3.0,
     target_position=0.01,
@@ -159,6 +168,8 @@ TYPICAL = Tolerances(
     direction=2e-4,
     encoder_offset=5e-5,
     encoder_slope=1e-4,
+    encoder_delay=3e-4,
+    pose_delay=1e-3,
     frame_position=3e-4,
     frame_rotation=1e-3,
     target_position=3e-4,

@@ -98,6 +98,7 @@ def take_inputs(inputs: Inputs, rows: np.ndarray) -> Inputs:
         taken(inputs.gravity),
         taken(inputs.sources),
         began=taken(inputs.began),
+        motion=inputs.motion,
     )
 
 

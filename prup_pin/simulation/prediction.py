@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ..errors import InputError, SimulationStoppedError, UnknownNameError
-from ..laws import Effect, Inputs, Setup
+from ..laws import Effect, Inputs, Setup, Trajectory
 from ..mechanism import Mechanism
 from ..recordings import Convention, Recording, written_as
 from ..robot import Robot
@@ -118,6 +118,7 @@ def inputs_of(recording: Recording, robot: Robot) -> Inputs:
         gravity=recording.gravity,
         weight_alone=not recording.has_wrench,
         began=np.repeat(recording.time[:1], len(recording)),
+        motion=Trajectory.of(recording.time, recording.actuator_positions(names), recording.run),
     )
 
 
@@ -266,8 +267,8 @@ def _missing_inputs(effects: Sequence[Effect], inputs: Inputs, mechanism: Mechan
                 remarks.append(f"{name} has no effect: the recording has no column temperature.")
             elif count := int(np.isnan(inputs.temperature).sum()):
                 remarks.append(f"{name}: {count} rows without temperature are taken at 20 degrees Celsius.")
-        if "speed" in effect.law.needs and inputs.speeds is None:
-            remarks.append(f"{name} has no effect: the recording has no column qd.<joint>.")
+        if "speed" in effect.law.needs and inputs.speeds is None and inputs.motion is None:
+            remarks.append(f"{name} has no effect: the recording has no column qd.<joint>, and is of no motion.")
         if "gravity" in effect.law.needs and inputs.gravity is None and not mechanism.gravity.any():
             remarks.append(f"{name} has no effect: the robot file sets no gravity, and the recording has no column g.")
     heavy = any("gravity" in effect.law.needs for effect in effects)

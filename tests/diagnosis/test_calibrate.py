@@ -101,7 +101,7 @@ def test_parameters_have_the_names_units_and_values_of_the_robot_file():
     assert found["leg2_slide.encoder_offset"].unit == "m"
     assert {name for name in found if name.startswith("leg1_slide.r")} == {"leg1_slide.rx", "leg1_slide.ry"}
     for item in found.values():
-        assert item.kind in TOLERANCES or item.kind == "length"
+        assert item.kind in {*TOLERANCES, "length", "encoder_delay", "pose_delay"}
         assert item.amount(item.value(0.1)) == pytest.approx(0.1)
 
 

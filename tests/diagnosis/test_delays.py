@@ -1,0 +1,58 @@
+"""Arms whose poses were logged in motion: how late encoders or tracker are, and what a robot at rest does not show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.calibrate import toleranced_of
+from prup_pin.recordings import TYPICAL, read_recording
+from prup_pin.simulation import simulate
+
+from ..reference.concealed.efforts import KINDS
+from ..reference.concealed.tracked import draw_tracked, write
+
+
+def drawn(tmp_path, *given, **options):
+    """Return what was drawn, its robot and its two recordings."""
+    found = draw_tracked(*given, **options)
+    write(found, tmp_path / "out", tmp_path / "sealed", "device")
+    logs = (read_recording(tmp_path / f"out/device{part}.csv") for part in ("", ".heldout"))
+    return found, prup_pin.load(KINDS[found["robot"]].called), *logs
+
+
+def delays(found) -> dict[str, float]:
+    """Return the delays that findings name [s]."""
+    named = [item for item in found.findings if item.physics.endswith("_delay")]
+    return {name: parameter.value for item in named for name, parameter in item.parameters.items()}
+
+
+@pytest.mark.parametrize(("late", "speeds"), [(4e-3, False), (0.0, True)])
+def test_one_clock_beside_the_encoders_is_one_delay(late, speeds, tmp_path):
+    device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", rows=1300, late=late, yields=False, speeds=speeds)
+    found = diagnose(robot, recording)
+    assert found.verdict == "explained"
+    assert delays(found) == (pytest.approx({"encoders.delay": late}, abs=2e-5) if late else {})
+    if late:
+        (finding,) = (item for item in found.findings if item.physics == "encoder_delay")
+        assert finding.location == "robot"
+    assert found.noise.position == pytest.approx(device["noise"]["position"], rel=0.2)
+    told = simulate(robot, heldout, found.effects)
+    inside = slice(5, -5)
+    left = np.sqrt(np.mean((told.position - heldout.position)[inside] ** 2))
+    assert left < 1.2 * device["noise"]["position"]
+
+
+def test_a_robot_at_rest_has_no_delay(tmp_path):
+    _, robot, recording, _ = drawn(tmp_path, 3, "ur5", rows=40, moving=False)
+    for moves in (False, True):
+        law = toleranced_of(replace(recording, tolerances=TYPICAL), robot.mechanism,
+                            None, moves).law  # fmt: skip
+        assert moves == any(item.kind.endswith("_delay") for item in law.deviations)
+    found = diagnose(robot, recording)
+    assert not any("delay" in item.deviation.name for item in found.calibration)
+    assert any(item.physics == "encoder_delay" and item.smallest is None for item in found.not_detectable)
