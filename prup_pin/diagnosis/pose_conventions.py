@@ -23,6 +23,7 @@ from ..robot import Robot
 from ..simulation import Simulator, drawn_for
 from ..spatial import Array, cross, rotation_exp, turn_between
 from .criteria import (
+    CHANCE_DEVIATIONS,
     COARSE,
     CONVENTION_AS_GOOD,
     CONVENTION_FINE,
@@ -403,7 +404,8 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
 class _Loaded:
     """Samples (n) of a loaded tool: what moves it, by module, and how it moved (n, 6) while the actuators stood still.
 
-    parts (m, n, 6, 6): compliance of each module; free: takes away what stands still, or what frames could do.
+    parts (m, n, 6, 6): compliance of each module; free: takes away what stands still, or what frames could do; noise:
+    squares of what is moved that declared noise makes.
     """
 
     parts: Array
@@ -412,11 +414,20 @@ class _Loaded:
     tool: Array
     blocks: np.ndarray
     free: Callable[[Array], Array]
+    noise: float
+
+    @property
+    def shown(self) -> float:
+        """Squares beyond the noise below which nothing shows: by chance, or where no noise is declared."""
+        if self.noise:
+            return CHANCE_DEVIATIONS * float(np.sqrt(2 / self.moved.size)) * self.noise
+        return CONVENTION_SHOWN**2 * float((self.free(self.moved) ** 2).sum())
 
     def select(self, rows: np.ndarray) -> _Loaded:
         return replace(
             self, parts=self.parts[:, rows], moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
             blocks=self.blocks[rows], free=_freed(self.blocks[rows]),
+            noise=self.noise * len(self.wrench[rows]) / len(self.wrench),
         )  # fmt: skip
 
     def by_module(self, wrench: Array) -> Array:
@@ -440,8 +451,10 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     now = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
     size = float(target @ target)
     first = least = _softened(loaded, loaded.wrench)
-    if first < CONVENTION_SHOWN**2 * size:
+    shown = loaded.shown
+    if first < shown:
         return None
+    alike = shown / CHANCE_DEVIATIONS if loaded.noise else shown
     taken: list[Convention] = []
     others: list[tuple[Convention, ...]] = []
     while len(taken) < 4:
@@ -450,17 +463,19 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
             for convention in readings:
                 other = read_as(now, [convention], drawn)
                 tried.append((_softened(loaded, other.wrench), convention, other))
-            if min(item[0] for item in tried) < CONVENTION_SHOWN**2 * size:
+            if min(item[0] for item in tried) < alike:
                 break
         # what is nearly as good is told by the commoner word
-        least_of_all = min(item[0] for item in tried)
-        left, convention, other = next(item for item in tried if item[0] < 1.2 * least_of_all)
+        near = max(1.2 * min(item[0] for item in tried), alike)
+        left, convention, other = next(item for item in tried if item[0] <= near)
         if not left < CONVENTION_LEAVES * least:
             break
         others = [
             (*taken, item[1])
             for item in tried
-            if item[0] < CONVENTION_AS_GOOD**2 * left and item[1] is not convention and not item[1].argument
+            if item[0] <= max(CONVENTION_AS_GOOD**2 * left, alike)
+            and item[1] is not convention
+            and not item[1].argument
         ]
         taken, now, least = [*taken, convention], other, left
     if not taken:
@@ -497,7 +512,8 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
     rows = np.flatnonzero(good & np.isin(blocks, chosen))
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
     inputs = Inputs(recording.time[rows], actuators[rows], recording.wrench[rows], blocks[rows])
-    geometry = Simulator(robot, inputs).geometry({})
+    simulator = Simulator(robot, inputs)
+    geometry, run = simulator.geometry({}), simulator.run(())
     there = np.flatnonzero(geometry.reachable)
     if len(there) < _FEWEST:
         return None
@@ -509,14 +525,33 @@ def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
         return None
     parts = np.array([[item.parts[name] for item in each] for name in names])[:, which]
     tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
-    turned = turn_between(tool[:, :3, :3], rotation_exp(np.nan_to_num(vector[rows])))
-    moved = np.concatenate((position[rows] - tool[:, :3, 3], turned), axis=1)
+    wrench = recording.wrench[rows]
     exists = np.repeat(np.column_stack([item[rows] for item in seen]), 3, axis=1)
     weight = np.where(exists, 1 / np.array(COARSE), 0.0)
-    moved = np.where(exists, moved, 0.0) * weight
-    return _Loaded(
-        parts * weight[None, :, :, None], moved, recording.wrench[rows], tool, blocks[rows], _freed(blocks[rows])
-    )
+    moved = _moved(tool, position[rows], rotation_exp(np.nan_to_num(vector[rows])))
+    bent = _moved(tool, run.position[there], run.rotation[there]) - (parts.sum(axis=0) @ wrench[..., None])[..., 0]
+    parts = parts * weight[None, :, :, None]
+    noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
+    moved, bent = (np.where(exists, values, 0.0) * weight for values in (moved, np.nan_to_num(bent)))
+    loaded = _Loaded(parts, moved, wrench, tool, blocks[rows], _freed(blocks[rows]), noise)
+    # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large
+    other = replace(loaded, moved=moved - bent)
+    return min(loaded, other, key=lambda item: _softened(item, wrench))
+
+
+def _moved(tool: Array, position: Array, rotation: Array) -> Array:
+    """Return how far poses (n, 3), (n, 3, 3) lie from the drawn ones (n, 4, 4), positions and turns (n, 6)."""
+    return np.concatenate((position - tool[:, :3, 3], turn_between(tool[:, :3, :3], rotation)), axis=1)
+
+
+def _noise_of(recording: Recording, whole: Array, weight: Array, exists: np.ndarray) -> float:
+    """Return the squares that declared noise of poses and wrench gives weighted motions (n, 6); 0: undeclared."""
+    noise = recording.noise
+    if not (noise.position and noise.rotation):
+        return 0.0
+    poses = weight**2 * np.where(exists, np.repeat([noise.position, noise.rotation], 3) ** 2, 0.0)
+    loads = whole**2 @ np.repeat([noise.force or 0.0, noise.moment or 0.0], 3) ** 2
+    return float((poses + loads).sum())
 
 
 def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
@@ -532,7 +567,7 @@ def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
 
 
 def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> float:
-    """Return the squares that the drawn modules leave, each as much softer or stiffer as suits, within reason.
+    """Return the squares beyond noise that the drawn modules leave, each as much softer or stiffer as suits.
 
     fitted (n,): samples by which that is found; the squares are then those of the others.
     """
@@ -552,7 +587,7 @@ def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) 
         scale = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
         scale = np.clip(scale, 1 / CONVENTION_SOFTEST, CONVENTION_SOFTEST)
     rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
-    return float(rest @ rest)
+    return max(float(rest @ rest) - judged.noise, 0.0)
 
 
 def _of_wrench() -> Iterator[Convention]:

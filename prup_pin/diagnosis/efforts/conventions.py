@@ -389,7 +389,7 @@ class _Search:
         best = min(item[0] for item in found)
         near = [item for item in found if item[0] < 1.03 * best]
         least, _, taken = min(near, key=lambda item: (item[1] % 10 > 0, item[1] % 5 > 0, item[0]))
-        if not least < _limit(first):
+        if not least < min(_limit(first), EFFORT_STEP * self._left_by_friction(self.written)):
             return None
         return Evidence(taken, "efforts", "", first, least, 1 - (least / first) ** 2)
 
