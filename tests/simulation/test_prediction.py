@@ -239,7 +239,7 @@ def test_a_law_that_moves_the_poses_out_of_reach(robot, bench):
 
 @pytest.mark.parametrize(("rows", "first", "word"), [(slice(None), 1, "no input"), (slice(2, None), 0, "unreachable")])
 def test_stopping_keeps_what_was_computed(robot, broken, rows, first, word):
-    with pytest.raises(SimulationStoppedError, match=f"row {first + 1} of .*{word}") as caught:
+    with pytest.raises(SimulationStoppedError, match=f"line {first + 2} of .*{word}") as caught:
         simulate(robot, broken.select(rows), stop=True)
     assert (caught.value.row, caught.value.status) == (first, word)
     assert caught.value.prediction.status == ("ok",) * first

@@ -43,6 +43,8 @@ __all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of
 _SAMPLES, _SCANNED = 600, 80
 #: Conventions one after the other, and joints of which some would show what one thing does to all.
 _MOST, _FEWEST = 6, 3
+#: Words for axes that count together.
+_TOGETHER = ("plus", "minus")
 #: What is left of a joint is the same where both differ by less.
 _SAME = 0.9
 #: Ratios that come nearest, which are looked at more closely.
@@ -216,7 +218,7 @@ class _Search:
         least = now
         if now > EFFORT_STRANGE:
             taken, least, others = self._forward(begin, now)
-            if taken and not self._makes_sense(begin, read_as(begin, taken, self.drawn)):
+            if taken and not self._makes_sense(begin, taken):
                 taken, least, others = (), now, ()
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
@@ -224,14 +226,18 @@ class _Search:
         equal = tuple((*start, *other) for other in others)
         return Evidence(conventions, "efforts", "", written, least, held, equal)
 
-    def _makes_sense(self, written: Recording, read: Recording) -> bool:
+    def _makes_sense(self, written: Recording, taken: Sequence[Convention]) -> bool:
         """Return whether a log leaves so much less as it is read, and less than where gravity may pull any way.
 
-        Of all joints, or of those of which it changes what is left: the others cannot hide it.
+        Of all joints, or of those of which it changes what is left: the others cannot hide it. But axes that count
+        together may be one motor that drives both: there most of all joints must speak for it.
         """
-        before, after, hung = self.shares(written), self.shares(read), self._hung(written)
+        before, hung = self.shares(written), self._hung(written)
+        after = self.shares(read_as(written, taken, self.drawn))
         if _rms(after) < min(_limit(_rms(before)), _rms(hung)):
             return True
+        if any(item.word in _TOGETHER for item in taken):
+            return False
         changed = (np.minimum(before, after) < _SAME * np.maximum(before, after)) & np.isfinite(before)
         if not changed.any():
             return False
