@@ -43,6 +43,8 @@ __all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of
 _SAMPLES, _SCANNED = 600, 80
 #: Conventions one after the other, and joints of which some would show what one thing does to all.
 _MOST, _FEWEST = 6, 3
+#: Share by which a reading must leave less for each of its words.
+_WORD = 0.02
 #: Words for axes that count together.
 _TOGETHER = ("plus", "minus")
 #: What is left of a joint is the same where both differ by less.
@@ -295,11 +297,17 @@ class _Search:
             tried = [item for item in tried if item[0] < np.inf]
             if not tried:
                 break
-            left, step, read = min(tried, key=lambda item: item[0] * (1 + 0.02 * len(item[1])))
+            # what takes more words must leave less for each of them
+            cost = [left * (1 + _WORD * len(step)) for left, step, _ in tried]
+            best = int(np.argmin(cost))
+            left, step, read = tried[best]
             if left > EFFORT_STEP * least:
                 break
-            others = tuple((*taken, *item[1]) for item in tried
-                           if item[0] < 1.01 * left and item[1] is not step)  # fmt: skip
+            others = tuple(
+                (*taken, *item[1])
+                for place, item in enumerate(tried)
+                if cost[place] < 1.01 * cost[best] and place != best
+            )
             taken, now, least = (*taken, *step), read, left
             if left < EFFORT_STEP * without:
                 found = taken, left, others
