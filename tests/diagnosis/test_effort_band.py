@@ -19,8 +19,10 @@ from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.coulomb_friction import SlidingFriction
 from prup_pin.laws.efforts.inertial_parameters import InertialParameters
 from prup_pin.laws.efforts.viscous_friction import Damping
-from prup_pin.recordings import Recording
+from prup_pin.recordings import Recording, read_recording
 from prup_pin.simulation import simulate
+
+from ..reference.concealed.elastic import draw_elastic, write
 
 AXIS = Path(__file__).parents[2] / "urdf" / "ball_screw_axis.urdf"
 #: Of the carriage and of the rotor that the file leaves out [kg].
@@ -161,6 +163,17 @@ def test_what_most_drives_have_is_one_finding_with_a_table():
         for name, size in friction.items():
             assert finding.parameters[f"{name}.{key}"].value == pytest.approx(times * size, rel=0.02)
             assert name in finding.candidates
+
+
+def test_a_load_that_a_body_explains_as_well_is_no_mass_that_no_body_has(tmp_path):
+    """Gears yield beside a load of half a kilogram, so that a free fit lies beyond all bodies by its own error."""
+    write(draw_elastic(180008, "ur10"), tmp_path, tmp_path, "device")
+    recording = read_recording(tmp_path / "device.csv")
+    found = diagnose(load("ur10"), recording)
+    (finding,) = (item for item in found.findings if item.physics not in ("effort_delay", "effort_filter"))
+    assert finding.physics in ("payload", "inertial_parameters")
+    assert {"tool0", "wrist_3_link"} & {finding.location, *finding.candidates}
+    assert found.verdict == "explained"
 
 
 def test_bodies_of_a_corrected_model_can_exist():

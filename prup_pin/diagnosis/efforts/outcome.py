@@ -15,7 +15,7 @@ from ...recordings import Recording
 from ...robot import Robot
 from ...spatial import Array
 from ..chances import hotelling_sf, student_ppf, student_sf
-from ..criteria import EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
+from ..criteria import EFFORT_GAIN, EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .combinations import Combinations
@@ -102,18 +102,28 @@ class Outcome:
         return x, apart, matrix
 
     def _no_bodies(self, x: Array) -> list[EffortCandidate]:
-        """Return links whose parameters no body has, by a free fit (p,): they imitate what else is there."""
+        """Return links whose parameters no body has, by a free fit (p,): they imitate what else is there.
+
+        Where bodies that can be leave as little, parameters beyond any body are no more than the free fit's own error.
+        """
         bodies = [term for term in self.laws if term.law.body]
         if not bodies:
             return []
         _, covariance, _ = self.scatter
         reach = EFFORT_SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
         own = [self.named.own(term) for term in bodies]
-        return [
+        beyond = [
             term
             for term, at in zip(bodies, own, strict=True)
             if term.law.impossible(term.place, x[at], reach[at], self.mechanism)
         ]
+        if not beyond:
+            return []
+        possible = consistent_fit(self.given, self.named, self.efforts.bodies_within_tolerance)[0]
+        free, bound = (
+            float((self.given.columns.residual(self.named.where, each) ** 2).sum()) for each in (x, possible)
+        )
+        return beyond if bound - free > EFFORT_GAIN * bound else []
 
     def _stands_for_one(self, term: EffortCandidate) -> bool:
         """Return whether a law is no body, or needs one beside it at its joint: it imitates what that imitates."""
