@@ -10,7 +10,7 @@ import prup_pin
 from prup_pin.views.text.answer import Answer
 from prup_pin.views.text.answer_text import print_answer
 from prup_pin.views.text.robot_text import print_info
-from prup_pin.views.text.terminal import lines_of, make_table, print_table
+from prup_pin.views.text.terminal import lines_of, listed, make_table, print_table
 
 
 def console(width: int) -> Console:
@@ -64,3 +64,13 @@ def test_a_table_that_is_too_wide_breaks_words_alone():
     assert re.search("root_tilting_stiffness +1234567.25", text)
     assert len(text.splitlines()) > 5
     assert not any(line.endswith(" ") for line in text.splitlines())
+
+
+def test_an_item_longer_than_a_line_is_wrapped_without_separators():
+    out = console(40)
+    listed(out, "noise", ["0.2 N m", "told by what the past does not foretell"], ", ")
+    assert [line.strip() for line in out.file.getvalue().splitlines()] == [
+        "noise       0.2 N m,",
+        "told by what the past",
+        "does not foretell",
+    ]

@@ -109,13 +109,14 @@ def listed(out: Console, label: str, items: Iterable[str], separator: str = "   
     room, blank = out.width - len(start), " " * len(start)
     lines = [""]
     for item in items:
-        for part in lines_of(item, room - len(separator.rstrip())) or [""]:
-            joined = f"{lines[-1]}{separator}{part}" if lines[-1] else part
-            if len(joined) <= room - 1:
-                lines[-1] = joined
-            else:
-                lines[-1] += separator.rstrip() if lines[-1] else ""
-                lines.append(part) if lines[-1] else lines.__setitem__(-1, part)
+        first, *more = lines_of(item, room - len(separator.rstrip())) or [""]
+        joined = f"{lines[-1]}{separator}{first}" if lines[-1] else first
+        if len(joined) <= room - 1:
+            lines[-1] = joined
+        else:
+            lines[-1] += separator.rstrip() if lines[-1] else ""
+            lines.append(first) if lines[-1] else lines.__setitem__(-1, first)
+        lines += more
     for index, line in enumerate(lines):
         out.print(Text((blank if index else start) + line), soft_wrap=True)
 
