@@ -1,5 +1,7 @@
 """A first map, guessed from names, units and numbers, for its user to correct.
 
+A table whose columns are called as in a recording is one, but for its separators.
+
 What a name says counts first, then what the numbers allow: joints hardly turn further than twice around, and positions
 are the integral of velocities, which settles degrees, revolutions and milliseconds at once. Whatever is guessed without
 proof is a doubt, and says so in the map.
@@ -14,12 +16,13 @@ import numpy as np
 import yaml
 
 from ..errors import InputError
+from ..recordings.columns import is_known, joint_of, unit_of
 from ..recordings.problems import shown
 from ..recordings.writer import write_whole
 from .by_unit import add_by_unit
 from .clocks import set_beside
 from .columns import Clocks, add_joints, place_line, seen_poses, time_column, wrench_lines
-from .draft import Guessing, Seen
+from .draft import Guessing, Line, Seen
 from .log import Log
 from .map import NamedRobot
 from .unit_by_numbers import settle_units
@@ -28,6 +31,9 @@ from .units import UNSCALED
 
 def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = None) -> Guess:
     """Return a first map of a log. mechanism and robot: the robot and its name, where they are known."""
+    if len(log.streams) == 1 and "time" in log.names and all(map(is_known, log.names)):
+        lines = [Line(name, name, _si(name, mechanism)) for name in log.names if name not in ("time", "run")]
+        return written(log, {log.streams[0].name: ("time", "s", "")}, Guessing(lines), Seen(), mechanism, robot)
     clocks = {stream.name: time_column(stream) for stream in log.streams}
     times = {name for name, _, _ in clocks.values() if name}
     found = Guessing()
@@ -45,6 +51,15 @@ def guess(log: Log, mechanism: NamedRobot | None = None, robot: str | None = Non
     settle_units(log, clocks, found, mechanism)
     set_beside(log, clocks, found, seen, mechanism)
     return written(log, clocks, found, seen, mechanism, robot)
+
+
+def _si(name: str, mechanism: NamedRobot | None) -> str:
+    """Return the unit of a column that is called as in a recording; joints that nobody knows turn."""
+    if name == "temperature":
+        return "degC"
+    units, joint = unit_of(name).split(" or "), joint_of(name)
+    sliding = {item.name for item in mechanism.joints if item.slides} if mechanism is not None else set()
+    return units[0] if joint is not None and joint[1] in sliding else units[-1]
 
 
 # -- the map as YAML, with CHECK on each line that is not sure ---------------------------------------------------------

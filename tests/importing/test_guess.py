@@ -233,3 +233,25 @@ def test_a_driven_joint_without_a_position_is_told():
     none = guess(log_of(arm_columns()), LiftAndArm())
     assert "# q.lift: {from: NAME, unit: m}  # no column is its position" in none.text
     assert none.doubts == ()
+
+
+def test_a_recording_with_other_separators_is_one(tmp_path):
+    """As a spreadsheet in German saves it: nothing of it is guessed, and nothing left out."""
+    robot = prup_pin.load("3prup")
+    rng = np.random.default_rng(3)
+    names = [*(f"q.{name}" for name in robot.mechanism.actuated), "w.fx", "w.mz", "p.x", "p.y", "p.z", "r.x", "r.y",
+             "r.z", "temperature"]  # fmt: skip
+    table = np.column_stack([np.arange(30.0), rng.uniform(0.3, 0.5, (30, len(names)))])
+    lines = [";".join(["time", *names]), *(";".join(f"{x:.9g}" for x in row).replace(".", ",") for row in table)]
+    path = tmp_path / "bench.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    log = read_log(path)
+    found = guess(log, robot.mechanism, "3prup")
+    assert found.doubts == ()
+    (tmp_path / "map.yaml").write_text(found.text, encoding="utf-8")
+    recording = convert(log, read_map(tmp_path / "map.yaml", log, robot.mechanism), robot.mechanism).recording
+    np.testing.assert_allclose(recording.time, table[:, 0])
+    np.testing.assert_allclose(recording.position, table[:, names.index("p.x") + 1 :][:, :3])
+    np.testing.assert_allclose(recording.rotation, table[:, names.index("r.x") + 1 :][:, :3])
+    np.testing.assert_allclose(recording.positions["leg2_slide"], table[:, 2])
+    np.testing.assert_allclose(recording.temperature, table[:, -1])
