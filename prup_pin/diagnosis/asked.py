@@ -112,7 +112,8 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
         try:
             check_belongs(stack, linear, inputs, here, together.rows, allowed)
         except InputError as error:
-            raise InputError(together.told(source, str(error))) from error
+            # what the recording leaves open may be why
+            raise InputError(". ".join((together.told(source, str(error)), *adapted.remarks))) from error
     tell("the nominal simulation", 0.0)
     nominal = simulator.run()
     for source, here in together.each():

@@ -64,7 +64,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
         logs = logs_read(robot, recording)
         (recording,) = logs.recordings
-        adapted = as_recorded(robot, recording)
+        drawn, adapted = robot, as_recorded(robot, recording)
         robot = adapted.robot
         unused, told = unused_columns(recording, robot.mechanism)
         remarks = [*adapted.remarks, *recording.remarks, *suspicions(recording)]
@@ -73,7 +73,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         hidden: list[Detectable] = []
         alike: list[tuple[str, str]] = []
         if poses:
-            given = asked(robot, recording, lambda stage, share: None)
+            given = asked(drawn, recording, lambda stage, share: None)
             remarks += given.remarks
             problem = given.within_tolerances(given.problem)
             hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))

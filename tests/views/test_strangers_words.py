@@ -3,14 +3,20 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 
+import prup_pin
+from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.asked import _not_simulated
+from prup_pin.diagnosis.before import prospects
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream
 from prup_pin.numbers import counted
-from prup_pin.recordings import Convention
+from prup_pin.recordings import Convention, Recording, Tolerances
 from prup_pin.views.text.diagnosis_words import (
+    _takes,
     diagnosis_text,
     multiple_text,
     noise_text,
@@ -124,3 +130,24 @@ def test_what_accounts_for_a_part_is_not_said_to_account_for_all(diagnosed):
     assert "for a part of it: " in said
     assert said.endswith("To do first: check the column q.lift.")
     assert "for it: " in summary_text(diagnosis)
+
+
+def test_poses_far_off_are_told_with_the_joint_whose_column_is_missing():
+    robot = prup_pin.load("ur5", joint_stiffness=1e5, home={"elbow_joint": 1.0})
+    rng, names = np.random.default_rng(2), list(robot.mechanism.actuated)
+    q = rng.uniform(-1, 1, (40, len(names)))
+    poses = [robot.pose_from_actuators(row).base_from_tool for row in q]
+    recording = Recording(
+        time=np.arange(40.0),
+        positions={name: column for name, column in zip(names, q.T, strict=True) if name != "elbow_joint"},
+        position=np.array([pose[:3, 3] for pose in poses]),
+        tolerances=Tolerances(),
+    )
+    for ask in (prospects, diagnose):
+        with pytest.raises(InputError, match=r"1 joint without a column q: elbow_joint"):
+            ask(robot, recording)
+
+
+def test_a_residual_that_rises_does_not_fall():
+    assert _takes(1.93, 2.16) == "the residual rises from 1.93 to 2.16 times the noise"
+    assert _takes(2.16, 1.93) == "the residual falls from 2.16 to 1.93 times the noise"

@@ -85,7 +85,8 @@ def _takes(before: float, after: float) -> str:
         return "the residual falls"
     if number(before, 3) == number(after, 3):
         return f"the residual is {_times(after)}"
-    return f"the residual falls from {number(before, 3)} to {_times(after)}"
+    way = "falls" if after < before else "rises"
+    return f"the residual {way} from {number(before, 3)} to {_times(after)}"
 
 
 def _of_efforts(shares: Mapping[str, float], after: float) -> str:
