@@ -95,6 +95,9 @@ def test_a_mechanic_reads_at_its_top_what_is_wrong_and_what_to_do_first(diagnose
     moved = Finding("finite_deflection", "robot", ("robot",), {}, 0.1, "loads move it far")
     assert "One thing accounts for it:" in summary_text(replace(diagnosis, findings=(first, moved)))
     assert "One thing accounts for it: loads move it far." in summary_text(replace(diagnosis, findings=(moved,)))
+    missing = summary_text(replace(diagnosis, findings=(moved,), verdict="unexplained"))
+    assert "accounts for" not in missing
+    assert "No law of the library takes it away: something is missing" in missing
     loud = summary_text(replace(diagnosis, after={**diagnosis.after, "heldout": 10.4}))
     assert "little more than" not in loud
     assert "10.4 times what the sensors scatter by themselves" in loud

@@ -154,7 +154,9 @@ def summary_text(diagnosis: Diagnosis) -> str:
     logs = [finding for finding in diagnosis.findings if finding.conventions]
     every = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
     every = [finding for finding in every if finding not in logs]
-    named = [finding for finding in every if finding.physics != "finite_deflection"] or every  # that is no fault
+    # large deflections are no fault: they account for something only where they account for all
+    named = [finding for finding in every if finding.physics != "finite_deflection"]
+    named = named or (every if diagnosis.verdict == "explained" else [])
     causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     texts = [*(f"{finding.statement}." for finding in logs), first]
