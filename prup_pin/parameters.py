@@ -92,6 +92,7 @@ class Quantity:
                 "a number" if not self.shape else " x ".join("n" if n < 0 else str(n) for n in self.shape) + " numbers"
             )
             raise ParameterError(f"{label} = {value!r}: expected {want}")
+        value = array.item() if isinstance(value, np.ndarray | np.generic) and not array.ndim else value
         numbers = array.ravel().tolist()
         if not all(map(self._is_inside, numbers)):
             raise ParameterError(f"{label} = {value!r} {self.unit}: expected {self.expected()}")

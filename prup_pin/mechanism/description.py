@@ -385,9 +385,13 @@ def resolve_values(module: ModuleDescription) -> dict[str, Any]:
             if quantity.shape == (-1,) and np.ndim(value) == 1:
                 lengths.add(len(value))
         except ParameterError as error:
-            problems.append((quantity.name, str(error)))
-            failed.add(quantity.name)
             values[quantity.name] = np.nan
+            derived = () if quantity.name in module.values else quantity.derived_from
+            given = {name: module.values[name].value for name in derived if name in module.values}
+            if not failed & given.keys():  # what follows from the same values is told once
+                from_these = ", ".join(f"{name} = {value}" for name, value in given.items())
+                problems.append((quantity.name, f"{error}. It follows from {from_these}" if given else str(error)))
+            failed |= {quantity.name, *given}
         except (TypeError, KeyError):
             values[quantity.name] = np.nan  # follows from a value already reported
     if problems and (meant := _meant_instead(module)):

@@ -212,6 +212,14 @@ def test_all_defects_are_listed_at_once_in_the_order_of_their_lines(write):
         prup_pin.load(path)
 
 
+def test_what_follows_from_wrong_values_is_told_once_with_them(write):
+    bore = '<parameter name="inner_diameter" value="0.022" unit="m"/>'
+    rod = '<parameter name="diameter" value="0.02" unit="m"/>'
+    (problem,) = problems(write((rod, rod + bore)))
+    assert "rod.area = -" in problem
+    assert "expected > 0 m^2. It follows from diameter = 0.02, inner_diameter = 0.022" in problem
+
+
 def test_a_variant_with_a_value_out_of_range_is_named(write):
     variant = '<variant name="v"><parameter name="rod.diameter" value="-1"/></variant>'
     (found,) = problems(write(("</prup_pin>", variant + "</prup_pin>")))
