@@ -13,6 +13,7 @@ import typer
 from .. import simulation
 from ..errors import InputError, PrupPinError, SimulationStoppedError
 from ..laws import Effect
+from ..numbers import counted
 from ..recordings import Convention, Recording, add_noise, read_plan, read_recording, write_prediction, write_recording
 from ..robot import Robot
 from ..simulation import Prediction, as_recorded, in_format, read_model
@@ -339,8 +340,8 @@ def import_(
         if first.doubts:
             lines = "\n".join(f"  {doubt}" for doubt in first.doubts)
             raise InputError(
-                f"a map was guessed and written: {plan}. {_count(first.doubts)} in it must be looked at before a "
-                f"recording is made of it:\n{lines}\nCorrect the lines, then give the same command again"
+                f"a map was guessed and written: {plan}. {counted(len(first.doubts), 'line')} in it must be looked at "
+                f"before a recording is made of it:\n{lines}\nCorrect the lines, then give the same command again"
             )
     understood = read_map(plan, content, mechanism)
     if out is None:
@@ -370,10 +371,6 @@ def _check(logs: list[Path], plan: Path, out: Path | None) -> None:
 
 def _tell(doubts: tuple[str, ...]) -> None:
     if doubts:
-        typer.echo(f"\n{_count(doubts)} must be looked at (CHECK). Then: --map and --out RECORDING.csv.")
+        typer.echo(f"\n{counted(len(doubts), 'line')} must be looked at (CHECK). Then: --map and --out RECORDING.csv.")
     else:
         typer.echo("\nNothing in it is doubtful; read it once. Then: --map and --out RECORDING.csv.")
-
-
-def _count(doubts: tuple[str, ...]) -> str:
-    return f"{len(doubts)} line{'s' if len(doubts) != 1 else ''}"

@@ -14,7 +14,7 @@ from ..laws.deviations import without_effect
 from ..numbers import number, quantity
 from ..recordings import Recording, Together, suspicions
 from ..robot import Robot
-from ..simulation import Simulator, as_recorded, inputs_of
+from ..simulation import Simulator, as_recorded, inputs_of, trajectory_of
 from ..spatial import Array
 from .calibrate import (
     Toleranced,
@@ -89,9 +89,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
         unused += names
         remarks += [together.told(source, text) for text in (*source.recording.remarks, *suspicions(source.recording))]
         remarks += [together.told(source, text) for text in told]
-    every = together.recording
-    positions = every.actuator_positions(robot.mechanism.actuated)
-    motion = Trajectory.of(every.time, positions, every.run)  # before rows are left out
+    motion = trajectory_of(together.recording, robot)  # before rows are left out
     together = _thinned(together, remarks)
     recording = together.recording
     inputs = _inputs(robot, together, motion)
@@ -183,9 +181,9 @@ def _stations_told(stations: tuple[float, float]) -> str:
 
 def _inputs(robot: Robot, together: Together, motion: Trajectory | None) -> Inputs:
     """Return the inputs of which `motion` is known; speeds only where they were recorded for every actuator."""
-    inputs = inputs_of(together.recording, robot)
+    inputs = inputs_of(together.recording, robot, motion)
     every = all(name in together.recording.velocities for name in robot.mechanism.actuated)
-    inputs = replace(inputs, speeds=inputs.speeds if every else None, motion=motion)
+    inputs = replace(inputs, speeds=inputs.speeds if every else None)
     inputs = replace(inputs, sources=together.setups if together.several or together.by_run else None)
     if not together.several:
         return inputs

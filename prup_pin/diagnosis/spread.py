@@ -36,7 +36,7 @@ from ..laws.yielding import (
     yielding_parts,
 )
 from ..mechanism import Mechanism
-from ..numbers import number, quantity
+from ..numbers import counted, number, quantity
 from ..recordings import ARM, KINDS_OF_TOLERANCE, SENSORS, Group, Recording, Together
 from ..simulation import Run, Simulator
 from ..spatial import Array
@@ -170,8 +170,8 @@ class Spread:
             ]
             more = ", …" if len(worst) > _MOST_LISTED else ""
             yield (
-                f"left out {'are' if len(worst) > 1 else 'is'} {len(worst)} gross "
-                f"error{'s' if len(worst) > 1 else ''}, which all other samples contradict: {', '.join(listed)}{more}"
+                f"left out {'are' if len(worst) > 1 else 'is'} {counted(len(worst), 'gross error')}, which all "
+                f"other samples contradict: {', '.join(listed)}{more}"
             )
         pairs = dict.fromkeys((item.channel, item.exchanged) for item in self.outliers if item.exchanged)
         for one, other in (pair for pair in pairs if pair[0] < pair[1]):

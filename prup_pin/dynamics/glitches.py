@@ -76,10 +76,11 @@ def _glitches(time: Array, values: Array, run: np.ndarray) -> np.ndarray:
         return np.zeros(len(values), bool)
     broken = (np.diff(run) != 0) | (np.diff(time) > _GAP * np.median(np.diff(time)))
     apart = _aside(values, 1)
-    usual = np.maximum(
-        median_filter(apart, _ABOUT), max(float(np.quantile(apart, 1 - _TOUCHED * _MOST)), steps[steps > 0].min())
-    )
+    usual = np.full(len(values), max(float(np.quantile(apart, 1 - _TOUCHED * _MOST)), steps[steps > 0].min()))
     out = np.zeros(len(values), bool)
+    if not (np.maximum(apart, _aside(values, 2)) > _FAR * usual).any():
+        return out
+    usual = np.maximum(usual, median_filter(apart, _ABOUT))
     for width in (1, 2):
         count = len(values) - width - 1
         far = _aside(values, width)[1 : count + 1]

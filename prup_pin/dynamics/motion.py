@@ -126,9 +126,9 @@ def motion_of(
     """Return the motion that a recording tells of a mechanism's joints.
 
     driven: the joints whose efforts are asked for, at every row; None: those that were recorded, at as many samples as
-    tell something. without:
-    stretches of rows, the first and the last of each, that are left out: the joints are followed through them. band:
-    frequency [Hz] by joint up to which its efforts are compared; None: up to where the motion stands above its noise.
+    tell something. without: stretches of rows, the first and the last of each, that are left out: the joints are
+    followed through them. band: frequency [Hz] by joint up to which its efforts are compared; None: up to where the
+    motion stands above its noise.
 
     Raises InputError where no joint has a position, or nothing lasts long enough to tell a speed.
     """

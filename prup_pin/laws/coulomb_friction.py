@@ -58,5 +58,5 @@ class CoulombFriction(Law):
         yield JointResistance(joint.name, values["limit"], values["presliding_stiffness"])
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
-        unit = "N" if joint_at(place.name, mechanism).slides else "N m"
+        unit = joint_at(place.name, mechanism).effort_unit
         return f"the joint at {place.name} sticks and slips: it slides at {number(values['limit'], 3)} {unit}"

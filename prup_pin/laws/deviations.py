@@ -18,6 +18,7 @@ from ..mechanism.tolerances import kind_of_value, value_tolerances, values_follo
 from ..parameters import Quantity
 from ..spatial import WRENCH_NAMES, Array, rotation_exp
 from .deeds import ChangedValue, Deed, Moved, MovedJoint, MovedLoopEnd, PoseReport, ScaledMass, Travel, WrenchReading
+from .encoder import late
 from .joint_places import across, parts
 from .law import Law, Place, Sharing
 from .loop_places import SeatPosition
@@ -29,7 +30,7 @@ _AXES = "xyz"
 #: A direction shorter than this is none.
 _SMALL = 1e-9
 #: Kinds of tolerance of which a robot at rest shows nothing.
-DELAYS = ("encoder_delay", "pose_delay")
+_DELAYS = ("encoder_delay", "pose_delay")
 #: Kinds of tolerance that no measured pose has anything to say of, each with the reason.
 _NOT_FELT = {
     "inertia": "a robot at rest does not feel its inertia",
@@ -116,7 +117,7 @@ def deviations_of(
     do, and delays show.
     """
     groups = groups or {}
-    of_all = [item for item in _of_all(mechanism, markers) if moves or item.kind not in DELAYS]
+    of_all = [item for item in _of_all(mechanism, markers) if moves or item.kind not in _DELAYS]
     return tuple(each for item in of_all for each in _of_groups(item, groups.get(item.kind)))
 
 
@@ -326,8 +327,8 @@ def _encoders(mechanism: Mechanism) -> Iterator[Deviation]:
         offset, slope = partial(_encoder_offset, column), partial(_encoder_slope, column)
         yield Deviation(f"{name}.encoder_offset", "encoder_offset", unit, 0.0, False, "encoder_offset", name, offset)
         yield Deviation(f"{name}.encoder_slope", "encoder_slope", "1", 0.0, False, "lead_error", name, slope)
-        late = partial(_encoder_delay, column)
-        yield Deviation(f"{name}.encoder_delay", "encoder_delay", "s", 0.0, False, "encoder_delay", name, late)
+        delay = partial(late, column)
+        yield Deviation(f"{name}.encoder_delay", "encoder_delay", "s", 0.0, False, "encoder_delay", name, delay)
     if mechanism.actuated:
         yield Deviation("encoders.delay", "pose_delay", "s", 0.0, False, "encoder_delay", "robot", _all_late)
 
@@ -336,15 +337,9 @@ def _encoder_offset(column: int, value: float, setup: Setup) -> Iterator[Deed]:
     yield Travel(column, value)
 
 
-def _encoder_delay(column: int, value: float, setup: Setup) -> Iterator[Deed]:
-    moved = setup.inputs.later(column, value)
-    if moved is not None:
-        yield Travel(column, moved)
-
-
 def _all_late(value: float, setup: Setup) -> Iterator[Deed]:
     for column in range(len(setup.mechanism.actuated)):
-        yield from _encoder_delay(column, value, setup)
+        yield from late(column, value, setup)
 
 
 def _encoder_slope(column: int, value: float, setup: Setup) -> Iterator[Deed]:

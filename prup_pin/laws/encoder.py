@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -67,12 +67,16 @@ class EncoderDelay(Law):
         return drive_of(place.name, mechanism)
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        column = actuator_places(setup.mechanism)[place.name]
-        moved = setup.inputs.later(column, values["delay"])
-        if moved is not None:
-            yield Travel(column, moved)
+        yield from late(actuator_places(setup.mechanism)[place.name], values["delay"], setup)
 
     def statement(self, place: Place, values: Mapping[str, float], mechanism: Mechanism) -> str:
         delay = 1e3 * values["delay"]
         late = f"{number(delay, 3)} ms late" if delay > 0 else f"{number(-delay, 3)} ms earlier than the poses"
         return f"the encoder at {place} reports {late}"
+
+
+def late(column: int, delay: float, setup: Setup) -> Iterator[Deed]:
+    """Yield how far an actuator is beyond a position that is reported `delay` [s] late, where its motion is known."""
+    moved = setup.inputs.later(column, delay)
+    if moved is not None:
+        yield Travel(column, moved)

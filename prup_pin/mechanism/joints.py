@@ -35,6 +35,11 @@ class Joint:
         return self.nv == 1 and not self.subspace[3:].any()
 
     @property
+    def effort_unit(self) -> str:
+        """The unit of an effort at it: N where it slides, else N m."""
+        return "N" if self.slides else "N m"
+
+    @property
     def turns(self) -> bool:
         """True for one freedom that is a pure rotation. A planar joint or a ball neither slides nor turns."""
         return self.nv == 1 and not self.subspace[:3].any()

@@ -2,7 +2,7 @@
 
 from .as_recorded import AsRecorded, as_recorded, drawn_for, in_format
 from .model_file import CorrectedModel, effect_named, read_model, write_model
-from .prediction import Agreement, Prediction, compare, inputs_of, simulate
+from .prediction import Agreement, Prediction, compare, inputs_of, simulate, trajectory_of
 from .simulator import Memory, Run, Simulator
 from .stations import seen_from_stations
 
@@ -23,5 +23,6 @@ __all__ = [
     "read_model",
     "seen_from_stations",
     "simulate",
+    "trajectory_of",
     "write_model",
 ]

@@ -204,7 +204,7 @@ def model_document(model: CorrectedModel, path: str | Path) -> dict[str, Any]:
 
 def _effort_units(mechanism: Mechanism) -> dict[str, str]:
     """Return the unit of each driven joint's effort."""
-    return {name: "N" if mechanism.joint(name).slides else "N m" for name in mechanism.actuated}
+    return {name: mechanism.joint(name).effort_unit for name in mechanism.actuated}
 
 
 def _reading_as_json(reading: Reading) -> dict[str, Any]:

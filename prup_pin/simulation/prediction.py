@@ -97,10 +97,16 @@ class Agreement:
         return None if self.noise is None else self.rms / self.noise
 
 
-def inputs_of(recording: Recording, robot: Robot) -> Inputs:
+def trajectory_of(recording: Recording, robot: Robot) -> Trajectory | None:
+    """Return where a recording has the actuators between its rows; None of postures. Raises as `inputs_of`."""
+    return Trajectory.of(recording.time, recording.actuator_positions(robot.mechanism.actuated), recording.run)
+
+
+def inputs_of(recording: Recording, robot: Robot, motion: Trajectory | None = None) -> Inputs:
     """Return what a recording tells a simulation of the robot. Raises UnknownNameError for actuators without column.
 
-    Speeds are given where any actuator's speed was recorded; NaN is 'not measured'.
+    Speeds are given where any actuator's speed was recorded; NaN is 'not measured'. motion: what `trajectory_of` says
+    of it, or of the recording from which its rows were chosen.
     """
     names = robot.mechanism.actuated
     speeds = None
@@ -118,7 +124,7 @@ def inputs_of(recording: Recording, robot: Robot) -> Inputs:
         gravity=recording.gravity,
         weight_alone=not recording.has_wrench,
         began=np.repeat(recording.time[:1], len(recording)),
-        motion=Trajectory.of(recording.time, recording.actuator_positions(names), recording.run),
+        motion=motion,
     )
 
 
@@ -160,7 +166,7 @@ def simulate(
         return _in_motion(robot, recording, tuple(effect.checked(mechanism) for effect in effects), band)
     mechanism.need_tool()
     effects = tuple(effect.checked(mechanism) for effect in effects)
-    inputs = inputs_of(recording, robot)
+    inputs = inputs_of(recording, robot, trajectory_of(recording, robot))
     remarks = [*adapted.remarks, *_missing_inputs(effects, inputs, mechanism)]
     actuated, frames = mechanism.actuated, mechanism.frame_names
     joints = tuple(name for name in recording.efforts if name in actuated)

@@ -40,8 +40,9 @@ def curves_of(outcome: Outcome) -> Iterator[EffortCurve]:
             own = own + _alone(outcome, other)[:, column] * outcome.scale[column]
         x = variable_of(outcome.at, joint, variable)[every]
         drawn = _means(x[good], (left[:, column] + own)[good], None if curve or not own.any() else own[good])
-        slides = outcome.mechanism.joint(joint).slides
-        yield EffortCurve(joint, variable, *drawn, VARIABLES[variable][1 if slides else 0], "N" if slides else "N m")
+        driven = outcome.mechanism.joint(joint)
+        unit = VARIABLES[variable][1 if driven.slides else 0]
+        yield EffortCurve(joint, variable, *drawn, unit, driven.effort_unit)
 
 
 def _alone(outcome: Outcome, term: EffortCandidate) -> Array:

@@ -31,7 +31,7 @@ from .diagnosis import EffortDiagnosis
 from .gains import Gains, gains_of, in_newtons
 from .gather import Efforts
 from .likelier import likelier
-from .noise import noise_of
+from .noise import EffortNoise, noise_of
 from .outcome import Outcome
 from .plausible import check_efforts
 from .relief import relieved, relieving, squared_strain
@@ -65,17 +65,18 @@ def diagnose_efforts(
         return _efforts(recording, at if held is None else _holding(at, held), below)
 
     whole = efforts_without(())
+    noise = noise_of(recording, whole.at)
     stretches = stretches_of(whole.at, whole.every, whole.outlying)
     if not stretches:
-        return effort_diagnosis_of(_outcome(robot, recording, whole, (), tell))
-    found = _outcome(robot, recording, efforts_without(stretches), stretches, tell)
+        return effort_diagnosis_of(_outcome(robot, recording, whole, noise, (), tell))
+    found = _outcome(robot, recording, efforts_without(stretches), noise, stretches, tell)
     left = whole.left_by(found.chosen, fit(found.given, found.chosen)[0], found.scale)
     # what only rough values of laws could not follow is described by those that were settled
     kept = [
         stretch for stretch in stretches if stands_out(stretch, whole.at.motion.rows[whole.every], left, whole.good)
     ]
     if len(kept) < len(stretches):
-        found = _outcome(robot, recording, efforts_without(kept) if kept else whole, kept, tell)
+        found = _outcome(robot, recording, efforts_without(kept) if kept else whole, noise, kept, tell)
     return effort_diagnosis_of(found)
 
 
@@ -83,10 +84,11 @@ def _outcome(
     robot: Robot,
     recording: Recording,
     plainly: Efforts,
+    noise: Mapping[str, EffortNoise],
     stretches: Sequence[Stretch],
     tell: Callable[[str, float], None],
 ) -> Outcome:
-    """Return what was fitted to the efforts of a recording without some stretches."""
+    """Return what was fitted to the efforts of a recording, of that noise, without some stretches."""
     at, tolerances, declared = plainly.at, _tolerances(recording), recording.noise.effort
 
     def searched_by(gains: Gains | None, share: tuple[float, float]) -> tuple[list[str], Efforts, Gathered, Chosen]:
@@ -112,7 +114,6 @@ def _outcome(
     given, chosen = relieved(given, chosen, efforts.with_curves)
     given, chosen, free, imitating = _with_curves(efforts, given, likelier(given.without_curves(), chosen))
     tell("the verdict", 0.9)
-    noise = noise_of(recording, at)
     while True:
         found = Outcome(robot, recording, efforts, noise, given, chosen, free, imitating, gains, stretches, doubts)
         if (needless := found.needless) is None:

@@ -112,7 +112,7 @@ def gains_found(outcome: Outcome) -> Iterator[Finding]:
     if outcome.gains is None:
         return
     gains, factor = outcome.gains.gains, np.exp(1.96 * outcome.gains.deviation)
-    unit = {name: "N" if outcome.mechanism.joint(name).slides else "N m" for name in outcome.at.driven}
+    unit = {name: outcome.mechanism.joint(name).effort_unit for name in outcome.at.driven}
     parameters = {
         f"{name}.gain": FittedParameter(float(g - 1), "", (float(g / f - 1), float(g * f - 1)))
         for name, g, f in zip(outcome.at.driven, gains, factor, strict=True)

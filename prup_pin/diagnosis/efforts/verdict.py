@@ -98,7 +98,7 @@ def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
     verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
     return EffortDiagnosis(
         joints=outcome.at.driven,
-        units=tuple("N" if outcome.mechanism.joint(name).slides else "N m" for name in outcome.at.driven),
+        units=tuple(outcome.mechanism.joint(name).effort_unit for name in outcome.at.driven),
         time=motion.time[every],
         measured=measured,
         rigid=rigid,

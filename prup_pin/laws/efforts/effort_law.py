@@ -244,7 +244,7 @@ def motor_pairs(mechanism: Mechanism) -> list[tuple[str, str]]:
 
 def effort_unit(place: Place, mechanism: Mechanism) -> str:
     """Return the unit of the effort of a joint."""
-    return "N" if mechanism.joint(place.name).slides else "N m"
+    return mechanism.joint(place.name).effort_unit
 
 
 def speed_unit(place: Place, mechanism: Mechanism) -> str:
