@@ -400,10 +400,10 @@ def test_a_clock_rounded_too_coarsely_is_one_problem_with_its_remedy(write):
     def table(times):
         return write("time,q.a\n" + "".join(f"{time:.15g},{k / 7:.5f}\n" for k, time in enumerate(times)))
 
-    rounded = np.floor(np.arange(1000) / 5 + 0.2) / 100
+    rounded = np.arange(1000) // 5 / 100
     line, column, message = only(table(rounded))
     assert (line, column) == (3, "time")
-    assert "799 of 1000 rows have the time of the row before: the clock is rounded to 0.01 s" in message
+    assert "800 of 1000 rows have the time of the row before: the clock is rounded to 0.01 s" in message
     assert "about 500 rows a second" in message
     assert "'rate: 500'" in message
     # a clock of no grid, and one that also goes back, are told line by line
