@@ -43,7 +43,7 @@ from .findings import (
 )
 from .fit import Fit, Problem
 from .held_out import cross_validated
-from .locate import Located, locate
+from .locate import LOAD, Located, locate
 from .next_experiment import next_experiment
 from .recovered import recovered, residuals
 from .selection import Selection, is_clean
@@ -93,6 +93,7 @@ def verdict_of(
         white_before = white_after = white_held = float("nan")  # in multiples of a noise that nobody knows
     silent = not findings and not unknown and white_before > clean_bound(count)
     began = problem.whitened(first.influence, given.raw_registered)
+    named = bool(findings)
     deflection = finite_deflection(problem.drawn, last, began, silent)
     if deflection is not None:
         findings.append(deflection)
@@ -100,9 +101,10 @@ def verdict_of(
     acting: tuple[Effect, ...] = ()
     if problem.tolerances is not None and count and _shows(problem, final):
         acting = problem.tolerances.effects
-    # what acts was left out of the simulation that one starts from, be it without a parameter
-    named = "explained" if findings or acting or given.kinds or given.placed.found else "nothing_missing"
-    verdict = "unexplained" if unknown else named
+    # what acts was left out of the simulation that one starts from, be it without a parameter; the loaded equilibrium
+    # is a matter of how one simulates
+    named = named or bool(acting or given.kinds or given.placed.found)
+    verdict = "unexplained" if unknown else "explained" if named else "nothing_missing"
     if unknown and count and not len(given.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
     calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
@@ -145,7 +147,7 @@ def verdict_of(
         by_channel=_channels(problem.stack, samples, before, final.residual, raw_linear, raw_after),
         findings=tuple(findings),
         not_detectable=tuple(not_detectable(problem, final, selection)) if count else (),
-        next_experiment=next_experiment(robot, problem, selection, findings),
+        next_experiment=next_experiment(robot, problem, selection, unknown),
         remarks=tuple(dict.fromkeys(remarks)),
         unused_columns=unused,
         effects=effects,
@@ -224,14 +226,20 @@ def _with_unknown(
         around = cross_validated(freed, again.last, labels[again.last.samples])
         kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
         fit, found = beside, locate(problem, beside) or found
-    statement = (
-        "structure is left over that no law of the library takes away; a deformation of "
-        f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
-    )
-    share = found.curve.gain / fit.chi2
+    # how it is counted: one number for each sample against one curve for all
+    share, what, came = found.curve.gain / fit.chi2, "its load", ""
     if found.follows is not None:
-        what, share = found.follows
-        statement += f". It follows {what} ({100 * share:.0f} %)"
+        (what, _, _, came), share = found.follows
+    statement = (
+        "structure is left over that no law of the library takes away. Of its square, a deformation of "
+        f"{found.module}, whatever it is at each sample, would take away {100 * found.share:.0f} %, and one that "
+        f"follows {what} {100 * share:.0f} %"
+    )
+    advice = ""
+    if came:
+        sides = "to each load from both sides" if came == LOAD else f"to each posture from both sides of {came}"
+        statement += ": that is hysteresis, as friction or play leaves, and friction of a drive has no law at rest"
+        advice = f"come {sides}: the mean of the two is free of the hysteresis, half of their difference is its size"
     unknown = Finding(
         physics="unknown",
         location=found.module,
@@ -240,6 +248,8 @@ def _with_unknown(
         heldout_gain=float(share),
         statement=statement,
         curve=found.curve,
+        advice=advice,
+        approached="" if came == LOAD else came,
     )
     return kept, unknown, fit
 
