@@ -413,6 +413,8 @@ def trusted(squares: np.ndarray) -> np.ndarray:
     return (SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + squares)
 
 
+#: Outliers are those of a load that nobody recorded where that is likelier than errors of a sensor by this logarithm.
+LOAD_LIKELIER: Final = 5.0
 #: A number so many standard deviations off, by the middle half of all, is gross and left out: normal numbers never are.
 OUTLIER: Final = 6.0
 #: ... unless they are more than this share: then they are the machine, not its sensor ...

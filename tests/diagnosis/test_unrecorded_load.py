@@ -1,0 +1,68 @@
+"""Samples under a load that nobody recorded are no gross errors of a sensor: their load is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis.asked import asked
+from prup_pin.diagnosis.unrecorded_load import unrecorded_force
+from prup_pin.recordings import Noise, Recording
+from prup_pin.simulation import effect_named, simulate
+
+COUNT, OFF = 300, 16
+
+
+def remarks(pushed: float, astray: float, rotation: bool) -> tuple[str, ...]:
+    """Return what is said of an arm in postures without a load's columns.
+
+    It is pushed at its tool in some of them by so much [N], or the tracker is astray there by so much [m].
+    """
+    robot = prup_pin.load("ur5", joint_stiffness=2e4)
+    draw, names = np.random.default_rng(0), robot.mechanism.actuated
+    q = draw.uniform(-1, 1, (COUNT, len(names)))
+    here, load = draw.permutation(COUNT)[:OFF], np.zeros((COUNT, 6))
+    load[here, :3] = pushed * draw.normal(size=(OFF, 3))
+    zeros = 5e-4 * draw.normal(size=len(names))
+    true = Recording(np.arange(float(COUNT)), positions=dict(zip(names, (q + zeros).T, strict=True)), wrench=load)
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
+    seen = simulate(robot, true, [weight])
+    position = seen.position + 2e-5 * draw.normal(size=(COUNT, 3))
+    position[here] += astray * draw.normal(size=(OFF, 3))
+    recording = Recording(
+        true.time,
+        positions=dict(zip(names, q.T, strict=True)),
+        position=position,
+        rotation=seen.rotation + 5e-5 * draw.normal(size=(COUNT, 3)) if rotation else None,
+        noise=Noise(position=2e-5, rotation=5e-5),
+    )
+    return tuple(text for text in asked(robot, recording, lambda *_: None).remarks if text.startswith("left out"))
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_a_load_that_nobody_recorded_is_asked_for(rotation):
+    (told,) = remarks(60.0, 0.0, rotation)
+    assert f"{OFF} samples that lie where forces of some 1" in told  # of 60 N along each axis: some 100 N
+    assert "no load was recorded: give it in columns w.fx … w.mz" in told
+    assert "gross" not in told
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_a_tracker_that_slips_has_gross_errors(rotation):
+    (told,) = remarks(0.0, 2e-3, rotation)
+    assert f"{OFF} gross errors" in told
+
+
+def test_what_was_not_seen_says_nothing():
+    draw = np.random.default_rng(1)
+    reach = draw.normal(size=(20, 9, 3)) * [10.0, 1.0, 0.1]
+    rest = (reach @ (5 * draw.normal(size=(20, 3, 1))))[..., 0] + draw.normal(size=(20, 9))
+    seen = np.ones((20, 9), bool)
+    off = seen.copy()
+    whole = unrecorded_force(rest, reach, seen, off)
+    assert whole == pytest.approx(5 * np.sqrt(3), rel=0.3)
+    fewer = np.pad(rest, ((0, 0), (0, 30))), np.pad(reach, ((0, 0), (0, 30), (0, 0)))
+    masks = (np.pad(mask, ((0, 0), (0, 30))) for mask in (seen, off))
+    assert unrecorded_force(*fewer, *masks) == pytest.approx(whole, rel=1e-2)
+    assert unrecorded_force(rest, 0 * reach, seen, off) == 0.0
