@@ -172,17 +172,17 @@ class Spread:
                 for item in worst[:_MOST_LISTED]
             ]
             more = ", …" if len(worst) > _MOST_LISTED else ""
-            lines = f"{', '.join(listed)}{more}"
+            there = f"{', '.join(listed)}{more}"
             if self.force:
                 yield (
                     f"left out are {counted(len({item.sample for item in worst}), 'sample')} that lie where forces of "
                     f"some {number(self.force, 2)} N at the tool move the robot, and no load was recorded: give it in "
-                    f"columns w.fx … w.mz, with 0 where there was none: {lines}"
+                    f"columns w.fx … w.mz, with 0 where there was none: {there}"
                 )
             else:
                 yield (
                     f"left out {'are' if len(worst) > 1 else 'is'} {counted(len(worst), 'gross error')}, which all "
-                    f"other samples contradict: {lines}"
+                    f"other samples contradict: {there}"
                 )
         pairs = dict.fromkeys((item.channel, item.exchanged) for item in self.outliers if item.exchanged)
         for one, other in (pair for pair in pairs if pair[0] < pair[1]):
