@@ -10,6 +10,10 @@ from prup_pin.dynamics.saturation import limits_told
 from .test_rates import AXIS, TAU, TIME, held, table
 
 NOISY = TAU + np.random.default_rng(3).normal(size=len(TAU))
+#: Speeds up, goes on, slows down, both ways, with a jerk that has an end.
+TRAPEZOID = np.convolve(
+    np.tile(np.repeat([3.0, 0.0, -3.0, -3.0, 0.0, 3.0], 100), 7)[: len(TIME)], np.ones(25) / 25, "same"
+)
 LIMIT = 0.8 * np.abs(NOISY).max()
 
 
@@ -40,6 +44,7 @@ def test_a_limit_to_one_side_is_one():
         np.round(TAU / 1.0),
         np.where(TIME % 2 < 1, 300.0, -300.0),
         np.zeros(len(TIME)),
+        95 * TRAPEZOID + 20 * np.sign(np.cumsum(TRAPEZOID)),
         np.where(TIME < 4, 0.0, NOISY),
         np.full(len(TIME), np.nan),
     ],
@@ -50,6 +55,7 @@ def test_a_limit_to_one_side_is_one():
         "counts",
         "two levels",
         "nothing",
+        "even strokes",
         "a rest",
         "none",
     ],
