@@ -569,7 +569,9 @@ def _check(table: _Table, header: Sequence[str], problems: Problems, times: dict
     times |= {int(run[row]): (float(time[row]), int(lines[row])) for row in last}
     before, after = rows[:-1], rows[1:]
     same = run[before] == run[after]
-    if rounded := _rounded((time[after] - time[before])[same]):
+    with np.errstate(over="ignore", invalid="ignore"):  # times of any size, to be refused
+        rounded = _rounded((time[after] - time[before])[same])
+    if rounded:
         first = after[same][np.argmin(time[after][same] > time[before][same])]
         problems.cells("time", "rounded", [(int(lines[first]), rounded)])
         return
@@ -594,7 +596,7 @@ def _rounded(steps: Array) -> str:
     if count <= max(_REPEATED[0], _REPEATED[1] * len(steps)) or not len(on) or (steps < 0).any():
         return ""
     grid = float(on.min())
-    if np.abs(on / grid - np.rint(on / grid)).max() > _ON_GRID:
+    if not np.abs(on / grid - np.rint(on / grid)).max() <= _ON_GRID:
         return ""
     rate = f"{(len(steps) + 1) / (steps.sum() + grid):.3g}"
     return (
