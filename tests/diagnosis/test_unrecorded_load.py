@@ -14,10 +14,11 @@ from prup_pin.simulation import effect_named, simulate
 COUNT, OFF = 300, 16
 
 
-def remarks(pushed: float, astray: float, rotation: bool) -> tuple[str, ...]:
+def remarks(pushed: float, astray: float, rotation: bool, slipped: float = 0.0, joint: int = 0) -> tuple[str, ...]:
     """Return what is said of an arm in postures without a load's columns.
 
-    It is pushed at its tool in some of them by so much [N], or the tracker is astray there by so much [m].
+    It is pushed at its tool in some of them by so much [N], or the tracker is astray there by so much [m], or the
+    encoder of a joint by so much [rad].
     """
     robot = prup_pin.load("ur5", joint_stiffness=2e4)
     draw, names = np.random.default_rng(0), robot.mechanism.actuated
@@ -25,7 +26,9 @@ def remarks(pushed: float, astray: float, rotation: bool) -> tuple[str, ...]:
     here, load = draw.permutation(COUNT)[:OFF], np.zeros((COUNT, 6))
     load[here, :3] = pushed * draw.normal(size=(OFF, 3))
     zeros = 5e-4 * draw.normal(size=len(names))
-    true = Recording(np.arange(float(COUNT)), positions=dict(zip(names, (q + zeros).T, strict=True)), wrench=load)
+    stood = q + zeros
+    stood[here, joint] += slipped * draw.normal(size=OFF)
+    true = Recording(np.arange(float(COUNT)), positions=dict(zip(names, stood.T, strict=True)), wrench=load)
     weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
     seen = simulate(robot, true, [weight])
     position = seen.position + 2e-5 * draw.normal(size=(COUNT, 3))
@@ -54,15 +57,22 @@ def test_a_tracker_that_slips_has_gross_errors(rotation):
     assert f"{OFF} gross errors" in told
 
 
+@pytest.mark.parametrize("joint", [1, 2, 4])
+@pytest.mark.parametrize("rotation", [False, True])
+def test_an_encoder_that_slips_is_no_load(rotation, joint):
+    (told,) = remarks(0.0, 0.0, rotation, slipped=5e-3, joint=joint)
+    assert "gross errors" in told
+
+
 def test_what_was_not_seen_says_nothing():
     draw = np.random.default_rng(1)
     reach = draw.normal(size=(20, 9, 3)) * [10.0, 1.0, 0.1]
     rest = (reach @ (5 * draw.normal(size=(20, 3, 1))))[..., 0] + draw.normal(size=(20, 9))
     seen = np.ones((20, 9), bool)
     off = seen.copy()
-    whole = unrecorded_force(rest, reach, seen, off)
+    whole = unrecorded_force(rest, reach, (), seen, off)
     assert whole == pytest.approx(5 * np.sqrt(3), rel=0.3)
     fewer = np.pad(rest, ((0, 0), (0, 30))), np.pad(reach, ((0, 0), (0, 30), (0, 0)))
     masks = (np.pad(mask, ((0, 0), (0, 30))) for mask in (seen, off))
-    assert unrecorded_force(*fewer, *masks) == pytest.approx(whole, rel=1e-2)
-    assert unrecorded_force(rest, 0 * reach, seen, off) == 0.0
+    assert unrecorded_force(*fewer, (), *masks) == pytest.approx(whole, rel=1e-2)
+    assert unrecorded_force(rest, 0 * reach, (), seen, off) == 0.0
