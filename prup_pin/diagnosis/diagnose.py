@@ -28,11 +28,12 @@ from .diagnosis import Diagnosis, Finding
 from .efforts import diagnose_efforts
 from .efforts.at_rest import with_efforts_at_rest
 from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
-from .findings import no_noise, too_few
-from .fit import Problem
+from .findings import no_noise, too_few, unrecorded_load
+from .fit import Fit, Problem
 from .limits import limits_heard
 from .misjudged import beyond_of, judged, misjudged, told, widened
 from .selection import Selection, is_clean
+from .unrecorded_load import reaches, unrecorded_force
 from .verdict import verdict_of
 from .whiteness import compared, noise_of_the_rest
 
@@ -130,7 +131,10 @@ def _searched(given: Asked, tell: Tell) -> _Searched:
     if compared(problem, problem.first):
         selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
-        if larger is not None:
+        force = _force_left(problem, selection.last) if larger is not None and inputs.weight_alone else 0.0
+        if larger is not None and force:
+            doubt = unrecorded_load(larger, force)
+        elif larger is not None:
             given.remarks.append(_noisier(problem.noise, larger))
             problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
@@ -178,6 +182,13 @@ def _fold_labels(given: Asked) -> np.ndarray:
     first = np.searchsorted(blocks, blocks)
     place = np.arange(len(blocks)) - first
     return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
+
+
+def _force_left(problem: Problem, fit: Fit) -> float:
+    """Return the size [N] of unrecorded forces that leave behind what a fit leaves; 0 where something else does."""
+    white, seen = problem.whiteners(fit.influence), problem.stack.exists[fit.samples]
+    by_force, *by_strains = (white @ reach for reach in reaches(fit.influence))
+    return unrecorded_force(fit.residual, by_force, by_strains, seen, seen)
 
 
 def _noisier(noise: Noise, larger: Noise) -> str:

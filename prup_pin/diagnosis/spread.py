@@ -58,7 +58,7 @@ from .criteria import (
 )
 from .fit import Problem
 from .influence import Influence
-from .unrecorded_load import unrecorded_force
+from .unrecorded_load import reaches, unrecorded_force
 
 __all__ = ["Outlier", "Spread", "spread_of"]
 
@@ -541,10 +541,8 @@ def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array
     samples = first.samples[places]
     white = np.where(stack.exists, 1.0, 0.0)[samples] / stack.deviation(problem.noise)
     off = stack.exists[samples] & ~_less(stack.exists, outliers, stack)[samples]
-    by_force = first.influence.compliance[places][..., :3] * white[..., None]
-    by_strain = [first.influence.signature(name)[places] * white[..., None] for name in first.influence.rows]
-    every = [np.concatenate(by_strain, axis=2)] if len(by_strain) > 1 else []
-    return unrecorded_force(np.nan_to_num(rest[samples]), by_force, [*by_strain, *every], white > 0, off)
+    by_force, *by_strains = (reach[places] * white[..., None] for reach in reaches(first.influence))
+    return unrecorded_force(np.nan_to_num(rest[samples]), by_force, by_strains, white > 0, off)
 
 
 def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:

@@ -17,8 +17,9 @@ import numpy as np
 
 from ..spatial import Array
 from .criteria import LOAD_LIKELIER
+from .influence import Influence
 
-__all__ = ["unrecorded_force"]
+__all__ = ["reaches", "unrecorded_force"]
 
 #: Largest logarithm of a force [N] or of what is left in multiples of the noise.
 _LARGEST = 30.0
@@ -38,6 +39,13 @@ def unrecorded_force(
         return 0.0
     others = [_of_sensor(rest, seen, off), *(_likeliest(rest, other, seen)[1] for other in by_strains)]
     return float(np.sqrt(3) * force) if min(others) - cost > 2 * LOAD_LIKELIER else 0.0
+
+
+def reaches(influence: Influence) -> list[Array]:
+    """Return what is measured per force on the tool, (n, K, 3), and per deformation of each module and of all."""
+    each = [influence.signature(name) for name in influence.rows]
+    every = [np.concatenate(each, axis=2)] if len(each) > 1 else []
+    return [influence.compliance[..., :3], *each, *every]
 
 
 def _likeliest(rest: Array, reach: Array, seen: np.ndarray) -> tuple[float, float]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.asked import asked
 from prup_pin.diagnosis.unrecorded_load import unrecorded_force
 from prup_pin.recordings import Noise, Recording
@@ -62,6 +65,35 @@ def test_a_tracker_that_slips_has_gross_errors(rotation):
 def test_an_encoder_that_slips_is_no_load(rotation, joint):
     (told,) = remarks(0.0, 0.0, rotation, slipped=5e-3, joint=joint)
     assert "gross errors" in told
+
+
+@pytest.mark.parametrize(("pushed", "noise", "slipped"), [(30.0, 1, 0.0), (0.0, 30, 0.0), (0.0, 1, 1e-3)])
+def test_a_load_in_every_sample_is_no_noise(pushed, noise, slipped):
+    """What is left where all are pushed is as white as a noise that was declared too small, or as encoders' own."""
+    robot = prup_pin.load("ur5", joint_stiffness=2e4)
+    draw, names = np.random.default_rng(0), robot.mechanism.actuated
+    q, load = draw.uniform(-1, 1, (100, len(names))), np.zeros((100, 6))
+    load[:, :3] = pushed * draw.normal(size=(100, 3))
+    stood = dict(zip(names, (q + slipped * draw.normal(size=q.shape)).T, strict=True))
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
+    seen = simulate(robot, Recording(np.arange(100.0), positions=stood, wrench=load), [weight])
+    recording = Recording(
+        np.arange(100.0),
+        positions=dict(zip(names, q.T, strict=True)),
+        position=seen.position + noise * 2e-5 * draw.normal(size=(100, 3)),
+        rotation=seen.rotation + noise * 5e-5 * draw.normal(size=(100, 3)),
+        noise=Noise(position=2e-5, rotation=5e-5),
+    )
+    found = diagnose(robot, recording)
+    if not pushed:
+        assert found.verdict == "explained"
+        return
+    unknown = next(finding for finding in found.findings if finding.physics == "unknown")
+    assert found.verdict == "unexplained"
+    size = re.search(r"lies where forces of some (\d+) N", unknown.statement)
+    assert size is not None
+    assert float(size[1]) == pytest.approx(30 * np.sqrt(3), rel=0.15)
+    assert "columns w.fx … w.mz" in unknown.remedy
 
 
 def test_what_was_not_seen_says_nothing():
