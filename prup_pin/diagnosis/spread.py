@@ -688,6 +688,9 @@ class _Seen:
             far = known & (here > OUTLIER**2 * size)
             if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(here[known], far[known]):
                 continue
+            inputs = self.problem.simulator.inputs
+            off = np.where(known[:, None], rest[:, group.where] / np.sqrt(fit.noise * size), np.nan)
+            far &= ~_shared(far, off, inputs.actuators, inputs.blocks)
             unit = noise.of_unit(group.unit) * np.sqrt(fit.noise)
             for sample in np.flatnonzero(far):
                 by = float(np.sqrt(here[sample]))
@@ -699,6 +702,28 @@ def _stand_apart(squares: Array, far: np.ndarray) -> bool:
     """Return True where those that are far off, by squares of distances (n,), leave a gap to all others."""
     most = far.sum() <= MOST_APART * len(far)
     return bool(most and squares[far].min() > APART**2 * squares[~far].max())
+
+
+def _shared(far: np.ndarray, off: Array, actuators: Array, blocks: np.ndarray) -> np.ndarray:
+    """Return which samples that are `far` off (N,) are so with their neighbours in posture, (N,): a machine's own ways.
+
+    A gross error is nobody else's: both postures nearest to it, by what the actuators move in all, are not off the same
+    way. off (N, k): by how much, in multiples of the noise, NaN where nothing was measured; actuators (N, a).
+    """
+    found = np.zeros(len(far), bool)
+    known = np.isfinite(off).all(axis=1)
+    scaled = actuators / np.maximum(actuators[known].std(axis=0), 1e-12)
+    for sample in np.flatnonzero(far & known):
+        others = np.flatnonzero(known & (blocks != blocks[sample]))
+        apart = ((scaled[others] - scaled[sample]) ** 2).sum(axis=1)
+        near = others[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]
+        along = off[near] @ off[sample] / np.linalg.norm(off[sample])
+        found[sample] = len(near) == _NEIGHBOURS and bool((along > OUTLIER / 2).all())
+    return found
+
+
+#: Neighbours in posture that share what is a machine's own.
+_NEIGHBOURS = 2
 
 
 def _exchanged(found: Sequence[Outlier], rest: Array, stack: Stack) -> list[Outlier]:
