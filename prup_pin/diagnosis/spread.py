@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -97,7 +97,8 @@ class Spread:
 
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
     yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise in
-    multiples of the one assumed; exists (N, K): what was measured but for outliers. stations: by how much the pose
+    multiples of the one assumed; exists (N, K): what was measured but for outliers. of_few: kinds that a few laws at
+    single places would explain as well, in the place of `kinds`. stations: by how much the pose
     sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place.
     """
 
@@ -108,6 +109,11 @@ class Spread:
     outliers: tuple[Outlier, ...]
     exists: np.ndarray
     stations: tuple[float, float] | None = None
+    of_few: Mapping[str, float] = field(default_factory=dict)
+
+    def all_over(self) -> Spread:
+        """Return the same where laws at a few places were looked for and do not explain it."""
+        return replace(self, kinds=self.of_few or self.kinds, of_few={})
 
     def stack(self, stack: Stack) -> Stack:
         """Return what was measured without outliers."""
@@ -502,7 +508,7 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
-    if _is_all_over(data, fit, seen):
+    if _explains(data, fit, seen):
         for name in names:
             if name in USUAL:
                 kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * USUAL[name]
@@ -516,19 +522,18 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     if set(_STATIONS) & set(names):
         sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
         found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
-    return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found)
+    spread = Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found)
+    return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
 
 
-def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
-    """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not.
+def _explains(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
+    """Return True where kinds that are off explain most of what is left within tolerance.
 
-    They need not explain most of it where nothing is declared and all of the rest may be noise.
+    They need not where nothing is declared and all of the rest may be noise.
     """
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
-    explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
     told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
-    explains |= told_nothing and seen.least == 0
-    return explains and not _are_few(data, fit, seen)
+    return _left(data, fit) < EXPLAINED * _left(data, drawn) or (told_nothing and seen.least == 0)
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:

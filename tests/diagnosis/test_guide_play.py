@@ -58,3 +58,18 @@ def test_a_column_that_yields_is_not_said_to_have_play(seed, scattered):
     found = found_of(seed, about={"lift": 2e-5, "bend": 3e-5}, across={"rise": 2e-5}, tilted=off)
     assert "guide_play" not in {item.physics for item in found.findings}
     assert found.after["heldout"] < 1.2
+
+
+def test_what_a_few_places_could_explain_as_well_is_off_all_over_where_no_law_names_them():
+    draw = np.random.default_rng([7, 7])
+    joints = ("rise", "rise_top", *JOINTS[1:])
+    found = found_of(
+        7,
+        offsets={name: 2e-3 * draw.standard_normal() for name in JOINTS[1:]},
+        moved={name: 5e-4 * draw.standard_normal(3) for name in joints},
+        tilted={name: 1e-3 * draw.standard_normal(3) for name in joints},
+        targets={"target": 1e-3 * draw.standard_normal(3)},
+    )
+    assert found.verdict == "explained"
+    assert ("geometric_offset", "robot") in {(item.physics, item.location) for item in found.findings}
+    assert found.after["heldout"] < 1.2
