@@ -713,13 +713,16 @@ def _shared(far: np.ndarray, off: Array, actuators: Array, blocks: np.ndarray) -
     """Return which samples that are `far` off (N,) are so with their neighbours in posture, (N,): a machine's own ways.
 
     A gross error is nobody else's: both postures nearest to it, by what the actuators move in all, are not off the same
-    way. off (N, k): by how much, in multiples of the noise, NaN where nothing was measured; actuators (N, a).
+    way, but for those that follow each other, as a sensor slips for a while. off (N, k): by how much, in multiples of
+    the noise, NaN where nothing was measured; actuators (N, a).
     """
     found = np.zeros(len(far), bool)
     known = np.isfinite(off).all(axis=1)
+    stretch = np.zeros(len(far), int)
+    stretch[known] = np.cumsum(np.diff(far[known], prepend=False))
     scaled = actuators / np.maximum(actuators[known].std(axis=0), 1e-12)
     for sample in np.flatnonzero(far & known):
-        others = np.flatnonzero(known & (blocks != blocks[sample]))
+        others = np.flatnonzero(known & (blocks != blocks[sample]) & (stretch != stretch[sample]))
         apart = ((scaled[others] - scaled[sample]) ** 2).sum(axis=1)
         near = others[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]
         along = off[near] @ off[sample] / np.linalg.norm(off[sample])

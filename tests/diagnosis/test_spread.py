@@ -101,6 +101,14 @@ def test_what_neighbours_in_posture_share_is_the_machine_and_no_gross_error():
     assert not spread._shared(np.isin(np.arange(300), slips), off, actuators, blocks).any()
 
 
+def test_a_sensor_that_slips_for_a_while_along_a_way_is_not_the_machine():
+    way = np.linspace(0, 6, 200)
+    actuators, blocks = np.stack((np.sin(way), np.cos(way)), axis=1), np.arange(200)
+    off = np.random.default_rng(1).standard_normal((200, 3))
+    off[60:66, 0] += 20.0
+    assert not spread._shared(np.abs(off).max(axis=1) > 8, off, actuators, blocks).any()
+
+
 def test_the_noise_is_that_which_the_tracker_has(given):
     assert given.problem.noise.position == pytest.approx(NOISE, rel=0.1)
     assert given.problem.noise.source == "estimated"
