@@ -756,8 +756,9 @@ def _linear(target: Array, columns: Array, white: Array, weights: Array | None, 
     if weights is not None:
         for index, where in enumerate(_groups_of(stack)):
             scale[:, where] = np.sqrt(weights[:, index])[:, None]
-    right = (target * scale).ravel()
-    matrix = (columns * scale[..., None]).reshape(len(right), -1)
+    told = white > 0  # the others are zero, and take time
+    right = (target * scale)[told]
+    matrix = columns[told] * scale[told][:, None]
     count = float((scale**2 * (white > 0)).sum()) if weights is not None else float((white > 0).sum())
     return _Linear(matrix.T @ matrix, matrix.T @ right, float(right @ right), int(count))
 
@@ -770,14 +771,18 @@ def _distances(target: Array, columns: Array, white: Array, weights: Array | Non
     left = target - columns @ fit.mean
     found = []
     for index, where in enumerate(_groups_of(stack)):
+        told = (white[:, where] > 0).any(axis=1)
+        if not told.any():
+            found.append(np.full(len(left), np.nan))
+            continue
         part = columns[:, where]
-        reach = part @ fit.covariance @ part.mT / fit.noise
+        reach = (part.reshape(-1, part.shape[2]) @ fit.covariance).reshape(part.shape) @ part.mT / fit.noise
         weight = np.ones(len(left)) if weights is None else weights[:, index]
         rest, axes = np.linalg.eigh(np.eye(reach.shape[1]) - weight[:, None, None] * reach)
         # where a sample alone tells of a parameter, rounding must not make it less than nothing
         along = (axes.mT @ left[:, where, None])[..., 0]
         size = (along**2 / np.maximum(rest, _LEAST_PART)).sum(axis=1) / fit.noise
-        found.append(np.where((white[:, where] > 0).any(axis=1), size, np.nan))
+        found.append(np.where(told, size, np.nan))
     return np.stack(found, axis=1)
 
 
