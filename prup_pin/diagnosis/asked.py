@@ -77,8 +77,17 @@ class Asked:
         return within_tolerances(problem, self.toleranced, self.library, reach)
 
 
-def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, with_outliers: bool = False) -> Asked:
-    """Return what recordings ask of a robot, gross errors left out or not. Raises as `diagnose` does."""
+def asked(
+    robot: Robot,
+    recordings: Recording | Sequence[Recording],
+    tell: Tell,
+    with_outliers: bool = False,
+    all_over: bool = False,
+) -> Asked:
+    """Return what recordings ask of a robot, gross errors left out or not. Raises as `diagnose` does.
+
+    all_over: what a few laws could explain as well is off all over.
+    """
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
     together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
@@ -132,6 +141,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     untold = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
+        spread = spread.all_over() if all_over else spread
         remarks += spread.told(together, noise)
         stack, noise = spread.stack(stack), spread.noise(noise)
         stack = spread.placed(stack, noise, together.recording.run)

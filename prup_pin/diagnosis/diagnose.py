@@ -100,6 +100,11 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
         again = _searched(whole, tell)
         if is_clean(again.problem, again.selection.last):  # what explains them says that they are none
             given, found = whole, again
+    if given.spread is not None and given.spread.of_few and not is_clean(found.problem, found.selection.last):
+        whole = asked(robot, recordings, tell, all_over=True)
+        again = _searched(whole, tell)
+        if is_clean(again.problem, again.selection.last):  # the few places were not to be found
+            given, found = whole, again
     problem, selection, labels, doubt = found
     tell("the verdict", 0.9)
     diagnosis = verdict_of(problem, selection, given, labels, given.problem.simulator.robot, tell, doubt)

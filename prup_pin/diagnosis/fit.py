@@ -227,6 +227,7 @@ class Problem:
         target = self.target(fit)
         if beside is not None and beside.back is not None:
             target = target + beside.back.reshape(target.shape)
+        measured = self.stack.exists.any(axis=0)  # the other columns are zero once whitened
         low, high = candidate.bounds
         firm = candidate.known > 0
         known: dict[bytes, tuple[Array, Array]] = {}
@@ -238,8 +239,9 @@ class Problem:
                 changed = self.change(fit, [*effects, candidate.effect(coordinates)])
                 with np.errstate(invalid="ignore"):
                     rest = np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
+                rest = without(rest, beside).reshape(target.shape)[:, measured].ravel()
                 off = candidate.known[firm] * coordinates[firm]
-                known[key] = changed, np.concatenate((without(rest, beside), candidate.unusual(coordinates), off))
+                known[key] = changed, np.concatenate((rest, candidate.unusual(coordinates), off))
             return known[key]
 
         def left(coordinates: Array) -> Array:
@@ -448,20 +450,29 @@ class Beside:
     @classmethod
     def free(cls, jacobian: Array) -> Beside:
         """Return what parameters may do that nothing holds, by their changes (K n, p)."""
-        left, size, _ = np.linalg.svd(_scaled(jacobian), full_matrices=False)
+        left, size = _spanned(_scaled(jacobian))
         basis = left[:, size > 1e-6]
         return cls(basis, np.ones(basis.shape[1]))
 
     @classmethod
     def within(cls, jacobian: Array, held: Array, back: Array | None = None) -> Beside:
         """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
-        left, size, _ = np.linalg.svd(np.concatenate((_FREE * _scaled(jacobian), held), axis=1), full_matrices=False)
+        left, size = _spanned(np.concatenate((_FREE * _scaled(jacobian), held), axis=1))
         kept = size > 1e-6
         return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), back)
 
     def without(self, values: Array) -> Array:
         """Return values (K n, ...) less what these parameters take of them."""
-        return values - self.basis @ ((self.ease * (self.basis.T @ values).T).T)
+        rows, basis = self._reached
+        own, out = values[rows], values.copy()
+        out[rows] = own - basis @ ((self.ease * (basis.T @ own).T).T)
+        return out
+
+    @cached_property
+    def _reached(self) -> tuple[np.ndarray, Array]:
+        """Rows that these parameters change at all, and what they do there: what was not measured takes no time."""
+        rows = np.flatnonzero(self.basis.any(axis=1))
+        return rows, np.ascontiguousarray(self.basis[rows])
 
 
 #: Share of a step that adding and taking away may change.
@@ -470,6 +481,15 @@ _ROUNDING = 1e-6
 _AT_REACH = 0.999
 #: Multiple of the noise by which a parameter may change the columns that nothing holds.
 _FREE = 1e6
+
+
+def _spanned(matrix: Array) -> tuple[Array, Array]:
+    """Return left singular vectors (m, r) and values (r,) of a matrix (m, p), zero in rows that are zero."""
+    rows = np.flatnonzero(matrix.any(axis=1))
+    own, size, _ = np.linalg.svd(matrix[rows], full_matrices=False)
+    left = np.zeros((len(matrix), len(size)))
+    left[rows] = own
+    return left, size
 
 
 def _scaled(jacobian: Array) -> Array:
