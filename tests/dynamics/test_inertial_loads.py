@@ -19,6 +19,7 @@ def moving(mechanism, count=20):
     return rng.uniform(-1.5, 1.5, (3, count, len(mechanism.actuated)))
 
 
+@pytest.mark.filterwarnings("ignore::prup_pin.errors.JointLimitWarning")
 @pytest.mark.parametrize("name", ["ur5", "kinova"])
 def test_what_inertia_loads_joints_with_is_the_inverse_dynamics(name):
     """Along every joint all that it carries is what the joint's drive gives, by Pinocchio's rnea, without gravity."""
