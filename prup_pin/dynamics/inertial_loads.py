@@ -69,7 +69,7 @@ def body_motion(mechanism: Mechanism, position: Array, speed: Array, acceleratio
         pin.forwardKinematics(model, data, q[row], v[row], a[row])
         for joint in range(count):
             turns[row, joint] = data.oMi[joint].rotation
-            moving[row, joint, :2].flat = data.v[joint].vector
-            moving[row, joint, 2:].flat = data.a[joint].vector
+            moving[row, joint, :2] = data.v[joint].vector.reshape(2, 3)
+            moving[row, joint, 2:] = data.a[joint].vector.reshape(2, 3)
     slid, spin, sliding, spun = np.moveaxis(moving, 2, 0)
     return BodyMotion(turns, spin, spun, sliding + cross(spin, slid))

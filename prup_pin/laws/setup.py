@@ -118,7 +118,7 @@ class Setup:
     def inertia(self, samples: np.ndarray) -> Array | None:
         """Return the wrenches of all links' inertia (n, links, 6), as in `Conditions`; None where none is known."""
         travel, later = self.travel[samples], np.broadcast_to(self.later, self.travel.shape)[samples]
-        moving = self.inputs.bodies(self.mechanism, samples, travel, later)
+        moving = self.inputs.bodies(self.mechanism, samples, travel, later) if self.mechanism.links else None
         return None if moving is None else moving.loads(self.mechanism.links)
 
     # -- what the simulation is run with -------------------------------------------------------------------------------

@@ -25,8 +25,8 @@ class Conditions:
     joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;
     `loop_offsets` likewise that of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second
     end; `mass_factors` (links,) multiplies the masses of `Mechanism.links`; `springs` pull the tool point to where
-    they are slack: stiffness (3, 3) [N/m] and that point (3,), base axes; `inertia` (N, links, 6) are the wrenches by which
-    the same links bear their motion, dead, about their centres, base axes.
+    they are slack: stiffness (3, 3) [N/m] and that point (3,), base axes; `inertia` (N, links, 6) are what
+    the motion of the same links loads them with, dead wrenches about their centres, base axes.
     """
 
     wrench: Array
