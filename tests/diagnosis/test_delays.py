@@ -47,6 +47,19 @@ def test_one_clock_beside_the_encoders_is_one_delay(late, speeds, tmp_path):
     assert left < 1.2 * device["noise"]["position"]
 
 
+@pytest.mark.slow
+def test_gears_that_yield_and_encoders_that_are_late_are_told_apart(tmp_path):
+    late = [0.0, 4e-3, 9e-3, 0.0, 2e-3, 6e-3]
+    device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", late=late, yields=True)
+    found = diagnose(robot, recording)
+    assert "joint_compliance" in {item.physics for item in found.findings}
+    told = delays(found)
+    for name, each in zip(device["truth"]["joints"], late, strict=True):
+        assert told.get(f"{name}.encoder_delay", 0.0) + told.get("encoders.delay", 0.0) == pytest.approx(each, abs=2e-4)
+    apart = (simulate(robot, heldout, found.effects).position - heldout.position)[5:-5]
+    assert np.sqrt(np.mean(apart**2)) < 1.2 * device["noise"]["position"]
+
+
 def test_a_robot_at_rest_has_no_delay(tmp_path):
     _, robot, recording, _ = drawn(tmp_path, 3, "ur5", rows=40, moving=False)
     for moves in (False, True):
