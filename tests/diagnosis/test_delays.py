@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.channels import Stack, channels_of
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibrate import toleranced_of
-from prup_pin.recordings import TYPICAL, read_recording
-from prup_pin.simulation import simulate
+from prup_pin.diagnosis.plausible import what_is_missing
+from prup_pin.recordings import TYPICAL, Recording, read_recording
+from prup_pin.simulation import inputs_of, simulate, trajectory_of
 
 from ..reference.concealed.efforts import KINDS
 from ..reference.concealed.tracked import draw_tracked, write
@@ -69,3 +71,14 @@ def test_a_robot_at_rest_has_no_delay(tmp_path):
     found = diagnose(robot, recording)
     assert not any("delay" in item.deviation.name for item in found.calibration)
     assert any(item.physics == "encoder_delay" and item.smallest is None for item in found.not_detectable)
+
+
+def test_a_moving_loop_is_told_to_bear_its_weight_alone():
+    robot = prup_pin.load("3prup")
+    time, home = np.arange(50) / 100, robot.pose(z=0.4).actuators
+    moving = {name: value + 1e-2 * np.sin(6 * time) for name, value in home.items()}
+    for positions, told in ((moving, 1), ({name: np.full(50, value) for name, value in home.items()}, 0)):
+        recording = Recording(time, positions, position=np.zeros((50, 3)))
+        inputs = inputs_of(recording, robot, trajectory_of(recording, robot))
+        remarks = what_is_missing(inputs, Stack(channels_of(recording, robot.mechanism)), robot.mechanism)
+        assert sum("inertia" in text for text in remarks) == told
