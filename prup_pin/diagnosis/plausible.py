@@ -41,6 +41,11 @@ def what_is_missing(inputs: Inputs, stack: Stack, mechanism: Mechanism) -> list[
         remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
     elif force < NO_FORCE:
         remarks.append("no load was applied but the robot's own weight: what it does not load does not show")
+    if inputs.motion is not None and mechanism.loops:
+        remarks.append(
+            "the robot moves, and its loops are loaded by weight and wrench alone: what its bodies' inertia bends is "
+            "not told from what is wrong with it"
+        )
     if inputs.gravity is not None and _points_up(inputs.gravity, mechanism.gravity):
         remarks.append(
             "g.x g.y g.z point against the robot file's gravity: an accelerometer at rest reports the opposite of free "

@@ -448,7 +448,8 @@ def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
     covariance[inner] = inverse.T @ inverse
     mean[open_] = covariance[inner] @ data.right[open_] / noise
     cost = data.count * np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
-    cost += (data.square - float(data.right @ mean)) / noise
+    # least at the mean: what rounding does to it makes this larger, and never smaller
+    cost += data.left(mean) / noise + float((mean[open_] ** 2 / variances[open_]).sum())
     return _Fit(variances, noise, mean, covariance, float(cost))
 
 

@@ -188,3 +188,14 @@ def test_no_other_spread_is_likelier():
             other = np.where(labels == label, factor, 1.0) * found.variances
             assert spread._posterior(data, other, found.noise).cost > found.cost
         assert spread._posterior(data, found.variances, factor * found.noise).cost > found.cost
+
+
+@pytest.mark.parametrize("size", [1.0, 1e8])
+def test_no_variance_is_likelier_by_rounding(size):
+    """Of parameters that do nearly the same, none leaves less than the least squares that there are."""
+    rng = np.random.default_rng(0)
+    columns = 300 * rng.normal(size=(600, 6)) @ rng.normal(size=(6, 12)) + 1e-4 * rng.normal(size=(600, 12))
+    right = columns @ (5 * rng.normal(size=12)) + rng.normal(size=600)
+    data = spread._Linear(columns.T @ columns, columns.T @ right, float(right @ right), 600)
+    least = right - columns @ np.linalg.lstsq(columns, right, rcond=None)[0]
+    assert spread._posterior(data, np.full(12, size), 1.0).cost > float(least @ least)
