@@ -27,7 +27,7 @@ from ..criteria import (
     EFFORT_GAINS_SAVE,
     EFFORT_MASSES,
     EFFORT_SURE,
-    PARAMETER_COST,
+    EFFORT_UNIT,
 )
 from .columns import column_blocks, kept_samples
 
@@ -75,14 +75,11 @@ class _Products:
 
 
 class _Solution(NamedTuple):
-    """Inertial parameters (p,), the gains' logarithms (k,), their covariance (k, k), and the squares of all of them
-    about their priors, in multiples of their spread.
-    """
+    """Inertial parameters (p,), the gains' logarithms (k,) and their covariance (k, k)."""
 
     inertial: Array
     log: Array
     covariance: Array
-    strain: float
 
 
 def law_of_gains() -> EffortLaw:
@@ -122,8 +119,9 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     own = covariance - covariance.mean(axis=0)
     own = own - own.mean(axis=1, keepdims=True)
     much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before)
-    # masses that no drawing is so far from say surely that drives count otherwise, be it all alike
-    unlikely = alike.strain - found.strain > PARAMETER_COST * len(start)
+    # masses of the whole robot that no drawing is so far from say that drives count otherwise, be it all alike
+    light, right = (float(solution.inertial @ drawn) / float(drawn @ drawn) for solution in (alike, found))
+    unlikely = not 1 / EFFORT_UNIT < light < EFFORT_UNIT and 1 / EFFORT_UNIT < right < EFFORT_UNIT
     if not (much and _several(log - np.median(log), own)) and not (unlikely and _several(log, covariance)):
         return None
     return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
@@ -280,8 +278,7 @@ def _solved(
     own = np.diag(gain[which] ** 2 * (seen[which] @ x) + stiff) - cross.T @ np.linalg.solve(normal, cross)
     covariance = np.zeros((len(log), len(log)))
     covariance[np.ix_(which, which)] = np.linalg.inv(own)
-    strain = loose * float(((x - drawn) ** 2).sum()) + stiff * float((found.x**2).sum())
-    return _Solution(x, log, covariance, strain)
+    return _Solution(x, log, covariance)
 
 
 def _held_out(
