@@ -238,10 +238,10 @@ class _Search:
         together may be one motor that drives both: there most of all joints must speak for it.
         """
         before, hung = self.shares(written), self._hung(written)
-        after = self.shares(read_as(written, taken, self.drawn))
+        after = self.shares(read_as(written, taken, self.drawn), written if _mixes(taken) else None)
         if _rms(after) < min(_limit(_rms(before)), _rms(hung)):
             return True
-        if any(item.word in _TOGETHER for item in taken):
+        if _mixes(taken):
             return False
         changed = (np.minimum(before, after) < _SAME * np.maximum(before, after)) & np.isfinite(before)
         if not changed.any():
@@ -250,17 +250,25 @@ class _Search:
         several = changed.sum() > 1 or left > 1
         return bool(several and _rms(after[changed]) < min(CONVENTION_LEAVES * min(left, 1.0), _rms(hung[changed])))
 
-    def left(self, recording: Recording) -> float:
+    def left(self, recording: Recording, mixed: Recording | None = None) -> float:
         """Return what rigid efforts and friction leave of the efforts but noise: a share, RMS of the joints."""
-        return _rms(self.shares(recording))
+        return _rms(self.shares(recording, mixed))
 
-    def shares(self, recording: Recording) -> Array:
-        """Return the same of the squares of each joint's effort (k,)."""
+    def shares(self, recording: Recording, mixed: Recording | None = None) -> Array:
+        """Return the same of the squares of each joint's effort (k,).
+
+        mixed: from which efforts were added to others; a large one added makes what is left no smaller.
+        """
         motion, efforts, noise = self.read(recording)
         try:
-            return _shares(motion, efforts, self.at.rigid_of(motion), noise)
+            shares = _shares(motion, efforts, self.at.rigid_of(motion), noise)
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
+        if mixed is None:
+            return shares
+        sizes, others = ((values**2).sum(axis=0) for values in (efforts, self.read(mixed)[1]))
+        grown = np.where((others > 0) & (sizes > others), sizes / np.where(others > 0, others, 1.0), 1.0)
+        return np.minimum(shares * grown, 100.0)
 
     def _left_by_friction(self, recording: Recording) -> float:
         """Return what is left where no joint needs more for its rigid body than it helps: a share, RMS of the joints.
@@ -296,7 +304,7 @@ class _Search:
             tried = []
             for step in self._readings(now):
                 read = read_as(now, step, self.drawn)
-                tried.append((self.left(read), step, read))
+                tried.append((self.left(read, now if _mixes(step) else None), step, read))
             tried = [item for item in tried if item[0] < np.inf]
             if not tried:
                 break
@@ -427,6 +435,11 @@ class _Search:
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return never
         return _shares(motion, efforts, self.rigid + pulled @ more, noise)
+
+
+def _mixes(conventions: Sequence[Convention]) -> bool:
+    """Return whether axes are read as counting together."""
+    return any(item.word in _TOGETHER for item in conventions)
 
 
 def _limit(written: float) -> float:

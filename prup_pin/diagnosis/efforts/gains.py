@@ -110,7 +110,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     after = [_held_out(products, drawn, _WIDER, start, free, block, level) for block in range(_BLOCKS)]
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(_BLOCKS), np.finfo(float).tiny)
-    if not sure > EFFORT_SURE or np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
+    if np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
         return None
     whole = products.without(None)
     alike = _solved(whole, drawn, 1.0, 0 * start, none, 0.0)
@@ -118,7 +118,7 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     log, covariance = found.log, found.covariance
     own = covariance - covariance.mean(axis=0)
     own = own - own.mean(axis=1, keepdims=True)
-    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before)
+    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE
     # masses of the whole robot that no drawing is so far from say that drives count otherwise, be it all alike
     light, right = (float(solution.inertial @ drawn) / float(drawn @ drawn) for solution in (alike, found))
     unlikely = not 1 / EFFORT_UNIT < light < EFFORT_UNIT and 1 / EFFORT_UNIT < right < EFFORT_UNIT
