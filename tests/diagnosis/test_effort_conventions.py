@@ -11,8 +11,9 @@ from prup_pin.diagnosis.efforts.conventions import conventions_of_efforts
 from prup_pin.diagnosis.efforts.plausible import check_efforts
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.errors import InputError
-from prup_pin.recordings import Recording, convention_of, joints_of, written_as
+from prup_pin.recordings import Recording, convention_of, joints_of, read_recording, written_as
 from prup_pin.simulation import drawn_for
+from tests.reference.concealed.elastic import draw_elastic, write
 
 
 @pytest.fixture(scope="module")
@@ -211,3 +212,10 @@ def test_a_position_that_never_changes_while_its_speed_does_is_told(ur5, recordi
     wrong = replace(recording, positions=positions, velocities={"elbow_joint": speed})
     with pytest.raises(InputError, match=r"q\.elbow_joint never changes, but qd\.elbow_joint"):
         checked(ur5, wrong)
+
+
+def test_a_larger_effort_added_to_a_noisy_one_leaves_no_less(tmp_path):
+    """A faultless arm whose log is late and of few bits: three wrists were told to count together."""
+    write(draw_elastic(230000, "ur10"), tmp_path, tmp_path, "arm")
+    recording = read_recording(tmp_path / "arm.csv")
+    assert told(load("ur10").mechanism, recording) == []
