@@ -198,12 +198,15 @@ def _alone_of_all(outcome: Outcome, term: EffortCandidate, without: Array) -> st
     )
     with_it = rest.with_term(best)
     x, _ = fit(outcome.given, with_it)
-    values = best.law.fitted(best.place, x[with_it.own(best)], best.values)
+    change = x[with_it.own(best)]
+    values = best.law.fitted(best.place, change, best.values)
     share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
     drawn = sum(float(inertia.mass) for inertia in outcome.mechanism.model.inertias)
     own = abs(values.get("mass", 0.0))
     if share < EFFORT_ALONE or own > drawn or not best.law.plausible(best.place, values, outcome.mechanism):
         return ""  # a robot file without masses lacks more than one body
+    if best.law.impossible(best.place, change, np.zeros_like(change), outcome.mechanism):
+        return ""
     told = best.law.statement(best.place, values, outcome.mechanism)
     return f"; {100 * min(share, 1.0):.0f} % of that would be taken away by one body alone: {told}"
 

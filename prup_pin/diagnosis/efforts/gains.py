@@ -39,6 +39,8 @@ _SAMPLES = 6000
 _TOLD = 1e-12
 #: Masses are given so many times their spread while it is asked whether gains are needed beside them.
 _WIDER = 3.0
+#: Drives without which a unit is not told from a load.
+_FEWEST = 3
 #: Blocks of time that are held out in turn.
 _BLOCKS = 12
 
@@ -119,10 +121,12 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     own = covariance - covariance.mean(axis=0)
     own = own - own.mean(axis=1, keepdims=True)
     much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE
-    # masses of the whole robot that no drawing is so far from say that drives count otherwise, be it all alike
+    # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
+    # would do without; of two drives a load may be so much as well
     light, right = (float(solution.inertial @ drawn) / float(drawn @ drawn) for solution in (alike, found))
     unlikely = not 1 / EFFORT_UNIT < light < EFFORT_UNIT and 1 / EFFORT_UNIT < right < EFFORT_UNIT
-    if not (much and _several(log - np.median(log), own)) and not (unlikely and _several(log, covariance)):
+    unit = len(log) >= _FEWEST and abs(np.median(log)) > np.log(EFFORT_UNIT) and _several(log, covariance)
+    if not (much and _several(log - np.median(log), own)) and not (unlikely and unit):
         return None
     return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
 
