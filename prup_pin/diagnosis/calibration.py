@@ -9,16 +9,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..channels import Noise
-from ..errors import InputError
+from ..errors import InputError, limits_heard
 from ..laws import Effect
 from ..recordings import Convention, Recording
 from ..robot import Robot
-from .asked import asked
 from .calibrate import CalibratedParameter, calibrated_parameters
 from .conventions import logs_read
 from .criteria import clean_bound
-from .limits import limits_heard
-from .whiteness import compared
+from .prepare import asked
 
 __all__ = ["Calibration", "calibrated"]
 
@@ -74,7 +72,7 @@ def calibrated(
                 "nothing may be off: neither the recording nor the robot file declares a tolerance. Declare some "
                 "(docs/tolerances.md), or give --tolerances typical"
             )
-        count = compared(given.problem, given.problem.first)
+        count = given.problem.count(given.problem.first)
         if not count:
             raise InputError("no sample with a measured pose could be simulated: there is nothing to calibrate by")
         tell("calibration within tolerances", 0.2)

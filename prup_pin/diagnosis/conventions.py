@@ -10,19 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from ..dynamics import is_standing
-from ..errors import InputError, PrupPinError
+from ..errors import InputError, PrupPinError, limits_heard
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import Convention, Recording, joints_of, read_as
-from ..recordings.conventions import as_json
+from ..recordings.conventions import Evidence, as_json, merged
 from ..robot import Robot
 from ..simulation import as_recorded, drawn_for, in_format
 from .criteria import LEVER, OPEN_FRAME
 from .diagnosis import Diagnosis, Finding
 from .efforts.conventions import conventions_of_efforts
 from .efforts.merged import has_efforts, has_poses
-from .evidence import Evidence, merged
-from .limits import limits_heard
 from .pose_conventions import conventions_of_loads, conventions_of_poses
 
 __all__ = ["Logs", "as_diagnosed", "logs_read"]

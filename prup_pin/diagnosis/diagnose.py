@@ -11,30 +11,28 @@ from threadpoolctl import threadpool_limits
 
 from ..channels import Noise
 from ..dynamics import is_standing
+from ..errors import limits_heard
 from ..numbers import number
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import as_recorded
-from .asked import Asked, Tell, asked
-from .by_recording import by_recording
-from .compete import needed, select
 from .conventions import logs_read
 from .criteria import (
     FEWEST_FOR_FOLDS,
     FOLDS,
     beyond_tolerance,
 )
-from .diagnosis import Diagnosis, Finding
+from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.at_rest import with_efforts_at_rest
 from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
+from .evidence import beyond_of, is_clean, judged, misjudged, told, widened
 from .findings import no_noise, too_few
-from .fit import Problem
-from .limits import limits_heard
-from .misjudged import beyond_of, judged, misjudged, told, widened
-from .selection import Selection, is_clean
+from .noise import noise_of_the_rest
+from .prepare import Asked, Tell, asked
+from .problem import Problem
+from .search import Selection, needed, select
 from .verdict import verdict_of
-from .whiteness import compared, noise_of_the_rest
 
 __all__ = ["diagnose"]
 
@@ -127,7 +125,7 @@ def _searched(given: Asked, tell: Tell) -> _Searched:
     problem = given.within_tolerances(given.problem, reach)
     selection = Selection.nothing(problem.first, library)
     doubt: Finding | None = None
-    if compared(problem, problem.first):
+    if problem.count(problem.first):
         selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         if larger is not None:
@@ -135,11 +133,11 @@ def _searched(given: Asked, tell: Tell) -> _Searched:
             problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
             doubt = too_few(problem, selection, inputs.blocks)
-    if given.kinds and compared(problem, problem.first):
+    if given.kinds and problem.count(problem.first):
         selection = needed(problem, selection, labels)
-    if not given.kinds and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
+    if not given.kinds and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
         problem, selection = _otherwise(given, problem, selection, labels, tell)
-    if given.untold and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
+    if given.untold and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
         doubt = no_noise(problem, selection.last, inputs.blocks)
     return _Searched(problem, selection, labels, doubt)
 

@@ -27,10 +27,10 @@ from .criteria import (
     WORTH_SEPARATING,
 )
 from .diagnosis import Finding, FittedParameter
-from .fit import Fit, Problem, Term
-from .held_out import cross_validated
-from .selection import Selection, implausible, scale_of
-from .whiteness import compared, could_show_structure, is_white
+from .evidence import cross_validated, implausible, scale_of
+from .noise import could_show_structure, is_white
+from .problem import Fit, Problem, Term
+from .search import Selection
 
 __all__ = [
     "acting_anyway",
@@ -337,7 +337,7 @@ def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedPar
     scale = np.where(unseen, 1.0, scale)
     scaled = jacobian / scale
     covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True) / scale / scale[:, None]
-    count = max(compared(problem, fit), 1)
+    count = max(problem.count(fit), 1)
     covariance = covariance * max(1.0, fit.chi2 / count)
     start = sum(term.candidate.size for term in fit.terms[:index])
     term = fit.terms[index]

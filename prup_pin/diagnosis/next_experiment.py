@@ -27,9 +27,9 @@ from .criteria import (
     WORTH_DOING,
     WORTH_SEPARATING,
 )
-from .fit import Problem, Term
-from .selection import Selection
-from .separation import Bench, Pair, Test, apart, known_of
+from .identify import Bench, Pair, Test, apart, known_of
+from .problem import Problem, Term
+from .search import Selection
 
 __all__ = ["next_experiment"]
 

@@ -19,6 +19,7 @@ from ..kinematics import ClosedPose
 from ..laws import Inputs
 from ..mechanism import Mechanism
 from ..recordings import WORDS, Convention, Drawn, Recording, read_as
+from ..recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged
 from ..robot import Robot
 from ..simulation import Simulator, drawn_for
 from ..spatial import Array, cross, rotation_exp, turn_between
@@ -34,7 +35,6 @@ from .criteria import (
     CONVENTION_SOFTEST,
     LEAST_REACH,
 )
-from .evidence import GEARS, POSITION_UNITS, Evidence, exchanged
 
 __all__ = ["conventions_of_loads", "conventions_of_poses"]
 

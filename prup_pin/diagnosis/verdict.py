@@ -14,11 +14,9 @@ from ..recordings import SENSORS
 from ..robot import Robot
 from ..spatial import Array
 from .all_over import all_over
-from .asked import Asked, Tell
 from .calibrate import (
     calibrated_parameters,
 )
-from .compete import select
 from .criteria import (
     IMITATED,
     ROUGH,
@@ -26,8 +24,8 @@ from .criteria import (
     WEIGHT_SHOWS,
     clean_bound,
 )
-from .detectable import not_detectable
 from .diagnosis import Diagnosis, Finding
+from .evidence import cross_validated, is_clean
 from .findings import (
     acting_anyway,
     finding_of,
@@ -41,13 +39,12 @@ from .findings import (
     sensor_elsewhere,
     told_alone,
 )
-from .fit import Fit, Problem
-from .held_out import cross_validated
-from .locate import Located, locate
+from .identify import not_detectable
+from .locate import Located, locate, recovered, residuals
 from .next_experiment import next_experiment
-from .recovered import recovered, residuals
-from .selection import Selection, is_clean
-from .whiteness import compared
+from .prepare import Asked, Tell
+from .problem import Fit, Problem
+from .search import Selection, select
 
 __all__ = ["verdict_of"]
 
@@ -71,7 +68,7 @@ def verdict_of(
     samples = last.samples
     before = problem.whitened(first.influence, raw_linear)
     labels = blocks[samples]
-    count = compared(problem, last)
+    count = problem.count(last)
     held = cross_validated(problem, last, labels) if count else float("nan")
     findings = [
         finding_of(problem, last, index, selection, robot, held, labels if given.kinds else None)
@@ -270,7 +267,7 @@ def _surest(
 def _leaves_noise(problem: Problem, fit: Fit, module: str) -> bool:
     """Return True where a fit leaves noise while a module deforms as it likes, which takes numbers away."""
     free = np.linalg.norm(problem.reach(fit.influence, module), axis=1) > 0.5
-    count = max(compared(problem, fit) - int(free[fit.run.solved[fit.samples]].sum()), 1)
+    count = max(problem.count(fit) - int(free[fit.run.solved[fit.samples]].sum()), 1)
     return fit.chi2 <= clean_bound(count) ** 2 * count
 
 

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from prup_pin.diagnosis import contest
+from prup_pin.diagnosis import search
 
 
 def test_after_a_term_was_replaced_the_next_one_is_asked_before_it_is_asked_again(monkeypatch):
@@ -17,6 +17,6 @@ def test_after_a_term_was_replaced_the_next_one_is_asked_before_it_is_asked_agai
         terms = better.get((fit.terms, index))
         return [fit.terms[index]], terms and SimpleNamespace(terms=terms)
 
-    monkeypatch.setattr(contest, "judged_rivals", judged_rivals)
-    found, _ = contest.challenge_each(SimpleNamespace(over=False), SimpleNamespace(terms=("bias", "drive")), ())
+    monkeypatch.setattr(search, "judged_rivals", judged_rivals)
+    found, _ = search.challenge_each(SimpleNamespace(over=False), SimpleNamespace(terms=("bias", "drive")), ())
     assert found.terms == ("weight", "joint")

@@ -9,7 +9,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.separation import Bench, apart
+from prup_pin.diagnosis.identify import Bench, apart
 from prup_pin.recordings import add_noise, read_plan, read_recording
 from prup_pin.simulation import effect_named, simulate
 

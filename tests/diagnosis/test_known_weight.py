@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.diagnosis import contest, selection
+from prup_pin.diagnosis import search as searching
 from prup_pin.diagnosis.calibrate import Toleranced, within_tolerances
 from prup_pin.diagnosis.candidates import candidates
-from prup_pin.diagnosis.compete import select
-from prup_pin.diagnosis.selection import penalty
+from prup_pin.diagnosis.evidence import penalty
+from prup_pin.diagnosis.search import select
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import LoadProgramme, RandomPoses, TestPlan
 from prup_pin.simulation import Simulator, effect_named, inputs_of
@@ -65,10 +65,10 @@ def test_a_payload_of_any_mass_gives_way_to_the_weight_that_acts(bench):
     simulator, library = bench
     problem = measured(simulator)
     wrong = problem.refine([library[PAYLOAD].term(library[PAYLOAD].starts()[0])], problem.first)
-    search = selection.Search(problem)
-    assert values(contest.rearranged(search, wrong, list(library.values()))).keys() == {WEIGHT}
+    search = searching.Search(problem)
+    assert values(searching.rearranged(search, wrong, list(library.values()))).keys() == {WEIGHT}
     right = problem.refine([library["stiffness_changed at leg1/drive"].term(np.zeros(1))], problem.first)
-    assert contest.rearranged(search, right, list(library.values())) is right
+    assert searching.rearranged(search, right, list(library.values())) is right
 
 
 def test_weight_costs_no_parameter_and_has_no_rival_but_weight(bench):

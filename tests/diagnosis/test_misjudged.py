@@ -9,9 +9,9 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.compete import _relieves, strain_of
 from prup_pin.diagnosis.criteria import BEYOND
-from prup_pin.diagnosis.misjudged import factors_of_kinds
+from prup_pin.diagnosis.evidence import factors_of_kinds
+from prup_pin.diagnosis.search import _relieves, strain_of
 from prup_pin.recordings import read_recording
 
 from ..reference.concealed.scattered import draw_scattered, write

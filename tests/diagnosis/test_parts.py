@@ -8,10 +8,10 @@ import pytest
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack, channels_of, whitening
 from prup_pin.diagnosis.candidates import Candidate, candidates, under_load
-from prup_pin.diagnosis.fit import Problem, Term
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.locate import least_left, locate, yieldings
-from prup_pin.diagnosis.whiteness import is_white, noise_of_the_rest
+from prup_pin.diagnosis.noise import is_white, noise_of_the_rest
+from prup_pin.diagnosis.problem import Problem, Term
 from prup_pin.laws import Inputs
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, effect_named, inputs_of

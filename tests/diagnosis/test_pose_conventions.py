@@ -8,9 +8,9 @@ import pytest
 from prup_pin import load
 from prup_pin.diagnosis import conventions
 from prup_pin.diagnosis.conventions import logs_read
-from prup_pin.diagnosis.evidence import Evidence
 from prup_pin.errors import InputError
 from prup_pin.recordings import Convention, read_recording
+from prup_pin.recordings.conventions import Evidence
 from tests.reference.concealed import draw, misread
 
 SLIDES = draw.SLIDES

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from prup_pin.diagnosis.candidates import candidates
-from prup_pin.diagnosis.compete import select
-from prup_pin.diagnosis.selection import implausible
+from prup_pin.diagnosis.evidence import implausible
+from prup_pin.diagnosis.search import select
 from prup_pin.simulation import effect_named
 
 from ..laws import bench

@@ -7,22 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..errors import limits_heard
 from ..numbers import number
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
-from .asked import asked
 from .conventions import logs_read
-from .detectable import not_detectable
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
 from .efforts.gather import Efforts
 from .efforts.merged import has_efforts, has_poses, unused_by_efforts
 from .efforts.plausible import check_efforts
 from .efforts.search import pulls
-from .limits import limits_heard
-from .plausible import unused_columns
-from .selection import Selection
+from .identify import not_detectable
+from .prepare import asked, unused_columns
+from .search import Selection
 
 __all__ = ["Excitation", "Prospects", "prospects"]
 

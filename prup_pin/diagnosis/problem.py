@@ -1,4 +1,10 @@
-"""Fitting laws: quickly, through first-order influences; finally, through the whole simulation."""
+"""The problem: what was measured less what is simulated, whitened, and its Jacobians by every change of the simulation.
+
+A `Problem` is a recording against a simulator. A `Fit` is one simulation with fitted laws and parameters: its residual,
+its Jacobian by the laws' coordinates and by the toleranced parameters. Laws compete by what they do to first order
+about a fit, at the cost of a few small products; only what wins is fitted through the whole simulation, by Gauss-Newton
+steps.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +19,13 @@ from ..channels import Noise, Stack
 from ..laws import Effect
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, changes_per_tolerance, least_within, settled
+from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
 from .candidates import Candidate, Term
 from .criteria import STALE
 from .influence import Influence
+from .nuisance import Beside, least_step, without
 
-__all__ = ["Beside", "Fit", "Problem", "Term", "with_priors", "without"]
+__all__ = ["Fit", "Problem", "Term"]
 
 
 @dataclass(frozen=True)
@@ -186,6 +193,10 @@ class Problem:
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
         return Fit(tuple(terms), run, influence, residual, chi2, x, held)
 
+    def count(self, fit: Fit) -> int:
+        """Return how many numbers of a fit's residual were both measured and simulated."""
+        return int((self.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]).sum())
+
     def target(self, fit: Fit) -> Array:
         """Return the whitened residual (n, K) of a fit with what its toleranced parameters do put back, first order."""
         if self.tolerances is None:
@@ -350,12 +361,12 @@ class Problem:
         jacobian, residual, held = self._with_usual(fit)
         bounds = [(term.coordinates, *term.candidate.bounds, term.candidate.logarithmic) for term in fit.terms]
         if not bounds:
-            return _least_step(jacobian, residual, held, fit.x, reach)
+            return least_step(jacobian, residual, held, fit.x, reach)
         here, low, high, logarithmic = (np.concatenate(parts) for parts in zip(*bounds, strict=True))
         step, open_ = np.zeros(len(here)), np.ones(len(here), bool)
         while True:
             left = residual - jacobian[:, ~open_] @ step[~open_]
-            found = _least_step(jacobian[:, open_], left, held, fit.x, reach)
+            found = least_step(jacobian[:, open_], left, held, fit.x, reach)
             step[open_] = found[: open_.sum()]
             within = np.clip(here + step, low, high) - here
             beyond = open_ & ~logarithmic & (np.abs(step - within) > _ROUNDING * np.abs(within))
@@ -431,74 +442,7 @@ def _basis(directions: Array) -> Array:
     return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
 
 
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """What other parameters may do to the whitened columns: orthonormal changes (K n, p), and how freely, (p,).
-
-    Fitting them too takes the share `ease` of a residual's part along each: all of it, or less where a tolerance holds
-    them. Numbers v of variance 1 plus what the tolerances scatter become numbers of variance 1 (`without`): the metric
-    of noise plus tolerances, of low rank. back (K n,): what terms do by which they are off what is known of them, to be
-    put back into a residual that has them.
-    """
-
-    basis: Array
-    ease: Array
-    back: Array | None = None
-
-    @classmethod
-    def free(cls, jacobian: Array) -> Beside:
-        """Return what parameters may do that nothing holds, by their changes (K n, p)."""
-        left, size, _ = np.linalg.svd(_scaled(jacobian), full_matrices=False)
-        basis = left[:, size > 1e-6]
-        return cls(basis, np.ones(basis.shape[1]))
-
-    @classmethod
-    def within(cls, jacobian: Array, held: Array, back: Array | None = None) -> Beside:
-        """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
-        left, size, _ = np.linalg.svd(np.concatenate((_FREE * _scaled(jacobian), held), axis=1), full_matrices=False)
-        kept = size > 1e-6
-        return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), back)
-
-    def without(self, values: Array) -> Array:
-        """Return values (K n, ...) less what these parameters take of them."""
-        return values - self.basis @ ((self.ease * (self.basis.T @ values).T).T)
-
-
 #: Share of a step that adding and taking away may change.
 _ROUNDING = 1e-6
 #: Share of the reach at which a parameter stands at its end.
 _AT_REACH = 0.999
-#: Multiple of the noise by which a parameter may change the columns that nothing holds.
-_FREE = 1e6
-
-
-def _scaled(jacobian: Array) -> Array:
-    return jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-
-
-def without(values: Array, beside: Beside | None) -> Array:
-    """Return values (m,) less what parameters beside them take."""
-    return values if beside is None else beside.without(values)
-
-
-def _least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: float) -> Array:
-    """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    if not len(x):
-        return np.linalg.lstsq(jacobian / scale, residual, rcond=1e-8)[0] / scale
-    count = jacobian.shape[1]
-    matrix, right = with_priors(jacobian / scale, held, residual, x)
-    step = np.linalg.lstsq(matrix, right, rcond=1e-10)[0]
-    if np.abs(x + step[count:]).max() > reach:
-        turned, root = np.linalg.qr(matrix)
-        here = np.concatenate((np.zeros(count), x))
-        ends = np.concatenate((np.full(count, np.inf), np.full(len(x), reach)))
-        step = least_within(root, turned.T @ right + root @ here, ends) - here
-    return np.concatenate((step[:count] / scale, step[count:]))
-
-
-def with_priors(free: Array, held: Array, residual: Array, x: Array) -> tuple[Array, Array]:
-    """Return matrix and right side of least squares with a row for the prior of each held parameter."""
-    priors = np.concatenate((np.zeros((len(x), free.shape[1])), np.eye(len(x))), axis=1)
-    return np.vstack((np.concatenate((free, held), axis=1), priors)), np.concatenate((residual, -x))
