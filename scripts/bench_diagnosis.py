@@ -39,7 +39,7 @@ CALIBRATE_TARGET, DIAGNOSE_TARGET = 20.0, 60.0  # s
 #: What is timed: a text, and where the function is found. One stands inside another where the text is indented.
 PARTS: tuple[tuple[str, Any, str], ...] = (
     ("laws one by one, to first order", search, "screen"),
-    ("rivals of every law that is in", search, "challengers"),
+    ("rivals of every law that is in", search, "alternatives_to"),
     ("fits through the whole simulation", Problem, "refine"),
     ("  the change by every tolerance anew", Problem, "relinearised"),
     ("calibration: the change by every tolerance", calibration, "changes_per_tolerance"),

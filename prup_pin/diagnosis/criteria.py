@@ -277,7 +277,7 @@ NOT_BEHIND: Final = 1.5
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
 #: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
-MISJUDGED_COST: Final = 9.0
+RESCALING_COST: Final = 9.0
 
 
 def beyond_tolerance(count: int) -> float:

@@ -25,8 +25,8 @@ from .criteria import (
     FOLDS,
     LEAD,
     LEAST_PIECES,
-    MISJUDGED_COST,
     PARAMETER_COST,
+    RESCALING_COST,
     beyond_tolerance,
     clean_bound,
 )
@@ -35,19 +35,19 @@ from .problem import Fit, Problem, Term
 
 __all__ = [
     "Rival",
-    "beyond_of",
     "cost_of",
+    "count_beyond_tolerance",
     "cross_validated",
     "factors_of_kinds",
     "implausible",
     "is_clean",
-    "judged",
-    "misjudged",
+    "minus_2_log_posterior",
     "penalty",
+    "rescaled_tolerances",
+    "rescaling_remark",
     "scale_of",
     "threshold",
-    "told",
-    "widened",
+    "with_rescaled",
 ]
 
 
@@ -85,7 +85,7 @@ def implausible(term: Term) -> float:
     logs = candidate.logarithmic & (candidate.known == 0)  # what is known is part of chi squared
     starts = candidate.starts()
     far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
-    far += float((candidate.unusual(term.coordinates) ** 2).sum())
+    far += float((candidate.prior_residuals(term.coordinates) ** 2).sum())
     return far + candidate.law.cost + _unlikely(candidate)
 
 
@@ -130,7 +130,7 @@ def cross_validated(
     what toleranced parameters cost that go far to take their place counts as well.
     """
     jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
-    held, x, residual = fit.held.reshape(*fit.residual.shape, -1), fit.x, fit.residual
+    held, x, residual = fit.per_tolerance.reshape(*fit.residual.shape, -1), fit.x, fit.residual
     candidates = [term.candidate for term in fit.terms]
     # a logarithm that only few samples tell (the load that closes a gap) is trusted for a step of one
     own = [np.where(each.known > 0, each.known, each.logarithmic) for each in candidates]
@@ -145,10 +145,10 @@ def cross_validated(
     if parameters is not None:
         residual = residual + held[..., parameters] @ x[parameters]
         held, x = held[..., ~parameters], x[~parameters]
-    return _held_out(residual, jacobian, blocks, held, x, (narrow, off), strained)
+    return _out_of_fold(residual, jacobian, blocks, held, x, (narrow, off), strained)
 
 
-def _held_out(
+def _out_of_fold(
     residual: Array,
     jacobian: Array,
     blocks: np.ndarray,
@@ -232,14 +232,14 @@ def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[
 _ITERATIONS, _AGREED = 200, 1e-4
 
 
-def misjudged(problem: Problem, fit: Fit) -> dict[str, float]:
+def rescaled_tolerances(problem: Problem, fit: Fit) -> dict[str, float]:
     """Return by how many times as far off as declared parts are, by kinds of which that is sure.
 
     At least once. Of kinds that many places have: all of a sensor's are one law's, and how far it is off is a finding.
     """
     if problem.tolerances is None or not len(fit.x):
         return {}
-    held, residual = _beside_laws(problem, fit)
+    held, residual = _without_laws(problem, fit)
     own = problem.tolerances.toleranced.law.deviations
     kinds = [item.kind for item in own]
     many = [kind for kind in dict.fromkeys(kinds) if len({item.place for item in own if item.kind == kind}) > 1]
@@ -252,16 +252,16 @@ def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str], free: Se
     normal, right: J^T J (p, p) and J^T r (p,); kinds (p,) of the parameters.
     """
     labels = np.array(kinds)
-    variances, cost = _likeliest(normal, right, labels, free)
+    variances, cost = _maximum_likelihood(normal, right, labels, free)
     while free:
         others = []
         for kind in free:
             fewer = [name for name in free if name != kind]
-            found, left = _likeliest(normal, right, labels, fewer)
+            found, left = _maximum_likelihood(normal, right, labels, fewer)
             # one part that is far off, wherever it is, needs no other tolerance for its whole kind
             own = labels == kind
-            alone = left - _one_gains(normal, right, found)[own].max(initial=0.0) + 2 * np.log(max(own.sum(), 1))
-            others.append((min(left - MISJUDGED_COST, alone), found, left, fewer))
+            alone = left - _outlier_gains(normal, right, found)[own].max(initial=0.0) + 2 * np.log(max(own.sum(), 1))
+            others.append((min(left - RESCALING_COST, alone), found, left, fewer))
         least = min(others, key=lambda each: each[0])
         if least[0] > cost:
             break
@@ -269,30 +269,30 @@ def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str], free: Se
     return {kind: float(np.sqrt(variances[labels == kind][0])) for kind in free}
 
 
-def widened(toleranced: Toleranced, factors: Mapping[str, float]) -> Toleranced:
+def with_rescaled(toleranced: Toleranced, factors: Mapping[str, float]) -> Toleranced:
     """Return parameters whose tolerances are as many times as wide."""
     sizes = np.array([factors.get(item.kind, 1.0) for item in toleranced.law.deviations])
     return replace(toleranced, tolerances=sizes * toleranced.tolerances)
 
 
-def judged(fit: Fit, library: int, factors: Mapping[str, float] | None = None) -> float:
+def minus_2_log_posterior(fit: Fit, library: int, factors: Mapping[str, float] | None = None) -> float:
     """Return -2 log of the probability of what was measured, with what findings and other tolerances cost.
 
     One thing may be wrong with any robot; of each further one nobody knew where to look among `library` laws at places.
     """
-    size = float(np.linalg.slogdet(np.eye(len(fit.x)) + fit.held.T @ fit.held)[1])
+    size = float(np.linalg.slogdet(np.eye(len(fit.x)) + fit.per_tolerance.T @ fit.per_tolerance)[1])
     laws = sum(penalty(term) for term in fit.terms)
-    named = len(fit.terms) + beyond_of(fit)
+    named = len(fit.terms) + count_beyond_tolerance(fit)
     elsewhere = 2 * float(np.log(max(library, 1))) * max(named - 1, 0)
-    return float(fit.chi2) + size + laws + elsewhere + MISJUDGED_COST * len(factors or ())
+    return float(fit.chi2) + size + laws + elsewhere + RESCALING_COST * len(factors or ())
 
 
-def beyond_of(fit: Fit) -> int:
+def count_beyond_tolerance(fit: Fit) -> int:
     """Return how many parameters lie beyond their tolerances."""
     return int((np.abs(fit.x) > beyond_tolerance(len(fit.x))).sum())
 
 
-def told(factors: Mapping[str, float], taken: bool) -> str:
+def rescaling_remark(factors: Mapping[str, float], taken: bool) -> str:
     """Return a sentence on tolerances that were declared too narrow."""
     each = ", ".join(f"{kind} {number(factor, 2)} times" for kind, factor in factors.items())
     what = (
@@ -303,15 +303,15 @@ def told(factors: Mapping[str, float], taken: bool) -> str:
     return f"parts are off by more than their tolerances say: {each} as far as declared. {what}"
 
 
-def _beside_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+def _without_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Return the change per tolerance (m, p) and the residual (m,) without what the fit's laws may do."""
     free, residual = problem.jacobian(fit), fit.residual.ravel()
     size = np.linalg.norm(free, axis=0)
     basis = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
-    return fit.held - basis @ (basis.T @ fit.held), residual - basis @ (basis.T @ residual)
+    return fit.per_tolerance - basis @ (basis.T @ fit.per_tolerance), residual - basis @ (basis.T @ residual)
 
 
-def _likeliest(normal: Array, right: Array, labels: np.ndarray, free: Sequence[str]) -> tuple[Array, float]:
+def _maximum_likelihood(normal: Array, right: Array, labels: np.ndarray, free: Sequence[str]) -> tuple[Array, float]:
     """Return the likeliest variances (p,) where only some kinds are not as declared, and -2 log L."""
     variances = np.ones(len(labels))
     members = [labels == kind for kind in free]
@@ -328,7 +328,7 @@ def _likeliest(normal: Array, right: Array, labels: np.ndarray, free: Sequence[s
     return variances, _posterior(normal, right, variances)[2]
 
 
-def _one_gains(normal: Array, right: Array, variances: Array) -> Array:
+def _outlier_gains(normal: Array, right: Array, variances: Array) -> Array:
     """Return by how much -2 log L falls where one parameter alone, each in turn, may be off by any amount, (p,)."""
     inside = normal @ np.linalg.inv(np.diag(1 / variances) + normal)
     size = np.maximum(np.diagonal(normal - inside @ normal), 1e-300)

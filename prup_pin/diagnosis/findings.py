@@ -33,20 +33,20 @@ from .problem import Fit, Problem, Term
 from .search import Selection
 
 __all__ = [
-    "acting_anyway",
+    "always_acting",
+    "beyond_its_tolerance",
+    "chi2_without",
     "finding_of",
     "finite_deflection",
-    "growth_without",
-    "located_nowhere",
     "no_noise",
     "nothing_compared",
-    "off_beyond_tolerance",
     "parameters_of",
     "rms_of_sum",
-    "sensor_elsewhere",
-    "told_alone",
+    "sensor_displaced",
     "too_few",
     "unknown_at_robot",
+    "with_neutral_values",
+    "without_place",
 ]
 
 #: What to do where there is nothing to compare.
@@ -56,7 +56,7 @@ _NOTHING_MEASURED = (
 )
 
 
-def sensor_elsewhere(
+def sensor_displaced(
     effect: Effect,
     deviation: Array,
     first: Fit,
@@ -105,7 +105,7 @@ def sensor_elsewhere(
     )
 
 
-def acting_anyway(effect: Effect, robot: Robot) -> Finding:
+def always_acting(effect: Effect, robot: Robot) -> Finding:
     """Return the finding of something without a parameter, which the calibration asked for."""
     return Finding(
         physics=effect.law.physics,
@@ -118,7 +118,7 @@ def acting_anyway(effect: Effect, robot: Robot) -> Finding:
     )
 
 
-def off_beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Finding:
+def beyond_its_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Finding:
     """Return the finding that a parameter lies beyond its tolerance."""
     reach = 1.96 * item.sd
     gain = (item.x / item.share) ** 2
@@ -144,7 +144,7 @@ def rms_of_sum(chi2: float, count: int) -> float:
     return float(np.sqrt(chi2 / count)) if count else float("nan")
 
 
-def located_nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Finding:
+def without_place(problem: Problem, fit: Fit, selection: Selection, count: int) -> Finding:
     """Return the finding that something is left which no part of the robot accounts for."""
     modules = len(fit.influence.rows)
     places = len({candidate.place.name for candidate in selection.library})
@@ -240,10 +240,10 @@ def unknown_at_robot(statement: str) -> Finding:
     )
 
 
-def growth_without(problem: Problem, fit: Fit, index: int) -> float:
+def chi2_without(problem: Problem, fit: Fit, index: int) -> float:
     """Return how much chi squared would grow without a term."""
     kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
-    left = problem.beyond(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
+    left = problem.without_tolerances(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
     return float((left**2).sum()) - fit.chi2
 
 
@@ -259,7 +259,7 @@ def finding_of(
     """Return the finding of a term. labels (n,): of what is held out where much was calibrated beside it."""
     term = fit.terms[index]
     if labels is None:
-        without = growth_without(problem, fit, index) + fit.chi2
+        without = chi2_without(problem, fit, index) + fit.chi2
     else:
         without = cross_validated(problem, fit, labels, less=index)
     scale = scale_of(problem, fit)  # where more than noise is left, less can be told apart
@@ -297,7 +297,7 @@ def _is_richer(name: str, other: str) -> bool:
     return name.startswith(f"{other.removesuffix(')')} by ")
 
 
-def told_alone(finding: Finding, robot: Robot) -> Finding:
+def with_neutral_values(finding: Finding, robot: Robot) -> Finding:
     """Return a finding in which parameters that these data do not tell change nothing, such as unmeasured rotations."""
     effect = finding.effect
     if effect is None:
@@ -331,7 +331,7 @@ def _beside_others(term: Term, fit: Fit, index: int) -> bool:
 def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
     firm = np.diag(np.concatenate([each.candidate.known for each in fit.terms]))
-    jacobian = np.vstack((problem.beyond(fit, problem.jacobian(fit)), firm))
+    jacobian = np.vstack((problem.without_tolerances(fit, problem.jacobian(fit)), firm))
     scale = np.linalg.norm(jacobian, axis=0)
     unseen = scale < UNSEEN
     scale = np.where(unseen, 1.0, scale)

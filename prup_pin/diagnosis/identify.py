@@ -32,7 +32,7 @@ from .diagnosis import Detectable
 from .problem import Fit, Problem, Term
 from .search import Selection
 
-__all__ = ["Bench", "Pair", "Test", "apart", "known_of", "not_detectable"]
+__all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "separation"]
 
 
 # -- what could not be seen --------------------------------------------------------------------------------------------
@@ -60,7 +60,7 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
 
         def share(coordinates: Array, candidate: Candidate = candidate) -> float:
             """Return the chi squared of a law, as a share of what is seen."""
-            return float((problem.beyond(fit, changed(candidate, coordinates)) ** 2).sum()) / least
+            return float((problem.without_tolerances(fit, changed(candidate, coordinates)) ** 2).sum()) / least
 
         strong = _strong(candidate)
         seen = share(strong)
@@ -279,10 +279,10 @@ def _warmest(inputs: Inputs) -> float | None:
     )
 
 
-class Test:
+class SimulatedTest:
     """Samples that a bench could record, with what their simulation says of explanations, in multiples of the noise."""
 
-    __test__ = False  # pytest takes classes named Test… for tests
+    __test__ = False  # pytest takes classes named SimulatedTest… for tests
 
     def __init__(self, bench: Bench, problem: Problem, last: Fit, inputs: Inputs):
         self.bench, self.last = bench, last
@@ -315,7 +315,7 @@ class Test:
         one, other = (
             self.problem.change(self.fit, [item.effect for item in terms]) for terms in (self.last.terms, rivals)
         )
-        return one - other + (self.fit.held @ (self.last.x - x)).reshape(one.shape)
+        return one - other + (self.fit.per_tolerance @ (self.last.x - x)).reshape(one.shape)
 
     def simulated(self, pair: Pair) -> Array:
         """Return the same by the whole simulation; zero where either has no answer."""
@@ -332,12 +332,12 @@ class Test:
         return self._runs[key]
 
     def free(self, pair: Pair) -> Array:
-        """Return the whitened changes (n, K, p) per parameter of the rival and of all beside it, as in `known_of`."""
+        """Return the whitened changes (n, K, p) per parameter of the rival and of all others, as in `information`."""
         found = _free(self.problem, self.fit, pair.other(self.last)[0])
         return found.reshape(self.count, -1, found.shape[1])
 
 
-def known_of(problem: Problem, last: Fit, pair: Pair) -> Array:
+def information(problem: Problem, last: Fit, pair: Pair) -> Array:
     """Return what a recording and tolerances say of the parameters of a pair's rival and of all beside it, (p, p)."""
     columns = _free(problem, last, pair.other(last)[0])
     held = len(last.x)
@@ -348,10 +348,10 @@ def known_of(problem: Problem, last: Fit, pair: Pair) -> Array:
 
 def _free(problem: Problem, fit: Fit, terms: tuple[Term, ...]) -> Array:
     """Return the whitened changes per coordinate of terms and per tolerance, (K n, p)."""
-    return np.nan_to_num(np.concatenate((problem.jacobian(replace(fit, terms=terms)), fit.held), axis=1))
+    return np.nan_to_num(np.concatenate((problem.jacobian(replace(fit, terms=terms)), fit.per_tolerance), axis=1))
 
 
-def apart(difference: Array, free: Array, known: Array) -> Array:
+def separation(difference: Array, free: Array, known: Array) -> Array:
     """Return what fitting leaves of a difference (n, K): residuals (n, K) by which two explanations are apart."""
     flat, columns = difference.ravel(), free.reshape(difference.size, -1)
     normal = known + columns.T @ columns

@@ -29,7 +29,7 @@ from .criteria import (
     SAMPLES_A_BIN,
     SMOOTH,
 )
-from .nuisance import Beside
+from .nuisance import Nuisance
 from .problem import Fit, Problem
 
 __all__ = [
@@ -195,10 +195,10 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
     return sorted(found, key=lambda item: -item.gain)
 
 
-def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside: Beside | None = None) -> float:
+def least_left(problem: Problem, fit: Fit, module: str, residual: Array, nuisance: Nuisance | None = None) -> float:
     """Return what of a whitened residual (n, 6), squared and summed, no deformation of a module can take away.
 
-    `beside`: what others may do with it. No law of that module alone leaves less, to first order.
+    `nuisance`: what others may do with it. No law of that module alone leaves less, to first order.
     """
     basis = problem.reach(fit.influence, module)
 
@@ -206,8 +206,8 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside:
         return values - basis @ (basis.mT @ values)
 
     rest = left(residual[..., None])[..., 0].ravel()
-    if beside is not None:
-        others = left(beside.basis.reshape(*residual.shape, -1)).reshape(len(rest), -1)
+    if nuisance is not None:
+        others = left(nuisance.basis.reshape(*residual.shape, -1)).reshape(len(rest), -1)
         rest = rest - others @ np.linalg.lstsq(others, rest, rcond=1e-9)[0]
     return float(rest @ rest)
 

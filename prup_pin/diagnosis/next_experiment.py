@@ -27,7 +27,7 @@ from .criteria import (
     WORTH_DOING,
     WORTH_SEPARATING,
 )
-from .identify import Bench, Pair, Test, apart, known_of
+from .identify import Bench, Pair, SimulatedTest, information, separation
 from .problem import Problem, Term
 from .search import Selection
 
@@ -65,9 +65,9 @@ def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
     bench = Bench.of(problem)
     if bench is None:
         return {"why": "no complete sample", "plan": {}}
-    left = _left(selection)
+    left = _indistinct_pairs(selection)
     pairs = [pair for pair in left if pair.needs <= _SEEN_TO][:MOST_PAIRS]
-    search = _Search(bench, problem, selection, pairs)
+    search = _Design(bench, problem, selection, pairs)
     if not search.begun:
         return {"why": "no pose near the recorded ones is reachable", "plan": {}}
     if not pairs:
@@ -88,7 +88,7 @@ def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
     return answer
 
 
-class _Search:
+class _Design:
     """Places, each a pose under a load, weighed to first order: all pairs at first, then what is not apart yet.
 
     positions (c, a), loads (c, 6); `worth[k]` (c,) what a full load there is worth to pair k, in chi squared.
@@ -103,7 +103,7 @@ class _Search:
         self.loads = np.tile(units, (len(poses), 1))
         self.begun = bool(poses)
         self.worth = np.zeros((0, 0))
-        self.known = [known_of(problem, self.last, pair) for pair in pairs]
+        self.known = [information(problem, self.last, pair) for pair in pairs]
 
     def largest(self) -> list[int]:
         """Return the places of the largest deflections."""
@@ -153,9 +153,9 @@ class _Search:
         varied = self.bench.loads(len(beside), self.generator, self.loads[best])
         self.loads = np.concatenate((self.loads, loads, varied))
 
-    def _test(self, places: slice, cycle: Sequence[float]) -> Test:
+    def _test(self, places: slice, cycle: Sequence[float]) -> SimulatedTest:
         loads = np.array(cycle)[None, :, None] * self.loads[places, None]
-        return Test(self.bench, self.problem, self.last, self.bench.inputs(self.positions[places], loads))
+        return SimulatedTest(self.bench, self.problem, self.last, self.bench.inputs(self.positions[places], loads))
 
     def _weighed(self, which: Iterable[int], places: slice) -> Array:
         """Return what places are worth to some pairs, (pairs, places), after what may be fitted there; others zero."""
@@ -166,7 +166,7 @@ class _Search:
         found = np.zeros((len(self.pairs), len(test.problem.simulator.inputs)))
         for k in which:
             pair = self.pairs[k]
-            left = apart(test.difference(pair), test.free(pair), self.known[k])
+            left = separation(test.difference(pair), test.free(pair), self.known[k])
             found[k, test.fit.samples] = size * (np.nan_to_num(left) ** 2).sum(axis=1)
         return found.reshape(len(self.pairs), -1, len(cycle)).sum(axis=2)
 
@@ -194,7 +194,7 @@ class _Search:
         return picked
 
 
-def _deflections(test: Test) -> Array:
+def _deflections(test: SimulatedTest) -> Array:
     """Return how far the loads of a test move what is measured, (n, K), to first order."""
     wrench = test.problem.simulator.inputs.wrench[test.fit.samples]
     return (test.fit.influence.compliance @ wrench[..., None])[..., 0]
@@ -203,7 +203,7 @@ def _deflections(test: Test) -> Array:
 class _Told:
     """What a plan tells apart, pair by pair and in words: it is simulated, and what may be fitted is fitted."""
 
-    def __init__(self, search: _Search, chosen: Sequence[int], repeated: int):
+    def __init__(self, search: _Design, chosen: Sequence[int], repeated: int):
         self.search, self.chosen, self.repeated = search, list(chosen), repeated
         self.lists: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": [], "undecided": []}
         self.most = 0.0
@@ -212,7 +212,7 @@ class _Told:
         alike: list[tuple[int, dict[str, Any]]] = []
         test = self._test()
         for k, pair in enumerate(search.pairs):
-            size, largest = self._apart(test, k)
+            size, largest = self._separation(test, k)
             entry = {"one": _named(pair.term), "other": _named(pair.rival), "times_noise": largest}
             kind = "separates"
             if size < INDISTINCT:
@@ -252,16 +252,18 @@ class _Told:
         more = len(told) - MOST_LISTED
         return "; ".join(sentences) + (f"; and {counted(more, 'pair')} more" if more > 0 else "")
 
-    def _test(self, times: float = 1.0, gravity: Array | None = None, chosen: Sequence[int] | None = None) -> Test:
+    def _test(
+        self, times: float = 1.0, gravity: Array | None = None, chosen: Sequence[int] | None = None
+    ) -> SimulatedTest:
         search, places = self.search, self.chosen if chosen is None else list(chosen)
         loads = np.array(CYCLE)[None, :, None] * search.loads[places, None]
         inputs = search.bench.inputs(search.positions[places], times * loads, gravity)
-        return Test(search.bench, search.problem, search.last, inputs)
+        return SimulatedTest(search.bench, search.problem, search.last, inputs)
 
-    def _apart(self, test: Test, k: int, repeated: int | None = None) -> tuple[float, float]:
+    def _separation(self, test: SimulatedTest, k: int, repeated: int | None = None) -> tuple[float, float]:
         """Return how far a repeated test tells a pair apart, in chi squared, and the most of one sample in noise."""
         pair, times = self.search.pairs[k], self.repeated if repeated is None else repeated
-        left = apart(test.simulated(pair), test.free(pair), self.search.known[k] / times)
+        left = separation(test.simulated(pair), test.free(pair), self.search.known[k] / times)
         each = (np.nan_to_num(left) ** 2).sum(axis=1)
         return times * float(each.sum()), float(np.sqrt(each.max(initial=0.0)))
 
@@ -271,7 +273,7 @@ class _Told:
         if MOST_REPEATED * search.worth[k, search.best_places(k)].sum() < INDISTINCT:
             return True
         # What the first recording says of the parameters counts once, not in each place.
-        return self._apart(self._test(chosen=search.best_places(k)), k, MOST_REPEATED)[0] < INDISTINCT
+        return self._separation(self._test(chosen=search.best_places(k)), k, MOST_REPEATED)[0] < INDISTINCT
 
     def _beyond_reach(self, alike: Sequence[tuple[int, dict[str, Any]]]) -> str:
         """Return what would tell apart what this bench does not: larger loads, a base tilted against gravity."""
@@ -286,7 +288,7 @@ class _Told:
         for what, key, times, tilted in ways:
             test, told = self._test(times, tilted), list[tuple[Pair, float | None]]()
             for k, entry in alike:
-                size, entry[key] = self._apart(test, k)
+                size, entry[key] = self._separation(test, k)
                 if size >= INDISTINCT:
                     told.append((pairs[k], entry[key]))
             if told:
@@ -301,7 +303,7 @@ def _tilted(gravity: Array) -> Array:
     return gravity * np.cos(TILTED_BASE) + np.cross(axis, gravity) * np.sin(TILTED_BASE)
 
 
-def _written(search: _Search, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
+def _written(search: _Design, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
     """Return a plan as `read_plan` reads it."""
     bench = search.bench
     names = bench.robot.mechanism.actuated
@@ -341,7 +343,7 @@ def _listed(words: Sequence[str]) -> str:
     return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
-def _left(selection: Selection) -> list[Pair]:
+def _indistinct_pairs(selection: Selection) -> list[Pair]:
     """Return pairs of terms (ours, rival) that the data leave together."""
     pairs = []
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):

@@ -14,40 +14,40 @@ import numpy as np
 from ..spatial import Array
 from .calibrate import least_within
 
-__all__ = ["Beside", "least_step", "with_priors", "without"]
+__all__ = ["Nuisance", "least_step", "with_priors", "without"]
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class Nuisance:
     """What other parameters may do to the whitened columns: orthonormal changes (K n, p), and how freely, (p,).
 
-    Fitting them too takes the share `ease` of a residual's part along each: all of it, or less where a tolerance holds
+    Fitting them too takes the share `share` of a residual's part along each: all of it, or less where a tolerance holds
     them. Numbers v of variance 1 plus what the tolerances scatter become numbers of variance 1 (`without`): the metric
-    of noise plus tolerances, of low rank. back (K n,): what terms do by which they are off what is known of them, to be
-    put back into a residual that has them.
+    of noise plus tolerances, of low rank. offset (K n,): what terms do by which they are off what is known of them, to
+    be put back into a residual that has them.
     """
 
     basis: Array
-    ease: Array
-    back: Array | None = None
+    share: Array
+    offset: Array | None = None
 
     @classmethod
-    def free(cls, jacobian: Array) -> Beside:
+    def free(cls, jacobian: Array) -> Nuisance:
         """Return what parameters may do that nothing holds, by their changes (K n, p)."""
         left, size, _ = np.linalg.svd(_scaled(jacobian), full_matrices=False)
         basis = left[:, size > 1e-6]
         return cls(basis, np.ones(basis.shape[1]))
 
     @classmethod
-    def within(cls, jacobian: Array, held: Array, back: Array | None = None) -> Beside:
+    def within(cls, jacobian: Array, held: Array, offset: Array | None = None) -> Nuisance:
         """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
         left, size, _ = np.linalg.svd(np.concatenate((_FREE * _scaled(jacobian), held), axis=1), full_matrices=False)
         kept = size > 1e-6
-        return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), back)
+        return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), offset)
 
     def without(self, values: Array) -> Array:
         """Return values (K n, ...) less what these parameters take of them."""
-        return values - self.basis @ ((self.ease * (self.basis.T @ values).T).T)
+        return values - self.basis @ ((self.share * (self.basis.T @ values).T).T)
 
 
 #: Multiple of the noise by which a parameter may change the columns that nothing holds.
@@ -58,9 +58,9 @@ def _scaled(jacobian: Array) -> Array:
     return jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
 
 
-def without(values: Array, beside: Beside | None) -> Array:
+def without(values: Array, nuisance: Nuisance | None) -> Array:
     """Return values (m,) less what parameters beside them take."""
-    return values if beside is None else beside.without(values)
+    return values if nuisance is None else nuisance.without(values)
 
 
 def least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: float) -> Array:

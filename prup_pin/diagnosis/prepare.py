@@ -41,7 +41,7 @@ from .problem import Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered
 from .spread import Spread, spread_of
 
-__all__ = ["Asked", "Tell", "asked", "beside_allowed", "check_belongs", "unused_columns", "what_is_missing"]
+__all__ = ["Prepared", "Tell", "beside_allowed", "check_belongs", "prepare", "unused_columns", "what_is_missing"]
 
 
 Tell = Callable[[str, float], None]
@@ -50,13 +50,13 @@ _ROWS_TOLD = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Prepared:
     """Recordings as a problem, checked and thinned, with what may compete for them and what may be off.
 
     raw_linear (n, K): what it leaves of the simulation that a user starts from; raw_registered: the same with sensors
     where they stand. `remarks` grow as it is looked at.
     `placed`: what was measured, and where its sensors stand; `spread`: by how much what is off that nothing declares,
-    where that was asked; `untold`: nothing tells the noise but what is left beside that.
+    where that was asked; `noise_unknown`: nothing tells the noise but what is left beside that.
     """
 
     together: Together
@@ -70,7 +70,7 @@ class Asked:
     remarks: list[str]
     placed: Registered
     spread: Spread | None = None
-    untold: bool = False
+    noise_unknown: bool = False
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -88,8 +88,10 @@ class Asked:
         return within_tolerances(problem, self.toleranced, self.library, reach)
 
 
-def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, with_outliers: bool = False) -> Asked:
-    """Return what recordings ask of a robot, gross errors left out or not. Raises as `diagnose` does."""
+def prepare(
+    robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, with_outliers: bool = False
+) -> Prepared:
+    """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does."""
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
     together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
@@ -140,7 +142,7 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     library = under_load(library, problem.nominal)
     tell("what is off all over", 0.01)
     spread = _spread(problem, together, library)
-    untold = spread is not None and noise.source == "assumed"
+    noise_unknown = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
         remarks += spread.told(together, noise)
@@ -162,8 +164,19 @@ def asked(robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell,
     remarks += without_effect(recording.tolerances.declared)
     unused = list(dict.fromkeys(unused))
     raw = stack.residual_of_start(linear)[problem.first.samples]
-    return Asked(
-        together, problem, inputs, raw_linear, raw, library, toleranced, tuple(unused), remarks, placed, spread, untold
+    return Prepared(
+        together,
+        problem,
+        inputs,
+        raw_linear,
+        raw,
+        library,
+        toleranced,
+        tuple(unused),
+        remarks,
+        placed,
+        spread,
+        noise_unknown,
     )
 
 

@@ -23,7 +23,7 @@ from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
 from .candidates import Candidate, Term
 from .criteria import STALE
 from .influence import Influence
-from .nuisance import Beside, least_step, without
+from .nuisance import Nuisance, least_step, without
 
 __all__ = ["Fit", "Problem", "Term"]
 
@@ -44,7 +44,7 @@ class Fit:
     residual: Array
     chi2: float
     x: Array
-    held: Array
+    per_tolerance: Array
 
     @property
     def samples(self) -> np.ndarray:
@@ -52,7 +52,7 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Tolerable:
+class TolerancePrior:
     """Parameters that may be off, calibrated once: where all fits begin. `effects` act whatever else does."""
 
     toleranced: Toleranced
@@ -60,7 +60,7 @@ class Tolerable:
     start: Calibrated
 
     @classmethod
-    def of(cls, problem: Problem, begin: Calibrated) -> Tolerable:
+    def of(cls, problem: Problem, begin: Calibrated) -> TolerancePrior:
         """Return what may be off; a calibration that has begun is brought to its end."""
         start = settled(problem, begin)
         return cls(start.toleranced, start.effects, start)
@@ -85,7 +85,7 @@ class Problem:
     nominal: Influence
     freed_module: str | None = None
     freed_at: Influence | None = None
-    tolerances: Tolerable | None = None
+    tolerances: TolerancePrior | None = None
 
     @classmethod
     def of(cls, simulator: Simulator, stack: Stack, noise: Noise, nominal: Run | None = None) -> Problem:
@@ -126,7 +126,7 @@ class Problem:
 
     def within(self, begin: Calibrated) -> Problem:
         """Return the same problem with parameters that may be off; the calibration's effects act whatever else does."""
-        return replace(self, tolerances=Tolerable.of(replace(self, tolerances=None), begin))
+        return replace(self, tolerances=TolerancePrior.of(replace(self, tolerances=None), begin))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
@@ -172,15 +172,15 @@ class Problem:
         run = self.simulator.run_setup(self.simulator.setup([term.effect for term in terms], begin), start)
         influence = Influence(self.simulator, run, self.stack)
         influence.first.once(_begin_key(x), lambda: begin)
-        return self._fit(terms, influence, x, like.held)
+        return self._fit(terms, influence, x, like.per_tolerance)
 
     def relinearised(self, fit: Fit) -> Fit:
         """Return a fit with the change per tolerance taken at it."""
         if self.tolerances is None:
             return fit
-        beside = [*self.tolerances.effects, *(term.effect for term in fit.terms)]
-        changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, beside)
-        return replace(fit, held=self.whitened_changes(fit.influence, changes))
+        effects = [*self.tolerances.effects, *(term.effect for term in fit.terms)]
+        changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, effects)
+        return replace(fit, per_tolerance=self.whitened_changes(fit.influence, changes))
 
     def _effects(self, x: Array, effects: Sequence[Effect]) -> list[Effect]:
         return [*effects] if self.tolerances is None else [*self.tolerances.at(x), *effects]
@@ -201,7 +201,7 @@ class Problem:
         """Return the whitened residual (n, K) of a fit with what its toleranced parameters do put back, first order."""
         if self.tolerances is None:
             return fit.residual
-        return fit.residual + (fit.held @ fit.x).reshape(fit.residual.shape)
+        return fit.residual + (fit.per_tolerance @ fit.x).reshape(fit.residual.shape)
 
     def whitened(self, influence: Influence, values: Array) -> Array:
         """Return values (n, K) of the columns in multiples of the noise."""
@@ -216,28 +216,28 @@ class Problem:
         )
         return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
 
-    def beyond(self, fit: Fit, values: Array) -> Array:
+    def without_tolerances(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
-        return without(values, self.beside(fit, ()))
+        return without(values, self.nuisance(fit, ()))
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 
-    def quick(
+    def first_order_fit(
         self,
         fit: Fit,
         kept: Sequence[Term],
         candidate: Candidate,
-        beside: Beside | None = None,
+        nuisance: Nuisance | None = None,
     ) -> tuple[float, Term, Array]:
         """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
 
-        `beside`: what the kept terms and the toleranced parameters may do with it, which are so fitted together with
+        `nuisance`: what the kept terms and the toleranced parameters may do with it, which are so fitted together with
         the candidate; the change returned is what they cannot do. What these data do not tell stays near what is usual.
         """
         effects = [term.effect for term in kept]
         target = self.target(fit)
-        if beside is not None and beside.back is not None:
-            target = target + beside.back.reshape(target.shape)
+        if nuisance is not None and nuisance.offset is not None:
+            target = target + nuisance.offset.reshape(target.shape)
         low, high = candidate.bounds
         firm = candidate.known > 0
         known: dict[bytes, tuple[Array, Array]] = {}
@@ -250,7 +250,8 @@ class Problem:
                 with np.errstate(invalid="ignore"):
                     rest = np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
                 off = candidate.known[firm] * coordinates[firm]
-                known[key] = changed, np.concatenate((without(rest, beside), candidate.unusual(coordinates), off))
+                prior = candidate.prior_residuals(coordinates)
+                known[key] = changed, np.concatenate((without(rest, nuisance), prior, off))
             return known[key]
 
         def left(coordinates: Array) -> Array:
@@ -283,27 +284,27 @@ class Problem:
         )
         term = Term(candidate, found.x)
         change = tried(found.x)[0]
-        chi2 = 2 * float(found.cost) - float((candidate.unusual(found.x) ** 2).sum())
-        return chi2, term, without(change.ravel(), beside).reshape(change.shape)
+        chi2 = 2 * float(found.cost) - float((candidate.prior_residuals(found.x) ** 2).sum())
+        return chi2, term, without(change.ravel(), nuisance).reshape(change.shape)
 
-    def beside(self, fit: Fit, kept: Sequence[int]) -> Beside | None:
+    def nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
         known = np.concatenate([np.zeros(0), *(fit.terms[place].candidate.known for place in kept)])
-        firm, back = known > 0, None
+        firm, offset = known > 0, None
         held, free = free[:, firm] / known[firm], free[:, ~firm]
         if firm.any():
-            back = held @ np.concatenate([fit.terms[place].off for place in kept])[firm]
+            offset = held @ np.concatenate([fit.terms[place].off for place in kept])[firm]
         if self.tolerances is not None:
             # What is kept holds the array by whose identity it is found: no other one can come to have it.
-            key = ("beside", self, id(fit.held), tuple(kept))
-            every = np.concatenate((held, fit.held), axis=1)
-            return fit.influence.first.once(key, lambda: (fit.held, Beside.within(free, every, back)))[1]
+            key = ("nuisance", self, id(fit.per_tolerance), tuple(kept))
+            every = np.concatenate((held, fit.per_tolerance), axis=1)
+            return fit.influence.first.once(key, lambda: (fit.per_tolerance, Nuisance.within(free, every, offset)))[1]
         if firm.any():
-            return Beside.within(free, held, back)
-        return Beside.free(free) if columns else None
+            return Nuisance.within(free, held, offset)
+        return Nuisance.free(free) if columns else None
 
     @property
     def farthest(self) -> float:
@@ -340,13 +341,13 @@ class Problem:
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
                 attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])
-                if attempt.chi2 + _unusual(attempt) < fit.chi2 + _unusual(fit):
+                if attempt.chi2 + _prior_cost(attempt) < fit.chi2 + _prior_cost(fit):
                     better = attempt
                     break
                 share /= 3
             if better is None:
                 return fit
-            gained = fit.chi2 + _unusual(fit) - better.chi2 - _unusual(better)
+            gained = fit.chi2 + _prior_cost(fit) - better.chi2 - _prior_cost(better)
             fit = better
             if gained < max(0.02, 1e-5 * fit.chi2):
                 return fit
@@ -358,7 +359,7 @@ class Problem:
         Coordinates that it would take beyond their bounds go to these, and the others do what is best then. A logarithm
         is trusted for less than that.
         """
-        jacobian, residual, held = self._with_usual(fit)
+        jacobian, residual, held = self._with_priors(fit)
         bounds = [(term.coordinates, *term.candidate.bounds, term.candidate.logarithmic) for term in fit.terms]
         if not bounds:
             return least_step(jacobian, residual, held, fit.x, reach)
@@ -375,15 +376,16 @@ class Problem:
             step[beyond] = within[beyond]
             open_ &= ~beyond
 
-    def _with_usual(self, fit: Fit) -> tuple[Array, Array, Array]:
-        """Return jacobian, residual and `held` with a row for each coordinate of the terms that may be unusual."""
+    def _with_priors(self, fit: Fit) -> tuple[Array, Array, Array]:
+        """Return Jacobian, residual and change per tolerance with a row for the prior of each coordinate of a term."""
         if not fit.terms:
-            return self.jacobian(fit), fit.residual.ravel(), fit.held
+            return self.jacobian(fit), fit.residual.ravel(), fit.per_tolerance
         own = [(term.candidate, term.coordinates) for term in fit.terms]
-        rows = np.concatenate([candidate.unusual_slopes(here) + candidate.known for candidate, here in own])
-        off = np.concatenate([term.candidate.unusual(term.coordinates) + term.off for term in fit.terms])
+        rows = np.concatenate([candidate.prior_slopes(here) + candidate.known for candidate, here in own])
+        off = np.concatenate([term.candidate.prior_residuals(term.coordinates) + term.off for term in fit.terms])
         jacobian = np.vstack((self.jacobian(fit), np.diag(rows)))
-        return jacobian, np.append(fit.residual, -off), np.vstack((fit.held, np.zeros((len(rows), len(fit.x)))))
+        per_tolerance = np.vstack((fit.per_tolerance, np.zeros((len(rows), len(fit.x)))))
+        return jacobian, np.append(fit.residual, -off), per_tolerance
 
     def jacobian(self, fit: Fit) -> Array:
         """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""
@@ -406,9 +408,9 @@ class Problem:
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
 
 
-def _unusual(fit: Fit) -> float:
+def _prior_cost(fit: Fit) -> float:
     """Return what the terms of a fit cost by values far from what is usual, of those that are no logarithms."""
-    return sum(float((term.candidate.unusual(term.coordinates) ** 2).sum()) for term in fit.terms)
+    return sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in fit.terms)
 
 
 def _stepped(

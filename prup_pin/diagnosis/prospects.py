@@ -20,7 +20,7 @@ from .efforts.merged import has_efforts, has_poses, unused_by_efforts
 from .efforts.plausible import check_efforts
 from .efforts.search import pulls
 from .identify import not_detectable
-from .prepare import asked, unused_columns
+from .prepare import prepare, unused_columns
 from .search import Selection
 
 __all__ = ["Excitation", "Prospects", "prospects"]
@@ -72,7 +72,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         hidden: list[Detectable] = []
         alike: list[tuple[str, str]] = []
         if poses:
-            given = asked(drawn, recording, lambda stage, share: None)
+            given = prepare(drawn, recording, lambda stage, share: None)
             remarks += given.remarks
             problem = given.within_tolerances(given.problem)
             hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))

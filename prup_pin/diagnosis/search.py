@@ -35,22 +35,22 @@ from .criteria import (
 )
 from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
 from .locate import least_left
-from .nuisance import Beside, without
+from .nuisance import Nuisance, without
 from .problem import Fit, Problem, Term
 
 __all__ = [
     "Bound",
     "Search",
     "Selection",
-    "challenge_each",
-    "challengers",
-    "judged_rivals",
-    "needed",
-    "pruned_terms",
+    "alternatives_to",
+    "dropped",
+    "dropped_by_folds",
     "rearranged",
     "screen",
     "select",
+    "simulated_alternatives",
     "strain_of",
+    "swapped",
 ]
 
 
@@ -112,14 +112,14 @@ def select(
     acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
     library = [candidate for candidate in library if candidate.law.physics not in acting]
     search = Search(problem, most)
-    fit, rivals = _forward(search, library, blocks, first, tell)
+    fit, rivals = _added(search, library, blocks, first, tell)
     if len(rivals) != len(fit.terms):
-        rivals = [challengers(problem, fit, index, library) for index in range(len(fit.terms))]
-    told = tuple(_likelier(each, term) for each, term in zip(rivals, fit.terms, strict=True))
+        rivals = [alternatives_to(problem, fit, index, library) for index in range(len(fit.terms))]
+    told = tuple(_not_less_expected(each, term) for each, term in zip(rivals, fit.terms, strict=True))
     return Selection(first, fit, told, library, search.fits)
 
 
-def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
+def _not_less_expected(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
     """Return the rivals of a term that are no less to be expected.
 
     A robot's weight of which nothing had to be fitted is not in doubt because something else could be fitted as well.
@@ -129,7 +129,7 @@ def _likelier(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
     return tuple(rival for rival in rivals if rival.term.candidate.known.all())
 
 
-def needed(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
+def dropped_by_folds(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
     """Return the selection without laws that samples left out do not ask for, beside all that was calibrated."""
     search = Search(problem)
     fit, rivals = selection.last, list(selection.rivals)
@@ -153,7 +153,7 @@ def _share(step: int, part: float) -> float:
     return 0.9 * (1 - 0.5 ** (step + part))
 
 
-def _forward(
+def _added(
     search: Search,
     library: Sequence[Candidate],
     blocks: np.ndarray,
@@ -174,7 +174,7 @@ def _forward(
         screened = screen(problem, fit, library, told)
         # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
         rest = search.released(fit)
-        left = problem.beyond(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
+        left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
         least = threshold(len(library), left, labels, screened)
         before = cross_validated(problem, rest, labels)
         taken = None
@@ -191,10 +191,10 @@ def _forward(
         if taken is None:
             break
         tell("earlier choices again", _share(step, 0.8))
-        fit, rivals = challenge_each(search, taken, library)
-        other = pruned_terms(search, rearranged(search, fit, library), least)
+        fit, rivals = swapped(search, taken, library)
+        other = dropped(search, rearranged(search, fit, library), least)
         if other is not fit:
-            fit, rivals = challenge_each(search, other, library)
+            fit, rivals = swapped(search, other, library)
     return search.released(fit), rivals
 
 
@@ -211,7 +211,7 @@ def _relieves(fit: Fit, trial: Fit, least: float) -> bool:
 
 def strain_of(fit: Fit) -> float:
     """Return the mean square by which toleranced parameters are off, in tolerances, as far as data tell; at least 1."""
-    told = np.linalg.eigvalsh(fit.held.T @ fit.held)
+    told = np.linalg.eigvalsh(fit.per_tolerance.T @ fit.per_tolerance)
     count = float((told / (1 + told)).sum())
     return max(float(fit.x @ fit.x) / max(count, 1.0), 1.0)
 
@@ -229,14 +229,14 @@ def screen(
     rivals = []
     kept = fit.terms
     present = {term.candidate.name for term in kept}
-    beside = problem.beside(fit, range(len(kept)))
-    bound = Bound(problem, fit, problem.target(fit), beside)
+    nuisance = problem.nuisance(fit, range(len(kept)))
+    bound = Bound(problem, fit, problem.target(fit), nuisance)
     best = fit.chi2
     for index, candidate in enumerate(sorted(library, key=bound)):
         tell(index / len(library))
         if candidate.name in present or bound(candidate) > best + HOPELESS * (fit.chi2 - best):
             continue
-        chi2, term, change = problem.quick(fit, kept, candidate, beside=beside)
+        chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance)
         rivals.append(Rival(term, chi2, change))
         best = min(best, chi2)
     return sorted(rivals, key=lambda rival: rival.score)
@@ -248,11 +248,11 @@ class Bound:
     By the module through whose deformation alone a candidate acts.
     """
 
-    def __init__(self, problem: Problem, fit: Fit, residual: Array, beside: Beside | None):
-        self.problem, self.fit, self.beside = problem, fit, beside
-        if beside is not None and beside.back is not None:
-            residual = residual + beside.back.reshape(residual.shape)
-        self.residual, self.left = residual, without(residual.ravel(), beside)
+    def __init__(self, problem: Problem, fit: Fit, residual: Array, nuisance: Nuisance | None):
+        self.problem, self.fit, self.nuisance = problem, fit, nuisance
+        if nuisance is not None and nuisance.offset is not None:
+            residual = residual + nuisance.offset.reshape(residual.shape)
+        self.residual, self.left = residual, without(residual.ravel(), nuisance)
         self.known: dict[str, float] = {}
 
     def __call__(self, candidate: Candidate) -> float:
@@ -260,14 +260,14 @@ class Bound:
         if module is None or module not in self.fit.influence.rows:
             return 0.0
         if module not in self.known:
-            self.known[module] = least_left(self.problem, self.fit, module, self.residual, self.beside)
+            self.known[module] = least_left(self.problem, self.fit, module, self.residual, self.nuisance)
         return self.known[module]
 
 
 # -- the laws that were taken, against their rivals --------------------------------------------------------------------
 
 
-def challengers(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
+def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
     """Return what could stand in the place of term `index`, the term itself included, best first.
 
     To first order about the fit; about the simulation without the term where else nothing yields.
@@ -278,19 +278,19 @@ def challengers(problem: Problem, fit: Fit, index: int, library: Sequence[Candid
     about, places = fit, others
     if _loads_alone(problem, own):
         about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
-    beside, effects = problem.beside(about, places), [term.effect for term in kept]
+    nuisance, effects = problem.nuisance(about, places), [term.effect for term in kept]
     removed = problem.change(about, effects)
 
     def beyond(change: Array) -> Array:
-        return without(change.ravel(), beside).reshape(change.shape)
+        return without(change.ravel(), nuisance).reshape(change.shape)
 
-    bound = Bound(problem, about, problem.target(about) - removed, beside)
+    bound = Bound(problem, about, problem.target(about) - removed, nuisance)
     worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _first_order_error(problem, fit, index))
     rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
     present = {term.candidate.name for term in fit.terms}
     for candidate in library:
         if candidate.name not in present and bound(candidate) <= worst:
-            chi2, term, change = problem.quick(about, kept, candidate, beside=beside)
+            chi2, term, change = problem.first_order_fit(about, kept, candidate, nuisance=nuisance)
             rivals += [Rival(term, chi2, change - beyond(removed), scale)] if chi2 <= worst else []
     return sorted(rivals, key=lambda rival: rival.score)
 
@@ -311,18 +311,20 @@ def _first_order_error(problem: Problem, fit: Fit, index: int) -> float:
     return CURVATURE * float((problem.change(fit, kept) ** 2).sum())
 
 
-def judged_rivals(search: Search, fit: Fit, index: int, library: Sequence[Candidate]) -> tuple[list[Rival], Fit | None]:
+def simulated_alternatives(
+    search: Search, fit: Fit, index: int, library: Sequence[Candidate]
+) -> tuple[list[Rival], Fit | None]:
     """Return what could stand in the place of a term, best first, and the first fit that is better by it.
 
     First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
     """
-    found = challengers(search.problem, fit, index, library)
+    found = alternatives_to(search.problem, fit, index, library)
     own = fit.chi2 + scale_of(search.problem, fit) * penalty(fit.terms[index])
     reach = _first_order_error(search.problem, fit, index)
     judged: list[Rival] = []
     simulated = 0
     for rival in found:
-        twin = any(_alike(rival, other) for other in judged)
+        twin = any(_parallel(rival, other) for other in judged)
         done = simulated == MOST_SIMULATED or search.over
         if rival.term is fit.terms[index] or rival.score >= own + reach or twin or done:
             judged.append(rival)
@@ -336,7 +338,7 @@ def judged_rivals(search: Search, fit: Fit, index: int, library: Sequence[Candid
     return sorted(judged, key=lambda rival: rival.score), None
 
 
-def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
+def swapped(search: Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
     """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals.
 
     After a term was replaced the next one is asked, and not the first one again: what came second may have come for
@@ -347,7 +349,7 @@ def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tu
     while len(rivals) < len(fit.terms):
         if search.over:
             return fit, []
-        judged, better = judged_rivals(search, fit, index, library)
+        judged, better = simulated_alternatives(search, fit, index, library)
         if better is None:
             rivals[index] = judged
         else:
@@ -358,28 +360,28 @@ def challenge_each(search: Search, fit: Fit, library: Sequence[Candidate]) -> tu
 
 def rearranged(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
     """Return the fit with one law for two, several for one, or the robot's own weight, where that costs less."""
-    for proposed in (_one_for_two, _several_for_one, _with_weight):
+    for proposed in (_merged, _split, _weight_added):
         scale = scale_of(search.problem, fit)
         trials = (search.refine(terms, fit) for terms in proposed(search.problem, fit, library) if not search.over)
         fit = next((trial for trial in trials if cost_of(trial, scale) < cost_of(fit, scale) - LEAD), fit)
     return fit
 
 
-def _one_for_two(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+def _merged(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
     """Yield terms with one law in the place of two that act on the same part, the best first."""
     for pair in combinations(range(len(fit.terms)), 2):
         parts = fit.terms[pair[0]].candidate.parts
         if fit.terms[pair[1]].candidate.parts != parts:
             continue
         places = [index for index in range(len(fit.terms)) if index not in pair]
-        kept, beside = [fit.terms[index] for index in places], problem.beside(fit, places)
+        kept, nuisance = [fit.terms[index] for index in places], problem.nuisance(fit, places)
         own = [candidate for candidate in library if candidate.parts == parts]
-        rivals = [problem.quick(fit, kept, candidate, beside=beside) for candidate in own]
+        rivals = [problem.first_order_fit(fit, kept, candidate, nuisance=nuisance) for candidate in own]
         rivals.sort(key=lambda rival: rival[0] + penalty(rival[1]))
         yield from ([*kept, term] for _, term, _ in rivals[:MOST_SIMULATED])
 
 
-def _several_for_one(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+def _split(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
     """Yield terms with laws at the places that are sure in the place of one at all of them."""
     single = {(candidate.law.physics, candidate.place): candidate for candidate in library if candidate.size == 1}
     for index, term in enumerate(fit.terms):
@@ -387,7 +389,7 @@ def _several_for_one(problem: Problem, fit: Fit, library: Sequence[Candidate]) -
         places = law.apart(term.candidate.place, term.candidate.mechanism)
         if not all(name in places and (law.physics, places[name]) in single for name in names):
             continue
-        sure = _surety(problem, fit, index)
+        sure = _standard_scores(problem, fit, index)
         terms = [other for place, other in enumerate(fit.terms) if place != index]
         for place in np.argsort(-sure):
             if sure[place] > 1.96:
@@ -397,7 +399,7 @@ def _several_for_one(problem: Problem, fit: Fit, library: Sequence[Candidate]) -
             yield terms
 
 
-def _with_weight(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+def _weight_added(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
     """Yield terms with the robot's own weight in the place of what hangs on it, or beside.
 
     Weight has nothing to be fitted, and where something else weighs it is no news: it need not pass what a law must
@@ -414,9 +416,9 @@ def _with_weight(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> It
             yield [*fit.terms, own]
 
 
-def _surety(problem: Problem, fit: Fit, index: int) -> Array:
+def _standard_scores(problem: Problem, fit: Fit, index: int) -> Array:
     """Return by how many standard deviations the coordinates of a term differ from zero, (p,)."""
-    jacobian = problem.beyond(fit, problem.jacobian(fit))
+    jacobian = problem.without_tolerances(fit, problem.jacobian(fit))
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     covariance = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12, hermitian=True)
     begin = sum(term.candidate.size for term in fit.terms[:index])
@@ -424,13 +426,13 @@ def _surety(problem: Problem, fit: Fit, index: int) -> Array:
     return fit.terms[index].coordinates * size[own] / np.sqrt(np.maximum(np.diag(covariance)[own], 1e-300))
 
 
-def _alike(one: Rival, other: Rival) -> bool:
+def _parallel(one: Rival, other: Rival) -> bool:
     """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
     a, b = one.change.ravel(), other.change.ravel()
     return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
 
 
-def pruned_terms(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:
+def dropped(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:
     """Return the fit without terms that the others have made needless."""
     problem = search.problem
     while len(fit.terms) > 1:
@@ -438,7 +440,7 @@ def pruned_terms(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit
             others = [place for place in range(len(fit.terms)) if place != index]
             kept = [fit.terms[place] for place in others]
             changed = problem.change(fit, [other.effect for other in kept]).ravel()
-            if float((without(changed, problem.beside(fit, others)) ** 2).sum()) > least(term.candidate.size):
+            if float((without(changed, problem.nuisance(fit, others)) ** 2).sum()) > least(term.candidate.size):
                 continue
             smaller = search.refine(kept, fit)
             if smaller.chi2 - fit.chi2 < least(term.candidate.size):

@@ -27,22 +27,22 @@ from .criteria import (
 from .diagnosis import Diagnosis, Finding
 from .evidence import cross_validated, is_clean
 from .findings import (
-    acting_anyway,
+    always_acting,
+    beyond_its_tolerance,
+    chi2_without,
     finding_of,
     finite_deflection,
-    growth_without,
-    located_nowhere,
     nothing_compared,
-    off_beyond_tolerance,
     parameters_of,
     rms_of_sum,
-    sensor_elsewhere,
-    told_alone,
+    sensor_displaced,
+    with_neutral_values,
+    without_place,
 )
 from .identify import not_detectable
 from .locate import Located, locate, recovered, residuals
 from .next_experiment import next_experiment
-from .prepare import Asked, Tell
+from .prepare import Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection, select
 
@@ -56,14 +56,14 @@ MOST_LISTED = 5
 def verdict_of(
     problem: Problem,
     selection: Selection,
-    given: Asked,
+    prepared: Prepared,
     blocks: np.ndarray,
     robot: Robot,
     tell: Tell,
     doubt: Finding | None = None,
 ) -> Diagnosis:
-    """Return the diagnosis of what was selected; `blocks` (N,): samples held out together, `doubt`: a finding given."""
-    raw_linear, remarks, unused = given.raw_linear, given.remarks, given.unused
+    """Return the diagnosis of what was selected; `blocks` (N,): samples held out together, `doubt`: why none holds."""
+    raw_linear, remarks, unused = prepared.raw_linear, prepared.remarks, prepared.unused
     last, first = selection.last, selection.first
     samples = last.samples
     before = problem.whitened(first.influence, raw_linear)
@@ -71,7 +71,7 @@ def verdict_of(
     count = problem.count(last)
     held = cross_validated(problem, last, labels) if count else float("nan")
     findings = [
-        finding_of(problem, last, index, selection, robot, held, labels if given.kinds else None)
+        finding_of(problem, last, index, selection, robot, held, labels if prepared.kinds else None)
         for index in range(len(last.terms))
     ]
     unknown: list[Finding] = []
@@ -83,13 +83,13 @@ def verdict_of(
     elif _unexplained(_without_laws(problem, first, last), last, count, bool(findings)):
         findings, located, final = _with_unknown(findings, problem, selection, blocks, count, robot, tell)
         held = cross_validated(problem, final, labels)
-        unknown = [located or located_nowhere(problem, final, selection, count)]
+        unknown = [located or without_place(problem, final, selection, count)]
     white_before = rms_of_sum(float((before**2).sum()), count)
     white_after, white_held = rms_of_sum(final.chi2, count), rms_of_sum(held, count)
     if doubt is not None:
         white_before = white_after = white_held = float("nan")  # in multiples of a noise that nobody knows
     silent = not findings and not unknown and white_before > clean_bound(count)
-    began = problem.whitened(first.influence, given.raw_registered)
+    began = problem.whitened(first.influence, prepared.raw_registered)
     deflection = finite_deflection(problem.drawn, last, began, silent)
     if deflection is not None:
         findings.append(deflection)
@@ -98,13 +98,13 @@ def verdict_of(
     if problem.tolerances is not None and count and _shows(problem, final):
         acting = problem.tolerances.effects
     # what acts was left out of the simulation that one starts from, be it without a parameter
-    named = "explained" if findings or acting or given.kinds or given.placed.found else "nothing_missing"
+    named = "explained" if findings or acting or prepared.kinds or prepared.placed.found else "nothing_missing"
     verdict = "unexplained" if unknown else named
-    if unknown and count and not len(given.toleranced) and not robot.mechanism.loops:
+    if unknown and count and not len(prepared.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
     calibrated = [] if problem.tolerances is None else calibrated_parameters(problem, final)
-    moved_sensor = zip(given.placed.found, given.placed.deviations, strict=True)
-    findings = [*(sensor_elsewhere(*each, first, before, robot, calibrated) for each in moved_sensor), *findings]
+    moved_sensor = zip(prepared.placed.found, prepared.placed.deviations, strict=True)
+    findings = [*(sensor_displaced(*each, first, before, robot, calibrated) for each in moved_sensor), *findings]
     beyond = [item for item in calibrated if item.is_beyond(len(calibrated))]
     if beyond and (unknown or not is_clean(problem, final)):
         # what no law explains drives them: they are no findings of their own
@@ -114,16 +114,16 @@ def verdict_of(
             "structure is left over they may only stand for that"
         )
         beyond = []
-    findings += [off_beyond_tolerance(item, final, held) for item in beyond]
-    findings = [told_alone(finding, robot) for finding in findings]
-    told = [kind for kind in given.kinds if not (given.placed.found and kind in SENSORS["pose_sensor"])]
+    findings += [beyond_its_tolerance(item, final, held) for item in beyond]
+    findings = [with_neutral_values(finding, robot) for finding in findings]
+    told = [kind for kind in prepared.kinds if not (prepared.placed.found and kind in SENSORS["pose_sensor"])]
     findings += all_over(problem, final, calibrated, told, blocks)
     findings += unknown
     effects = tuple(finding.effect for finding in findings if finding.effect is not None)
     # a sensor reports what all the others have left
-    effects = (*(effect for effect in effects if effect not in given.placed.found), *given.placed.every)
+    effects = (*(effect for effect in effects if effect not in prepared.placed.found), *prepared.placed.every)
     if problem.tolerances is not None:
-        findings += [acting_anyway(effect, robot) for effect in acting]
+        findings += [always_acting(effect, robot) for effect in acting]
         effects = (*problem.tolerances.at(final.x), *effects)
     raw_after = problem.stack.residual(final.run)[samples]
     if count:
@@ -208,7 +208,7 @@ def _with_unknown(
     that leaves noise where the unknown's place may deform as it likes; else only what far outweighs the rest. Laws in a
     row that together still miss are nobody's faults.
     """
-    kept, found, fit = _surest(list(findings), selection.last, problem, selection.first, count, robot)
+    kept, found, fit = _outweighing(list(findings), selection.last, problem, selection.first, count, robot)
     if found is None:
         return kept, None, fit
     # what else there is, whatever happens at that place
@@ -241,13 +241,13 @@ def _with_unknown(
     return kept, unknown, fit
 
 
-def _surest(
+def _outweighing(
     kept: list[Finding], fit: Fit, problem: Problem, first: Fit, count: int, robot: Robot
 ) -> tuple[list[Finding], Located | None, Fit]:
     """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit."""
     while True:
         least = IMITATED * max(fit.chi2 - count, 0.0)
-        gains = [growth_without(problem, fit, index) for index in range(len(kept))]
+        gains = [chi2_without(problem, fit, index) for index in range(len(kept))]
         if min(gains, default=np.inf) >= least:
             return kept, locate(problem, fit), fit
         kept.pop(int(np.argmin(gains)))

@@ -15,7 +15,7 @@ from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.calibration import calibrated
 from prup_pin.diagnosis.diagnose import _fold_labels
 from prup_pin.diagnosis.influence import Influence
-from prup_pin.diagnosis.prepare import asked
+from prup_pin.diagnosis.prepare import prepare
 from prup_pin.errors import InputError, RecordingFileError
 from prup_pin.laws import Effect
 from prup_pin.laws.in_recording import in_groups, lasting
@@ -297,7 +297,7 @@ def test_what_laws_remember_starts_anew_with_each_recording(arm):
 @pytest.mark.parametrize("count", [2, 3])
 def test_no_fold_holds_samples_of_two_recordings(arm, count):
     """Also where there are fewer standstills than folds, and the actuators never move."""
-    given = asked(arm, [measured(arm, standing(arm, ONE_POSE), seed=seed) for seed in range(count)], lambda *_: None)
+    given = prepare(arm, [measured(arm, standing(arm, ONE_POSE), seed=seed) for seed in range(count)], lambda *_: None)
     labels, which = _fold_labels(given), given.together.which
     assert len(np.unique(labels)) >= 5
     for label in np.unique(labels):
