@@ -21,7 +21,8 @@ from .criteria import LEVER, OPEN_FRAME
 from .diagnosis import Diagnosis, Finding
 from .efforts.conventions import conventions_of_efforts
 from .efforts.merged import has_efforts, has_poses
-from .pose_conventions import conventions_of_loads, conventions_of_poses
+from .load_conventions import conventions_of_loads
+from .pose_conventions import conventions_of_poses
 
 __all__ = ["Logs", "as_diagnosed", "logs_read"]
 

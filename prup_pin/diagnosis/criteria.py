@@ -49,8 +49,6 @@ def clean_bound(count: int) -> float:
 
 #: Wrenches of one block that differ by less than this share of the largest are one load, repeated.
 SAME_LOAD: Final = 0.02
-#: Repeats of a block beyond this many say nothing new, and cost their square.
-MOST_REPEATS: Final = 200
 #: Fewer numbers tell no scatter: those of eight repeats of a position.
 FEWEST_NUMBERS: Final = 24
 #: Numbers farther out than this many standard deviations are outliers.

@@ -39,6 +39,7 @@ from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell, prepare
 from .problem import Problem
 from .search import Selection, dropped_by_folds, select
+from .unexplained import final_state
 from .verdict import verdict_of
 
 __all__ = ["diagnose"]
@@ -106,7 +107,8 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
             prepared, found = whole, again
     problem, selection, labels, doubt = found
     tell("the verdict", 0.9)
-    diagnosis = verdict_of(problem, selection, prepared, labels, prepared.problem.simulator.robot, tell, doubt)
+    final = final_state(problem, selection, prepared, labels, tell, doubt)
+    diagnosis = verdict_of(problem, selection, final, prepared, labels, tell)
     seen = diagnosis.residuals
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
     told = by_recording(prepared.together, problem.noise, diagnosis.samples, residuals)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..numbers import counted, number
-from ..robot import Robot
 from ..spatial import WRENCH_NAMES, Array
 from .criteria import (
     CERTAIN,
@@ -45,7 +44,7 @@ MOST_LISTED = 6
 _SEEN_TO = {"gravity", "temperature", "wrench"}
 
 
-def next_experiment(robot: Robot, problem: Problem, selection: Selection, findings) -> dict[str, Any]:
+def next_experiment(problem: Problem, selection: Selection) -> dict[str, Any]:
     """Return a test plan whose samples differ most between the explanations that are left, with the reason.
 
     Where explanations were compared, `separates` and `cannot_separate` list them in pairs; the latter also parts of the
@@ -55,7 +54,7 @@ def next_experiment(robot: Robot, problem: Problem, selection: Selection, findin
     same = [
         {"one": _named(term), "other": {**_named(term), "location": place}, "times_noise": 0.0}
         for term in selection.last.terms
-        for place in term.candidate.law.same_places(term.candidate.place, robot.mechanism)
+        for place in term.candidate.law.same_places(term.candidate.place, problem.simulator.robot.mechanism)
         if place != term.candidate.place.name
     ]
     return {**proposed, "cannot_separate": [*proposed.get("cannot_separate", ()), *same]} if same else proposed

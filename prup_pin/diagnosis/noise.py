@@ -22,7 +22,6 @@ from .criteria import (
     FEWEST_FOLLOWERS,
     FEWEST_NUMBERS,
     FEWEST_POSES,
-    MOST_REPEATS,
     SAME_LOAD,
     STRUCTURE_CHANCE,
     USUAL_POSITION_NOISE,
@@ -118,18 +117,15 @@ def _repeats(inputs: Inputs, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         heaviest = max(float(np.nan_to_num(np.abs(inputs.gravity)).max(initial=0.0)), 1e-9)
         loads = np.concatenate((loads, inputs.gravity / heaviest), axis=1)
     for block in np.unique(blocks[here]):
-        members = np.flatnonzero((blocks == block) & here)[:MOST_REPEATS]
-        scaled = loads[members]
-        used: set[int] = set()
-        for i in range(len(members)):
-            if i in used:
-                continue
-            others = (j for j in range(i + 1, len(members)) if j not in used)
-            near = [j for j in others if np.abs(scaled[i] - scaled[j]).max() < SAME_LOAD]
-            if near:
-                first.append(members[i])
-                second.append(members[near[0]])
-                used.update((i, near[0]))
+        members = np.flatnonzero((blocks == block) & here)
+        free = np.ones(len(members), bool)
+        for place, member in enumerate(members):
+            near = (np.abs(loads[members[place + 1 :]] - loads[member]).max(axis=1) < SAME_LOAD) & free[place + 1 :]
+            if free[place] and near.any():
+                other = place + 1 + int(np.argmax(near))
+                first.append(member)
+                second.append(members[other])
+                free[other] = False
     return np.array(first, int), np.array(second, int)
 
 

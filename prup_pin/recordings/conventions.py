@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations, permutations
+from itertools import combinations, permutations, product
 from typing import Any
 
 import numpy as np
@@ -500,6 +500,12 @@ def _unwrapped(values: Array, run: np.ndarray) -> Array:
 
 # -- which conventions are tried, and what speaks for them -------------------------------------------------------------
 
+#: Axes that x, y, z of a log may stand for, but for themselves.
+AXES = [
+    tuple(f"{'-' if sign < 0 else ''}{axis}" for axis, sign in zip(order, signs, strict=True))
+    for order in permutations("xyz")
+    for signs in product((1, -1), repeat=3)
+][1:]
 #: Ratios of gears that are tried [turns of the motor for one of the joint].
 GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
 #: Words for units of joints' positions.
