@@ -14,7 +14,7 @@ from ..laws import Effect
 from ..recordings import Convention, Recording
 from ..robot import Robot
 from .calibrate import CalibratedParameter, calibrated_parameters
-from .conventions import logs_read
+from .conventions import read_logs
 from .criteria import clean_bound
 from .prepare import prepare
 
@@ -64,7 +64,7 @@ def calibrated(
     """
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
         declared = [recording] if isinstance(recording, Recording) else list(recording)
-        logs = logs_read(robot, declared)
+        logs = read_logs(robot, declared)
         every = {(*item.conventions, *own) for item, own in zip(declared, logs.conventions, strict=True)}
         prepared = prepare(robot, logs.recordings, tell)
         if not len(prepared.toleranced):
@@ -88,5 +88,5 @@ def calibrated(
             effects=(*problem.tolerances.at(first.x), *prepared.placed.every),
             samples=len(first.samples),
             conventions=every.pop() if len(every) == 1 else (),
-            remarks=tuple(dict.fromkeys((*logs.told, *prepared.remarks, *beyond))),
+            remarks=tuple(dict.fromkeys((*logs.statements, *prepared.remarks, *beyond))),
         )

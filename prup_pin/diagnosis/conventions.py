@@ -24,7 +24,7 @@ from .efforts.merged import has_efforts, has_poses
 from .load_conventions import conventions_of_loads
 from .pose_conventions import conventions_of_poses
 
-__all__ = ["Logs", "as_diagnosed", "logs_read"]
+__all__ = ["Logs", "as_diagnosed", "read_logs"]
 
 #: Readings that are as good, of which a sentence tells so many.
 _SHOWN = 3
@@ -53,11 +53,11 @@ class Logs:
         return tuple(out.values())
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def statements(self) -> tuple[str, ...]:
         """Sentences on all that is written otherwise."""
         return tuple(finding.statement for finding in self.findings())
 
-    def told_in(self, diagnosis: Diagnosis) -> Diagnosis:
+    def before(self, diagnosis: Diagnosis) -> Diagnosis:
         """Return a diagnosis of what was read that begins with how that was written."""
         first = self.findings()
         if not first:
@@ -66,7 +66,7 @@ class Logs:
         return replace(diagnosis, verdict=verdict, findings=(*first, *diagnosis.findings), conventions=self.conventions)
 
 
-def logs_read(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs:
+def read_logs(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs:
     """Return recordings read as they declare, and then as they seem to be written.
 
     Raises InputError where two ways to read one are as good and are not the same, or a declared one does not fit.
@@ -177,7 +177,7 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
     beside = ", ".join(f'"{key}": {_quoted(value)}' for key, value in as_json(found.conventions).items())
     others = [", ".join(map(str, other)) for other in found.others[:_SHOWN]]
     equal = f". As good on this log: {' or '.join(others)}" if others else ""
-    places = tuple(dict.fromkeys(_place(item, mechanism) for item in found.conventions))
+    places = tuple(dict.fromkeys(_place(item) for item in found.conventions))
     return Finding(
         physics="log_convention",
         location=places[0] if len(places) == 1 else "robot",
@@ -205,7 +205,7 @@ def _meaning(convention: Convention) -> str:
     return f"{convention.meaning.summary}{f' ({told})' if told else ''}"
 
 
-def _place(convention: Convention, mechanism: Mechanism) -> str:
+def _place(convention: Convention) -> str:
     if convention.joint:
         return convention.joint
     return {"p": "pose_sensor", "r": "pose_sensor", "wrench": "wrench_sensor", "force": "wrench_sensor",

@@ -19,10 +19,11 @@ NOISE_LIKE: Final = 1.10
 CHANCE_DEVIATIONS: Final = 4.0
 #: Chance of calling pure noise a structure, over all tests of one residual.
 STRUCTURE_CHANCE: Final = 1e-4
-#: Samples that follow another one in the same pose, or poses, without which a residual larger than a declared noise is
-#: not called noise: fewer could not show that it is none.
+#: Pieces of a recording, or poses, that tell a structure from noise by signs: fewer agree by accident.
+FEWEST_PIECES: Final = 40
+#: ... or samples that follow another one in the same pose. With fewer of both a residual larger than a declared noise
+#: is not called noise.
 FEWEST_FOLLOWERS: Final = 12
-FEWEST_POSES: Final = 40
 #: Where a law takes away all but this share, a slightly rough law is still the right one, beside toleranced parameters
 #: that shift the load at which a gap closes or a joint slides ...
 ROUGH_SHARE: Final = 0.02
@@ -44,6 +45,9 @@ def clean_bound(count: int) -> float:
     """Return the residual, in multiples of the noise, above which something is missing."""
     return max(NOISE_LIKE, chance_bound(count))
 
+
+#: What varies or acts by less does not [N, N m, m, rad, K, s].
+NOTHING: Final = 1e-6
 
 # -- what is the noise? ------------------------------------------------------------------------------------------------
 
@@ -78,8 +82,6 @@ FOLDS: Final = 7
 FEWEST_FOR_FOLDS: Final = 5
 #: So often the signs of the residual's pieces are flipped to see what chance removes.
 FLIPS: Final = 200
-#: Pieces below which flipping all signs alike is a likely accident.
-LEAST_PIECES: Final = 40
 
 # -- what does a law cost? ---------------------------------------------------------------------------------------------
 
@@ -132,8 +134,6 @@ ALIKE: Final = 0.95
 KNOTS: Final = 7
 #: Preference for smooth curves, as a share of what the data say: too weak to be seen, enough where there are none.
 SMOOTH: Final = 1e-3
-#: A variable that spans less does not vary [N, N m, m, rad, K, s].
-LEAST_SPAN: Final = 1e-6
 #: A deformation that reaches the tool this much less than the best one is not seen.
 NOT_REACHING: Final = 1e-6
 
@@ -236,8 +236,6 @@ TURNED: Final = 0.2
 COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
 #: Cosine below which measured gravity is the opposite of the robot file's.
 UPSIDE_DOWN: Final = -0.9
-#: A load below this is none [N].
-NO_FORCE: Final = 1e-6
 
 # -- calibration within tolerances -------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from ..numbers import number
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import as_recorded
-from .conventions import logs_read
+from .conventions import read_logs
 from .criteria import (
     FEWEST_FOR_FOLDS,
     FOLDS,
@@ -75,8 +75,8 @@ def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: 
     with threadpool_limits(1, user_api="blas"), limits_heard() as told:
         tell = _only_forward(tell)
         tell("how the log is written", 0.0)
-        logs = logs_read(robot, recording)
-        found = logs.told_in(_of_channels(robot, logs.recordings, tell))
+        logs = read_logs(robot, recording)
+        found = logs.before(_of_channels(robot, logs.recordings, tell))
     return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
 
 
@@ -138,20 +138,20 @@ def _searched(prepared: Prepared, tell: Tell) -> _Searched:
         selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         if larger is not None:
-            prepared.remarks.append(_noisier(problem.noise, larger))
+            prepared.remarks.append(_larger_noise(problem.noise, larger))
             problem = prepared.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
             doubt = too_few(problem, selection, inputs.blocks)
     if prepared.kinds and problem.count(problem.first):
         selection = dropped_by_folds(problem, selection, labels)
     if not prepared.kinds and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
-        problem, selection = _otherwise(prepared, problem, selection, labels, tell)
+        problem, selection = _within_rescaled(prepared, problem, selection, labels, tell)
     if prepared.noise_unknown and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
         doubt = no_noise(problem, selection.last, inputs.blocks)
     return _Searched(problem, selection, labels, doubt)
 
 
-def _otherwise(
+def _within_rescaled(
     prepared: Prepared, problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell
 ) -> tuple[Problem, Selection]:
     """Return problem and selection within wider tolerances, where these explain better what was found; and tell it."""
@@ -188,7 +188,7 @@ def _fold_labels(prepared: Prepared) -> np.ndarray:
     return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
 
 
-def _noisier(noise: Noise, larger: Noise) -> str:
+def _larger_noise(noise: Noise, larger: Noise) -> str:
     return (
         f"what is left is noise, but {number(1e6 * larger.position, 3)} µm and "
         f"{number(1e6 * larger.rotation, 3)} µrad, not the "

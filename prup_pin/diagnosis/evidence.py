@@ -21,10 +21,10 @@ from .criteria import (
     BEYOND,
     FALSE_ALARM,
     FEWEST_FOR_FOLDS,
+    FEWEST_PIECES,
     FLIPS,
     FOLDS,
     LEAD,
-    LEAST_PIECES,
     PARAMETER_COST,
     RESCALING_COST,
     beyond_tolerance,
@@ -197,7 +197,7 @@ def _pieces(blocks: np.ndarray) -> np.ndarray:
     starts = np.concatenate(([True], blocks[1:] != blocks[:-1]))
     block = np.cumsum(starts) - 1
     count = int(block[-1]) + 1 if len(block) else 1
-    parts = int(np.ceil(LEAST_PIECES / count))
+    parts = int(np.ceil(FEWEST_PIECES / count))
     inside = np.arange(len(blocks)) - np.flatnonzero(starts)[block]
     return block * parts + inside * parts // np.bincount(block)[block]
 

@@ -118,7 +118,7 @@ def always_acting(effect: Effect, robot: Robot) -> Finding:
     )
 
 
-def beyond_its_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Finding:
+def beyond_its_tolerance(item: CalibratedParameter, held: float) -> Finding:
     """Return the finding that a parameter lies beyond its tolerance."""
     reach = 1.96 * item.sd
     gain = (item.x / item.share) ** 2
@@ -272,7 +272,7 @@ def finding_of(
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
-            if rival.term.candidate.everywhere and _beside_others(rival.term, fit, index):
+            if rival.term.candidate.everywhere and _among_others_of_its_kind(rival.term, fit, index):
                 continue
             places += dict.fromkeys((rival.term.candidate.place.name, *rival.term.candidate.parts))
         elif rival.term is not term:
@@ -321,7 +321,7 @@ def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot:
     return effect.law.told(effect.place, effect.values, intervals, robot.mechanism)
 
 
-def _beside_others(term: Term, fit: Fit, index: int) -> bool:
+def _among_others_of_its_kind(term: Term, fit: Fit, index: int) -> bool:
     """Return True for a law at all like places where others of its kind, at some of them, stand beside it anyway."""
     law, parts = term.candidate.law.physics, set(term.candidate.parts)
     others = [each.candidate for place, each in enumerate(fit.terms) if place != index]

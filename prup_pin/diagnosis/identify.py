@@ -66,7 +66,7 @@ def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator
         seen = share(strong)
         if seen < 1:
             shows = float((changed(candidate, strong) ** 2).sum()) >= least
-            yield _hidden(candidate, strong, seen, share, shows)
+            yield _not_seen(candidate, strong, seen, share, shows)
     inputs = problem.simulator.inputs
     if inputs.temperature is None:
         yield from _without("temperature", "no temperature was recorded")
@@ -93,7 +93,7 @@ def _strong(candidate: Candidate) -> Array:
     return np.clip(coordinates, *candidate.bounds)
 
 
-def _hidden(
+def _not_seen(
     candidate: Candidate, strong: Array, seen: float, share: Callable[[Array], float], shows: bool
 ) -> Detectable:
     """Return what is told of a law that stays hidden where it is strong, at a share `seen` of what is seen.
@@ -104,7 +104,7 @@ def _hidden(
     value = float(candidate.values_of(strong)[0])
     needed, reason = None, "these loads do not reach it"
     if seen > 0:
-        needed = _needed(candidate, strong, seen, share)
+        needed = _smallest_seen(candidate, strong, seen, share)
         small = "too small an effect on the measured pose under these loads"
         if shows:
             small = "these tolerances could hide it"
@@ -113,7 +113,7 @@ def _hidden(
     return Detectable(law.physics, str(candidate.place), quantity.name, needed, quantity.unit, reason, below)
 
 
-def _needed(candidate: Candidate, at: Array, seen: float, share: Callable[[Array], float]) -> float | None:
+def _smallest_seen(candidate: Candidate, at: Array, seen: float, share: Callable[[Array], float]) -> float | None:
     """Return the value of a law's first parameter at which it is just seen; None where that lies beyond its bounds."""
 
     def share_at(coordinate: float) -> float:

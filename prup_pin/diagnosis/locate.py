@@ -22,10 +22,10 @@ from .criteria import (
     ALIKE,
     CHANCE_DEVIATIONS,
     KNOTS,
-    LEAST_SPAN,
     MOST_BINS,
     NO_LOAD,
     NOT_REACHING,
+    NOTHING,
     SAMPLES_A_BIN,
     SMOOTH,
 )
@@ -72,21 +72,10 @@ class LocalCurve:
         return len(self.load)
 
 
-def _basis(load: Array, count: int) -> tuple[Array, Array]:
-    """Return knots (k,) at quantiles of the load, zero among them, and hat functions (n, k)."""
-    knots = np.unique(np.quantile(load, np.linspace(0, 1, count)))
-    if knots[0] < 0 < knots[-1]:
-        knots[np.argmin(np.abs(knots))] = 0.0
-    knots = np.unique(knots)
-    if len(knots) < 3:
-        return knots, np.zeros((len(load), 0))
-    return knots, np.array([np.interp(load, knots, row) for row in np.eye(len(knots))]).T
-
-
-def local_curve(problem: Problem, fit: Fit, module: str, component: int, count: int = KNOTS) -> LocalCurve | None:
+def local_curve(problem: Problem, fit: Fit, module: str, component: int) -> LocalCurve | None:
     """Return the curve of a module's motion that the residual asks for; None where its load does not vary."""
     load = fit.influence.loads(module)[:, component]
-    return curve_against(problem, fit, module, component, load, count=count)
+    return curve_against(problem, fit, module, component, load)
 
 
 def curve_against(
@@ -96,22 +85,23 @@ def curve_against(
     component: int,
     variable: Array,
     factor: Array | float = 1.0,
-    count: int = KNOTS,
 ) -> LocalCurve | None:
     """Return the deformation of a module's motion as factor (n,) times a curve over a variable (n,).
 
     None where the variable does not vary or the motion does not reach the tool. The curve's `load` and `deformation`
     are then the variable and the deformation over the factor.
     """
-    if np.ptp(variable) < LEAST_SPAN:
+    if np.ptp(variable) < NOTHING:
         return None
-    knots, hats = _basis(variable, count)
-    if not hats.shape[1]:
+    knots = np.unique(np.quantile(variable, np.linspace(0, 1, KNOTS)))
+    if knots[0] < 0 < knots[-1]:
+        knots[np.argmin(np.abs(knots))] = 0.0
+    knots = np.unique(knots)
+    if len(knots) < 3:
         return None
     direction = fit.influence.signature(module)[:, :, component]
     white = (problem.whiteners(fit.influence) @ direction[..., None])[..., 0]
-    if not np.any(np.abs(white) > 0):
-        return None
+    hats = np.array([np.interp(variable, knots, row) for row in np.eye(len(knots))]).T
     hats = hats * np.broadcast_to(factor, len(variable))[:, None]
     columns = (white[:, :, None] * hats[:, None, :]).reshape(-1, hats.shape[1])
     scale = np.linalg.norm(columns, axis=0)
@@ -127,12 +117,12 @@ def curve_against(
     return LocalCurve(module, component, knots, values, np.sqrt(np.diag(inverse)), gain)
 
 
-def strongest_curve(problem: Problem, fit: Fit, count: int = KNOTS) -> list[LocalCurve]:
+def strongest_curve(problem: Problem, fit: Fit) -> list[LocalCurve]:
     """Return the curves of all modules' motions, the one that removes most first."""
     curves = []
     for name in fit.influence.rows:
         for component in range(fit.influence.loads(name).shape[1]):
-            curve = local_curve(problem, fit, name, component, count)
+            curve = local_curve(problem, fit, name, component)
             if curve is not None:
                 curves.append(curve)
     return sorted(curves, key=lambda curve: -curve.gain)

@@ -73,17 +73,17 @@ def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
         why = "the largest deflections, where anything left out shows most"
         if left:
             why += "; explanations that are left differ in motion, which no test plan describes"
-        return {"why": why, "plan": _written(search, search.largest(), CYCLE)}
+        return {"why": why, "plan": _plan(search, search.largest(), CYCLE)}
     chosen, repeated = search.planned()
-    told = _Told(search, chosen, repeated)
+    told = _Outcome(search, chosen, repeated)
     if told.most < WORTH_DOING and told.undecided:
         # what is worth a plan for all is little; what is worth it for one pair, gone through often, tells that pair
-        told = _Told(search, search.best_places(told.undecided[0]), MOST_REPEATED)
+        told = _Outcome(search, search.best_places(told.undecided[0]), MOST_REPEATED)
         repeated, chosen = told.repeated, told.chosen
     answer = {"why": told.why, "plan": {}, **told.lists, "weighed": len(search.positions)}
     if told.most >= WORTH_DOING:
         cycle = CYCLE[:-1] * (repeated - 1) + CYCLE
-        answer["plan"] = _written(search, chosen, cycle, any("temperature" in pair.needs for pair in pairs))
+        answer["plan"] = _plan(search, chosen, cycle, any("temperature" in pair.needs for pair in pairs))
     return answer
 
 
@@ -199,7 +199,7 @@ def _deflections(test: SimulatedTest) -> Array:
     return (test.fit.influence.compliance @ wrench[..., None])[..., 0]
 
 
-class _Told:
+class _Outcome:
     """What a plan tells apart, pair by pair and in words: it is simulated, and what may be fitted is fitted."""
 
     def __init__(self, search: _Design, chosen: Sequence[int], repeated: int):
@@ -302,7 +302,7 @@ def _tilted(gravity: Array) -> Array:
     return gravity * np.cos(TILTED_BASE) + np.cross(axis, gravity) * np.sin(TILTED_BASE)
 
 
-def _written(search: _Design, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
+def _plan(search: _Design, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
     """Return a plan as `read_plan` reads it."""
     bench = search.bench
     names = bench.robot.mechanism.actuated

@@ -21,7 +21,7 @@ from .criteria import (
     CLIP,
     FEWEST_FOLLOWERS,
     FEWEST_NUMBERS,
-    FEWEST_POSES,
+    FEWEST_PIECES,
     SAME_LOAD,
     STRUCTURE_CHANCE,
     USUAL_POSITION_NOISE,
@@ -89,10 +89,10 @@ def scatter_of_repeats(
         change -= (compliance[first] @ (wrench[first] - wrench[second])[..., None])[..., 0]
         moved.append(change[:, :3][both[:, :3]])
         turned.append(change[:, 3:][both[:, 3:]])
-    return _spread(np.concatenate([np.zeros(0), *moved])), _spread(np.concatenate([np.zeros(0), *turned]))
+    return _scatter(np.concatenate([np.zeros(0), *moved])), _scatter(np.concatenate([np.zeros(0), *turned]))
 
 
-def _spread(values: Array) -> float | None:
+def _scatter(values: Array) -> float | None:
     """Return the standard deviation of either of two numbers with these differences, outliers left out."""
     if len(values) < FEWEST_NUMBERS:
         return None
@@ -172,7 +172,7 @@ def _slopes_of_each(problem: Problem, fit: Fit, actuators: Array) -> Iterator[Ar
 def could_show_structure(blocks: np.ndarray) -> bool:
     """Return True where samples are enough, in one pose or in many, for `is_white` to mean something."""
     followers = int((blocks[1:] == blocks[:-1]).sum())
-    return followers >= FEWEST_FOLLOWERS or len(np.unique(blocks)) >= FEWEST_POSES
+    return followers >= FEWEST_FOLLOWERS or len(np.unique(blocks)) >= FEWEST_PIECES
 
 
 def _follows_time(column: Array, blocks: np.ndarray) -> Iterator[float]:
@@ -216,7 +216,7 @@ def _chance_of_products(products: Array) -> float:
 def _neighbours(actuators: Array, blocks: np.ndarray) -> np.ndarray:
     """Return pairs (m, 2) of blocks, by their places among the labels, that are nearest neighbours; none twice."""
     _, first = np.unique(blocks, return_index=True)
-    if len(first) < FEWEST_POSES:
+    if len(first) < FEWEST_PIECES:
         return np.zeros((0, 2), int)
     places = actuators[first] / np.maximum(np.ptp(actuators, axis=0), 1e-12)
     pairs = cKDTree(places).query(places, k=2)[1]

@@ -32,7 +32,7 @@ from .criteria import (
     LEAST_REACH,
     MOST_SAMPLES,
     MUCH_LARGER,
-    NO_FORCE,
+    NOTHING,
     TURNED,
     UPSIDE_DOWN,
 )
@@ -41,7 +41,7 @@ from .problem import Problem
 from .registration import OWN_STATIONS, Registered, own_frames, registered
 from .spread import Spread, spread_of
 
-__all__ = ["Prepared", "Tell", "beside_allowed", "check_belongs", "prepare", "unused_columns", "what_is_missing"]
+__all__ = ["Prepared", "Tell", "allowed_of_markers", "check_belongs", "prepare", "unused_columns", "what_is_missing"]
 
 
 Tell = Callable[[str, float], None]
@@ -110,7 +110,7 @@ def prepare(
     remarks += what_is_missing(inputs, measured, robot.mechanism)
     simulator = Simulator(robot, inputs)
     linear = Linear.of(simulator)
-    allowed = beside_allowed(recording.tolerances, robot.mechanism)
+    allowed = allowed_of_markers(recording.tolerances, robot.mechanism)
     placed = registered(measured, linear, together, robot.mechanism, allowed)
     if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
         together, placed = apart
@@ -134,14 +134,14 @@ def prepare(
     noises = []
     for source, here in together.each():
         noises.append(estimate_noise(source.recording, stack, linear, inputs, here))
-        quieter = _quieter(source.recording, stack, linear, inputs, here)
+        quieter = _noise_declared_too_large(source.recording, stack, linear, inputs, here)
         remarks += [together.told(source, text) for text in quieter]
     noise = Noise.of_several(noises, together.which)
     problem = Problem.of(simulator, stack, noise, nominal)
     library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups, together.alone)
     library = under_load(library, problem.nominal)
     tell("what is off all over", 0.01)
-    spread = _spread(problem, together, library)
+    spread = _off_everywhere(problem, together, library)
     noise_unknown = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
@@ -152,7 +152,7 @@ def prepare(
             together = together.with_runs_of("pose_sensor")
             library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups, together.alone)
             library = under_load(library, problem.nominal)
-            remarks.append(_stations_told(spread.stations))
+            remarks.append(_stations_remark(spread.stations))
         together, library = spread.widened(together), spread.among(library)
         recording = together.recording
     if noise.source == "assumed":
@@ -180,7 +180,7 @@ def prepare(
     )
 
 
-def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
+def _off_everywhere(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
     """Return what is off all over a robot that is seen by a pose sensor and that nothing loads but its weight."""
     if not problem.simulator.inputs.weight_alone:
         return None
@@ -195,7 +195,7 @@ def _spread(problem: Problem, together: Together, library: Sequence[Candidate]) 
     return spread_of(problem, together, weight, False)
 
 
-def _stations_told(stations: tuple[float, float]) -> str:
+def _stations_remark(stations: tuple[float, float]) -> str:
     turn, shift = stations
     return (
         f"the pose sensor stands elsewhere in each run, turned by {quantity(turn, 'rad')} and shifted by "
@@ -237,7 +237,9 @@ def _thinned(together: Together, remarks: list[str]) -> Together:
     return together.select(rows)
 
 
-def _quieter(recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray) -> list[str]:
+def _noise_declared_too_large(
+    recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray
+) -> list[str]:
     """Return sentences on declared noise that is much larger than the scatter of repeats."""
     remarks = []
     seen = scatter_of_repeats(stack, linear, inputs, here)
@@ -274,9 +276,9 @@ def what_is_missing(inputs: Inputs, stack: Stack, mechanism: Mechanism) -> list[
     force = np.nan_to_num(np.abs(inputs.wrench)).max(initial=0.0)
     heavy = mechanism.model.njoints > 1 and sum(float(body.mass) for body in mechanism.model.inertias) > 0
     gravity = mechanism.gravity if inputs.gravity is None else np.nan_to_num(inputs.gravity)
-    if force < NO_FORCE and not (heavy and np.abs(gravity).max(initial=0.0) > NO_FORCE):
+    if force < NOTHING and not (heavy and np.abs(gravity).max(initial=0.0) > NOTHING):
         remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
-    elif force < NO_FORCE:
+    elif force < NOTHING:
         remarks.append("no load was applied but the robot's own weight: what it does not load does not show")
     if inputs.gravity is not None and _points_up(inputs.gravity, mechanism.gravity):
         remarks.append(
@@ -343,7 +345,7 @@ def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[st
     return tuple(name for names in found.values() for name in names), told
 
 
-def beside_allowed(declared: Tolerances, mechanism: Mechanism) -> tuple[float, float]:
+def allowed_of_markers(declared: Tolerances, mechanism: Mechanism) -> tuple[float, float]:
     """Return how far tolerances let a marker be off: a length [m], and a share of its distance from the base."""
     joints = float(np.sqrt(len(mechanism.actuated)))
     length = (declared.target_position or 0.0) + joints * (declared.position or 0.0)
@@ -362,7 +364,7 @@ def check_belongs(
     """Raise InputError where recording and robot are worlds apart, with the likely reason.
 
     here (N,): the samples of the recording that is asked; rows (N,): where each stands in its table, from 0; `allowed`:
-    what `beside_allowed` says.
+    what `allowed_of_markers` says.
     """
     for name, values in (("q", inputs.actuators[here]), ("w", inputs.wrench[here])):
         if len(values) and np.isnan(values).all(axis=0).any():

@@ -12,7 +12,7 @@ from ..numbers import number
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
-from .conventions import logs_read
+from .conventions import read_logs
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
 from .efforts.gather import Efforts
@@ -61,7 +61,7 @@ class Prospects:
 def prospects(robot: Robot, recording: Recording) -> Prospects:
     """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
-        logs = logs_read(robot, recording)
+        logs = read_logs(robot, recording)
         (recording,) = logs.recordings
         drawn, adapted = robot, as_recorded(robot, recording)
         robot = adapted.robot
@@ -85,7 +85,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
         remarks += [*told, *beyond]
-    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.told)
+    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.statements)
 
 
 def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, ...], list[tuple[str, str]], list[str]]:

@@ -185,7 +185,7 @@ def _added(
             tell("the whole simulation", _share(step, 0.6))
             trial = search.released(search.refine([*fit.terms, rival.term], fit))
             helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before
-            if rest.chi2 - trial.chi2 >= gain and (helps or _relieves(rest, trial, gain)):
+            if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
                 taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
                 break
         if taken is None:
@@ -198,7 +198,7 @@ def _added(
     return search.released(fit), rivals
 
 
-def _relieves(fit: Fit, trial: Fit, least: float) -> bool:
+def _relieves_strain(fit: Fit, trial: Fit, least: float) -> bool:
     """Return True where a law takes a strain from parameters that took its place: held-out samples cannot tell them.
 
     One culprit, its own tolerance lifted, is weighed against many that hide it. Where none of them was driven beyond
@@ -276,7 +276,7 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     others = [place for place in range(len(fit.terms)) if place != index]
     kept = [fit.terms[place] for place in others]
     about, places = fit, others
-    if _loads_alone(problem, own):
+    if _yields_alone(problem, own):
         about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
     nuisance, effects = problem.nuisance(about, places), [term.effect for term in kept]
     removed = problem.change(about, effects)
@@ -295,7 +295,7 @@ def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Ca
     return sorted(rivals, key=lambda rival: rival.score)
 
 
-def _loads_alone(problem: Problem, term: Term) -> bool:
+def _yields_alone(problem: Problem, term: Term) -> bool:
     """Return True for weight where no wrench acts, and for a joint that is else rigid: what yields does so by it."""
     if term.candidate.of_rigid_joint:
         return True
