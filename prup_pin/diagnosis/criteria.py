@@ -63,10 +63,9 @@ USUAL_ROTATION_NOISE: Final = 5e-6
 
 # -- which samples, which laws? ----------------------------------------------------------------------------------------
 
-#: More samples than this sharpen nothing that a law is chosen by, and are thinned.
+#: More samples than this sharpen nothing that a law is chosen by, and are thinned: to whole blocks, or inside blocks
+#: where fewer than FOLDS of them were left, which say too little of geometry.
 MOST_SAMPLES: Final = 1200
-#: Fewer blocks than this among them say too little of geometry: longer blocks are thinned inside instead.
-FEWEST_BLOCKS: Final = 8
 #: Below this change of temperature growth hides in the noise of a thermometer [K].
 LEAST_WARMING: Final = 0.2
 
@@ -78,7 +77,7 @@ FALSE_ALARM: Final = 0.01
 LEAST_GAIN: Final = 0.01
 #: Parts into which blocks fall for that; each is left out once.
 FOLDS: Final = 7
-#: Fewer blocks than this leave too little to fit; samples are then held out by time.
+#: Fewer blocks than this leave too little to fit; pieces of them in time are then held out.
 FEWEST_FOR_FOLDS: Final = 5
 #: So often the signs of the residual's pieces are flipped to see what chance removes.
 FLIPS: Final = 200
@@ -103,8 +102,6 @@ MOST_PAIRS: Final = 10
 
 #: Each further effect makes the others harder to tell apart; beyond these the rest is called unknown.
 MOST_TERMS: Final = 4
-#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes.
-HOPELESS: Final = 0.2
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
 CURVATURE: Final = 1.5e-3
 #: Candidates that are simulated before a round, a term's place or a merger is given up.
@@ -149,11 +146,6 @@ NO_LOAD: Final = 2e-3
 
 #: A law is doubtful that gains less than so many times what is left.
 IMITATED: Final = 100.0
-
-# -- did equilibrium in the deformed position show? --------------------------------------------------------------------
-
-#: Share of its own effect that it must remove; the least chi squared is that of weight.
-DEFLECTION_SHARE: Final = 0.5
 
 # -- how sure is a value? ----------------------------------------------------------------------------------------------
 

@@ -18,8 +18,6 @@ from ..robot import Robot
 from ..simulation import as_recorded
 from .conventions import read_logs
 from .criteria import (
-    FEWEST_FOR_FOLDS,
-    FOLDS,
     beyond_tolerance,
 )
 from .diagnosis import Diagnosis, Finding, by_recording
@@ -28,6 +26,7 @@ from .efforts.at_rest import with_efforts_at_rest
 from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
 from .evidence import (
     count_beyond_tolerance,
+    fold_labels,
     is_clean,
     minus_2_log_posterior,
     rescaled_tolerances,
@@ -127,7 +126,7 @@ class _Searched(NamedTuple):
 def _searched(prepared: Prepared, tell: Tell) -> _Searched:
     """Return what recordings say of laws and parameters."""
     inputs, library = prepared.inputs, prepared.library
-    labels = _fold_labels(prepared)
+    labels = fold_labels(inputs.blocks)
     tell("calibration within tolerances", 0.02)
     # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
     reach = beyond_tolerance(len(prepared.toleranced))
@@ -172,20 +171,6 @@ def _within_rescaled(
     if wider:
         prepared.remarks.append(rescaling_remark(wider, taken))
     return problem, selection
-
-
-def _fold_labels(prepared: Prepared) -> np.ndarray:
-    """Return labels (N,) of samples that are held out together: blocks, cut where several recordings have too few.
-
-    Else pieces in time would be held out, and some of them would be of two recordings.
-    """
-    blocks = prepared.inputs.blocks
-    count = len(np.unique(blocks))
-    if not prepared.together.several or count >= FEWEST_FOR_FOLDS:
-        return blocks
-    first = np.searchsorted(blocks, blocks)
-    place = np.arange(len(blocks)) - first
-    return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
 
 
 def _larger_noise(noise: Noise, larger: Noise) -> str:

@@ -39,6 +39,7 @@ __all__ = [
     "count_beyond_tolerance",
     "cross_validated",
     "factors_of_kinds",
+    "fold_labels",
     "implausible",
     "is_clean",
     "minus_2_log_posterior",
@@ -115,6 +116,14 @@ def scale_of(problem: Problem, fit: Fit) -> float:
 # -- chance, and samples that were left out ----------------------------------------------------------------------------
 
 
+def fold_labels(blocks: np.ndarray) -> np.ndarray:
+    """Return labels (N,) of samples that are held out together: blocks, each cut in time where there are too few."""
+    if len(np.unique(blocks)) >= FEWEST_FOR_FOLDS:
+        return blocks
+    place = np.arange(len(blocks)) - np.searchsorted(blocks, blocks)
+    return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
+
+
 def cross_validated(
     problem: Problem,
     fit: Fit,
@@ -160,10 +169,7 @@ def _out_of_fold(
     """`firm`: one over what a coordinate may move by when blocks are left out, and by how many of these it is off."""
     narrow, off = firm
     total = 0.0
-    labels = _segments(blocks)
-    kinds = np.unique(labels)
-    part = {label: index % FOLDS for index, label in enumerate(kinds)}
-    fold = np.array([part[label] for label in labels])
+    fold = np.unique(blocks, return_inverse=True)[1].ravel() % FOLDS
     for index in np.unique(fold):
         out = fold == index
         target = residual[out].ravel()
@@ -183,13 +189,6 @@ def _out_of_fold(
                 total += float(((x + step[len(scale) :]) ** 2).sum()) / len(np.unique(fold))
         total += float(target @ target)
     return total
-
-
-def _segments(blocks: np.ndarray) -> np.ndarray:
-    """Return blocks, or pieces in time where there are too few of them."""
-    if len(np.unique(blocks)) >= FEWEST_FOR_FOLDS:
-        return blocks
-    return np.arange(len(blocks)) * FOLDS // max(len(blocks), 1)
 
 
 def _pieces(blocks: np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from .calibrate import (
 )
 from .candidates import Candidate
 from .criteria import (
-    DEFLECTION_SHARE,
     INDISTINCT,
     POSE_UNTOLD,
     UNSEEN,
@@ -29,7 +28,7 @@ from .criteria import (
 from .diagnosis import Finding, FittedParameter
 from .evidence import cross_validated, implausible, scale_of
 from .noise import could_show_structure, is_white
-from .problem import Fit, Problem, Term
+from .problem import Fit, Problem
 from .search import Selection
 
 __all__ = [
@@ -272,8 +271,6 @@ def finding_of(
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
-            if rival.term.candidate.everywhere and _among_others_of_its_kind(rival.term, fit, index):
-                continue
             places += dict.fromkeys((rival.term.candidate.place.name, *rival.term.candidate.parts))
         elif rival.term is not term:
             if not any(_is_richer(rival.term.candidate.name, name) for name in laws):
@@ -321,13 +318,6 @@ def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot:
     return effect.law.told(effect.place, effect.values, intervals, robot.mechanism)
 
 
-def _among_others_of_its_kind(term: Term, fit: Fit, index: int) -> bool:
-    """Return True for a law at all like places where others of its kind, at some of them, stand beside it anyway."""
-    law, parts = term.candidate.law.physics, set(term.candidate.parts)
-    others = [each.candidate for place, each in enumerate(fit.terms) if place != index]
-    return any(each.law.physics == law and parts.intersection(each.parts) for each in others)
-
-
 def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
     firm = np.diag(np.concatenate([each.candidate.known for each in fit.terms]))
@@ -368,7 +358,7 @@ def finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = False
     with_linear = last.residual + difference
     worse = float((with_linear**2).sum())
     gained = worse - last.chi2
-    if size < WEIGHT_SHOWS or (not silent and gained < max(DEFLECTION_SHARE * size, WEIGHT_SHOWS)):
+    if size < WEIGHT_SHOWS or (not silent and gained < WEIGHT_SHOWS):
         return None
     return Finding(
         physics="finite_deflection",

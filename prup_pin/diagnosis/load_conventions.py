@@ -91,7 +91,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     alike = shown / CHANCE_DEVIATIONS if loaded.noise else shown
     taken: list[Convention] = []
     others: list[tuple[Convention, ...]] = []
-    while len(taken) < 4:
+    while True:
         tried = []
         for readings in (_of_wrench(), _of_wrench_axes(), _of_wrench_point(loaded, now.wrench)):
             for convention in readings:

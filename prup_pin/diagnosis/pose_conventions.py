@@ -31,8 +31,8 @@ from .criteria import (
 
 __all__ = ["conventions_of_poses"]
 
-#: Postures that are looked at, of robots with loops, which take longer to close, and of others; conventions at most.
-_POSTURES, _OF_TREES, _MOST = 12, 40, 6
+#: Postures that are looked at, of robots with loops, which take longer to close, and of others.
+_POSTURES, _OF_TREES = 12, 40
 #: Rounds in which frames that depend on one another are fitted in turn.
 _ROUNDS = 8
 
@@ -294,7 +294,7 @@ def _forward(
     taken: list[Convention] = []
     read, now = written, start
     others: list[tuple[Convention, ...]] = []
-    while len(taken) < _MOST:
+    while True:
         tried: list[tuple[float, int, Convention, Recording, _Misfit]] = []
         # what was measured is cheap to read otherwise, and joints are where that does not do
         for readings in (_of_measured(read), _of_joints(postures.mechanism, read)):

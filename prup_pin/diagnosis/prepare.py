@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..numbers import number, quantity
 from ..recordings import Recording, Together, Tolerances, suspicions
 from ..recordings.columns import AXES, MARKER_GROUPS
 from ..robot import Robot
-from ..simulation import Simulator, as_recorded, inputs_of, trajectory_of
+from ..simulation import Run, Simulator, as_recorded, inputs_of, trajectory_of
 from ..spatial import Array, turn_between
 from .calibrate import (
     Toleranced,
@@ -27,8 +28,8 @@ from .candidates import Candidate, candidates, under_load
 from .criteria import (
     ALLOWED_TOLERANCES,
     FAR,
-    FEWEST_BLOCKS,
     FEWEST_STATIONS,
+    FOLDS,
     LEAST_REACH,
     MOST_SAMPLES,
     MUCH_LARGER,
@@ -95,51 +96,22 @@ def prepare(
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
     together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
-    unused: list[str] = []
-    remarks = [*adapted.remarks, *(together.recording.remarks if together.several else ())]
-    for source in together.sources:
-        names, told = unused_columns(source.recording, robot.mechanism)
-        unused += names
-        remarks += [together.told(source, text) for text in (*source.recording.remarks, *suspicions(source.recording))]
-        remarks += [together.told(source, text) for text in told]
+    unused, remarks = _columns_told(together, robot.mechanism)
+    remarks = [*adapted.remarks, *remarks]
     motion = trajectory_of(together.recording, robot)  # before rows are left out
-    together = _thinned(together, remarks)
-    recording = together.recording
-    inputs = _inputs(robot, together, motion)
-    measured = Stack(channels_of(recording, robot.mechanism))
-    remarks += what_is_missing(inputs, measured, robot.mechanism)
-    simulator = Simulator(robot, inputs)
-    linear = Linear.of(simulator)
-    allowed = allowed_of_markers(recording.tolerances, robot.mechanism)
-    placed = registered(measured, linear, together, robot.mechanism, allowed)
-    if (apart := own_frames(measured, placed, linear, together, robot.mechanism, allowed)) is not None:
-        together, placed = apart
-        recording, inputs = together.recording, _inputs(robot, together, motion)
-        simulator = Simulator(robot, inputs)
-    stack = placed.stack
-    allowed = allowed[0] + placed.beside, allowed[1]
-    remarks += placed.remarks
-    for source, here in together.each():
-        try:
-            check_belongs(stack, linear, inputs, here, together.rows, allowed)
-        except InputError as error:
-            # what the recording leaves open may be why
-            raise InputError(". ".join((together.told(source, str(error)), *adapted.remarks))) from error
+    seen = _seen(robot, _thinned(together, remarks), motion)
+    remarks += [*what_is_missing(seen.inputs, seen.measured, robot.mechanism), *seen.placed.remarks]
+    try:
+        _check_each(seen)
+    except InputError as error:
+        # what the recording leaves open may be why
+        raise InputError(". ".join((str(error), *adapted.remarks))) from error
     tell("the nominal simulation", 0.0)
-    nominal = simulator.run()
-    for source, here in together.each():
-        lost = together.rows[here & stack.exists.any(axis=1) & ~nominal.solved]
-        if len(lost):
-            remarks.append(together.told(source, _not_simulated(lost, int(here.sum()))))
-    noises = []
-    for source, here in together.each():
-        noises.append(estimate_noise(source.recording, stack, linear, inputs, here))
-        quieter = _noise_declared_too_large(source.recording, stack, linear, inputs, here)
-        remarks += [together.told(source, text) for text in quieter]
-    noise = Noise.of_several(noises, together.which)
-    problem = Problem.of(simulator, stack, noise, nominal)
-    library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups, together.alone)
-    library = under_load(library, problem.nominal)
+    nominal = seen.simulator.run()
+    noise = _noise_of_each(seen, nominal, remarks)
+    together, stack = seen.together, seen.placed.stack
+    problem = Problem.of(seen.simulator, stack, noise, nominal)
+    library = _library(together, problem)
     tell("what is off all over", 0.01)
     spread = _off_everywhere(problem, together, library)
     noise_unknown = spread is not None and noise.source == "assumed"
@@ -150,34 +122,97 @@ def prepare(
         stack = spread.placed(stack, noise, together.recording.run)
         if spread.stations is not None and not together.stations:
             together = together.with_runs_of("pose_sensor")
-            library = candidates(robot.mechanism, inputs, recording.marker_names, together.groups, together.alone)
-            library = under_load(library, problem.nominal)
+            library = _library(together, problem)
             remarks.append(_stations_remark(spread.stations))
         together, library = spread.widened(together), spread.among(library)
-        recording = together.recording
     if noise.source == "assumed":
         noise = replace(noise, source="estimated")
     if noise is not problem.noise or stack is not problem.stack:
-        problem = Problem.of(simulator, stack, noise, nominal)
-    raw_linear = (measured if placed.found else stack).residual_of_start(linear)[problem.first.samples]
-    toleranced = toleranced_of(placed.open(recording), robot.mechanism, together.groups, inputs.moves)
+        problem = Problem.of(seen.simulator, stack, noise, nominal)
+    recording, samples = together.recording, problem.first.samples
     remarks += without_effect(recording.tolerances.declared)
-    unused = list(dict.fromkeys(unused))
-    raw = stack.residual_of_start(linear)[problem.first.samples]
     return Prepared(
-        together,
-        problem,
-        inputs,
-        raw_linear,
-        raw,
-        library,
-        toleranced,
-        tuple(unused),
-        remarks,
-        placed,
-        spread,
-        noise_unknown,
+        together=together,
+        problem=problem,
+        inputs=seen.inputs,
+        raw_linear=(seen.measured if seen.placed.found else stack).residual_of_start(seen.linear)[samples],
+        raw_registered=stack.residual_of_start(seen.linear)[samples],
+        library=library,
+        toleranced=toleranced_of(seen.placed.open(recording), robot.mechanism, together.groups, seen.inputs.moves),
+        unused=unused,
+        remarks=remarks,
+        placed=seen.placed,
+        spread=spread,
+        noise_unknown=noise_unknown,
     )
+
+
+def _columns_told(together: Together, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
+    """Return the columns without a part in the diagnosis, and what is told of columns and numbers."""
+    unused: list[str] = []
+    remarks = [*together.recording.remarks] if together.several else []
+    for source in together.sources:
+        names, told = unused_columns(source.recording, mechanism)
+        unused += names
+        each = (*source.recording.remarks, *suspicions(source.recording), *told)
+        remarks += [together.told(source, text) for text in each]
+    return tuple(dict.fromkeys(unused)), remarks
+
+
+class _Seen(NamedTuple):
+    """Recordings, what was put in and measured, and the measured poses with each sensor where it stands."""
+
+    together: Together
+    inputs: Inputs
+    simulator: Simulator
+    linear: Linear
+    measured: Stack
+    placed: Registered
+    allowed: tuple[float, float]  # how far markers may be off, as `allowed_of_markers` says
+
+
+def _seen(robot: Robot, together: Together, motion: Trajectory | None) -> _Seen:
+    """Return what was seen, each sensor where it stands; with frames of their own where one does not fit all."""
+    mechanism, inputs = robot.mechanism, _inputs(robot, together, motion)
+    measured, simulator = Stack(channels_of(together.recording, mechanism)), Simulator(robot, inputs)
+    linear, allowed = Linear.of(simulator), allowed_of_markers(together.recording.tolerances, mechanism)
+    placed = registered(measured, linear, together, mechanism, allowed)
+    apart = own_frames(measured, placed, linear, together, mechanism, allowed)
+    if apart is not None:
+        together, placed = apart
+        inputs = _inputs(robot, together, motion)
+        simulator = Simulator(robot, inputs)
+    return _Seen(together, inputs, simulator, linear, measured, placed, (allowed[0] + placed.beside, allowed[1]))
+
+
+def _check_each(seen: _Seen) -> None:
+    """Raise InputError where a recording and the robot are worlds apart."""
+    for source, here in seen.together.each():
+        try:
+            check_belongs(seen.placed.stack, seen.linear, seen.inputs, here, seen.together.rows, seen.allowed)
+        except InputError as error:
+            raise InputError(seen.together.told(source, str(error))) from error
+
+
+def _noise_of_each(seen: _Seen, nominal: Run, remarks: list[str]) -> Noise:
+    """Return the noise of all recordings; tell rows that could not be simulated, and noise declared too large."""
+    together, stack, noises = seen.together, seen.placed.stack, []
+    for source, here in together.each():
+        lost = together.rows[here & stack.exists.any(axis=1) & ~nominal.solved]
+        if len(lost):
+            remarks.append(together.told(source, _not_simulated(lost, int(here.sum()))))
+    for source, here in together.each():
+        noises.append(estimate_noise(source.recording, stack, seen.linear, seen.inputs, here))
+        told = _noise_declared_too_large(source.recording, stack, seen.linear, seen.inputs, here)
+        remarks += [together.told(source, text) for text in told]
+    return Noise.of_several(noises, together.which)
+
+
+def _library(together: Together, problem: Problem) -> list[Candidate]:
+    """Return every law at every place that the recordings could show."""
+    mechanism, inputs = problem.simulator.robot.mechanism, problem.simulator.inputs
+    found = candidates(mechanism, inputs, together.recording.marker_names, together.groups, together.alone)
+    return under_load(found, problem.nominal)
 
 
 def _off_everywhere(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
@@ -225,9 +260,8 @@ def _thinned(together: Together, remarks: list[str]) -> Together:
     starts = np.flatnonzero(np.diff(blocks, prepend=-1))
     count = len(starts)
     typical = n / count
-    if typical <= MOST_SAMPLES / FEWEST_BLOCKS:
-        wanted = max(int(MOST_SAMPLES / typical), FEWEST_BLOCKS)
-        chosen = np.unique(np.linspace(0, count - 1, wanted).astype(int))
+    if typical <= MOST_SAMPLES / FOLDS:
+        chosen = np.unique(np.linspace(0, count - 1, int(MOST_SAMPLES / typical)).astype(int))
         keep = np.isin(np.searchsorted(starts, np.arange(n), side="right") - 1, chosen)
     else:
         keep = np.zeros(n, bool)

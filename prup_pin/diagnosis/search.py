@@ -21,7 +21,6 @@ from .candidates import Candidate
 from .criteria import (
     BEYOND,
     CURVATURE,
-    HOPELESS,
     INDISTINCT,
     LEAD,
     LEAST_GAIN,
@@ -224,7 +223,7 @@ def screen(
 ) -> list[Rival]:
     """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
 
-    Those that cannot come near the best are left out.
+    Those that cannot remove what the best one does are left out.
     """
     rivals = []
     kept = fit.terms
@@ -234,7 +233,7 @@ def screen(
     best = fit.chi2
     for index, candidate in enumerate(sorted(library, key=bound)):
         tell(index / len(library))
-        if candidate.name in present or bound(candidate) > best + HOPELESS * (fit.chi2 - best):
+        if candidate.name in present or bound(candidate) > best:
             continue
         chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance)
         rivals.append(Rival(term, chi2, change))
@@ -325,8 +324,7 @@ def simulated_alternatives(
     simulated = 0
     for rival in found:
         twin = any(_parallel(rival, other) for other in judged)
-        done = simulated == MOST_SIMULATED or search.over
-        if rival.term is fit.terms[index] or rival.score >= own + reach or twin or done:
+        if rival.term is fit.terms[index] or rival.score >= own + reach or twin or simulated == MOST_SIMULATED:
             judged.append(rival)
             continue
         simulated += 1
@@ -362,7 +360,7 @@ def rearranged(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
     """Return the fit with one law for two, several for one, or the robot's own weight, where that costs less."""
     for proposed in (_merged, _split, _weight_added):
         scale = scale_of(search.problem, fit)
-        trials = (search.refine(terms, fit) for terms in proposed(search.problem, fit, library) if not search.over)
+        trials = (search.refine(terms, fit) for terms in proposed(search.problem, fit, library))
         fit = next((trial for trial in trials if cost_of(trial, scale) < cost_of(fit, scale) - LEAD), fit)
     return fit
 

@@ -13,7 +13,7 @@ from prup_pin.channels import Noise as Sensed
 from prup_pin.cli import app
 from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.calibration import calibrated
-from prup_pin.diagnosis.diagnose import _fold_labels
+from prup_pin.diagnosis.evidence import fold_labels
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.prepare import prepare
 from prup_pin.errors import InputError, RecordingFileError
@@ -298,7 +298,7 @@ def test_what_laws_remember_starts_anew_with_each_recording(arm):
 def test_no_fold_holds_samples_of_two_recordings(arm, count):
     """Also where there are fewer standstills than folds, and the actuators never move."""
     given = prepare(arm, [measured(arm, standing(arm, ONE_POSE), seed=seed) for seed in range(count)], lambda *_: None)
-    labels, which = _fold_labels(given), given.together.which
+    labels, which = fold_labels(given.inputs.blocks), given.together.which
     assert len(np.unique(labels)) >= 5
     for label in np.unique(labels):
         assert len(np.unique(which[labels == label])) == 1
