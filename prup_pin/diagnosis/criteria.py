@@ -119,8 +119,6 @@ PARALLEL: Final = 1e-6
 #: Fits through the whole simulation after which no further law is looked for: twice what two effects took, so that it
 #: ends what would not end well, and nothing else.
 MOST_FITS: Final = 60
-#: One with a law that remembers follows the samples to and fro until it agrees, and takes the time of so many.
-MEMORY_FITS: Final = 6
 
 # -- where does it sit? ------------------------------------------------------------------------------------------------
 

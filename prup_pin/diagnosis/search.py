@@ -24,7 +24,6 @@ from .criteria import (
     INDISTINCT,
     LEAD,
     LEAST_GAIN,
-    MEMORY_FITS,
     MOST_FITS,
     MOST_SIMULATED,
     MOST_TERMS,
@@ -54,10 +53,7 @@ __all__ = [
 
 
 class Search:
-    """A problem that is asked for fits through the whole simulation, and counts them. What is begun is ended.
-
-    `most` of them; one with a law that remembers counts for `MEMORY_FITS`.
-    """
+    """A problem that is asked for fits through the whole simulation, and counts them. What is begun is ended."""
 
     def __init__(self, problem: Problem, most: int = MOST_FITS):
         self.problem, self.most, self.fits = problem, most, 0
@@ -69,7 +65,7 @@ class Search:
 
     def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
         """Return what `Problem.refine` does."""
-        self.fits += MEMORY_FITS if any(term.candidate.remembers for term in terms) else 1
+        self.fits += 1
         return self.problem.refine(terms, start, reach)
 
     def released(self, fit: Fit) -> Fit:
@@ -167,10 +163,10 @@ def _added(
             break
         labels = blocks[fit.samples]
 
-        def told(share: float, step: int = step) -> None:
+        def progress(share: float, step: int = step) -> None:
             tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
 
-        screened = screen(problem, fit, library, told)
+        screened = screen(problem, fit, library, progress)
         # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
         rest = search.released(fit)
         left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
