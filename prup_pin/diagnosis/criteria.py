@@ -189,8 +189,8 @@ LEAST_MOMENT: Final = 10.0
 
 # -- is the log written as it says? ------------------------------------------------------------------------------------
 
-#: Share of what a log leaves as it is written, that it may leave as read otherwise for that to be told: RMS of poses,
-#: squares of loads. Faults of any size change single parts, and rarely bring a drastic change so near to the drawing.
+#: Share (RMS) of what a log leaves as it is written, that it may leave as read otherwise for that to be told. Faults
+#: of any size change single parts, and rarely bring a drastic change so near to the drawing.
 CONVENTION_LEAVES: Final = 1 / 3
 #: Readings that leave no more than so many times what the best one does are as good.
 CONVENTION_AS_GOOD: Final = 1.5

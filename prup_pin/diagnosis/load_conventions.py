@@ -102,7 +102,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
         # what is nearly as good is told by the commoner word
         near = max(1.2 * min(item[0] for item in tried), alike)
         left, convention, other = next(item for item in tried if item[0] <= near)
-        if not left < CONVENTION_LEAVES * least:
+        if not left < CONVENTION_LEAVES**2 * least:
             break
         others = [
             (*taken, item[1])
@@ -118,7 +118,7 @@ def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
     if half.all() or (~half).sum() < _FEWEST or half.sum() < _FEWEST:
         half = np.arange(len(half)) % 2 == 0
     held = [_softened(loaded, item, half) for item in (loaded.wrench, now.wrench)]
-    if not held[1] < CONVENTION_LEAVES * held[0]:
+    if not held[1] < CONVENTION_LEAVES**2 * held[0]:
         return None
     return Evidence(
         tuple(taken), "what loads move", "", float(np.sqrt(first / size)), float(np.sqrt(least / size)),

@@ -85,7 +85,7 @@ def test_what_is_known_of_the_weight_is_part_of_chi_squared(bench):
     assert fit.chi2 == pytest.approx((fit.residual**2).sum() + (known * np.log(scale)) ** 2)
     slope = -(problem.jacobian(fit)[:, 0] @ fit.residual.ravel()) + known**2 * np.log(scale)
     assert abs(slope) < 0.02 * known**2 * np.log(scale)
-    # beside a term that is known, what that may do is put offset and held: nothing is left to be gained at the fit
+    # beside a term that is known, what that may do is put back and held: nothing is left to be gained at the fit
     nuisance = problem.nuisance(fit, (0,))
     left = nuisance.without(fit.residual.ravel() + nuisance.offset)
     assert left @ left == pytest.approx(fit.chi2, rel=1e-3)

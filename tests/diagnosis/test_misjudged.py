@@ -88,7 +88,7 @@ def test_a_law_enters_for_the_strain_that_it_takes_from_many_parameters():
     held = np.vstack((100 * np.eye(60), np.zeros((20, 60))))
 
     def fit(size):
-        return SimpleNamespace(x=np.full(60, size), held=held)
+        return SimpleNamespace(x=np.full(60, size), per_tolerance=held)
 
     assert _relieves_strain(fit(1.2), fit(1.0), 20.0)  # 26.4 saved
     assert not _relieves_strain(fit(1.2), fit(1.0), 27.0)

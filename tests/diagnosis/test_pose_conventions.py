@@ -1,6 +1,7 @@
 """Logs of poses that are written otherwise than they say are told so, before any physics, and others are not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,13 @@ import pytest
 from prup_pin import load
 from prup_pin.diagnosis import conventions
 from prup_pin.diagnosis.conventions import read_logs
+from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
 from prup_pin.recordings import Convention, read_recording
 from prup_pin.recordings.conventions import Evidence
 from tests.reference.concealed import draw, misread
+from tests.reference.concealed.scattered import draw_scattered
+from tests.reference.concealed.scattered import write as write_scattered
 
 SLIDES = draw.SLIDES
 WAYS = {way.name: way for way in misread.of_poses(SLIDES, slide=True, tree=False)}
@@ -44,6 +48,14 @@ def test_a_log_that_is_written_as_it_says_is_left_alone(robot, bench):
     logs = read_logs(robot, read_recording(bench))
     assert logs.findings() == ()
     assert logs.conventions == ((),)
+
+
+def test_a_leg_that_is_soft_is_no_other_unit_of_force(tmp_path):
+    """Beside scatter: forces in pounds-force leave a third of the squares, not of the root mean square."""
+    file = str(Path(__file__).parents[1] / "robots" / "six_ups" / "six_ups.urdf")
+    drawn = draw_scattered(9100, "six_ups", ["stiffness_changed"], sensors=1.316857008588989)
+    write_scattered(drawn, tmp_path, tmp_path / "sealed", "device", file)
+    assert conventions_of_loads(load(file), read_recording(tmp_path / "device.csv")) is None
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,6 @@ def test_of_two_kinds_that_do_the_same_the_usual_one_is_off():
              for kind in ("usual", "unusual")]  # fmt: skip
     assert plain[0] == pytest.approx(plain[1], abs=0.1)
     assert costs["unusual"] - costs["usual"] > 10
-    slope = (spread._prior_cost(np.exp(2.01))[0] - spread._prior_cost(np.exp(1.99))[0]) / 0.02
-    assert spread._prior_cost(np.exp(2.0))[1] == pytest.approx(slope, rel=1e-6)
-    assert spread._prior_cost(0.5) == (0.0, 0.0)
+    slope = (spread._unusual(np.exp(2.01))[0] - spread._unusual(np.exp(1.99))[0]) / 0.02
+    assert spread._unusual(np.exp(2.0))[1] == pytest.approx(slope, rel=1e-6)
+    assert spread._unusual(0.5) == (0.0, 0.0)
