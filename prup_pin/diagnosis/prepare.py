@@ -52,12 +52,11 @@ _ROWS_TOLD = 6
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings as a problem, checked and thinned, with what may compete for them and what may be off.
+    """Recordings as a problem, checked and thinned, with the laws that may compete and the parameters that may be off.
 
-    raw_linear (n, K): what it leaves of the simulation that a user starts from; raw_registered: the same with sensors
-    where they stand. `remarks` grow as it is looked at.
-    `placed`: what was measured, and where its sensors stand; `spread`: by how much what is off that nothing declares,
-    where that was asked; `noise_unknown`: nothing tells the noise but what is left beside that.
+    raw_linear (n, K) [m, rad]: what is left of the simulation that a user starts from; raw_registered: the same with
+    sensors where they stand. `placed`: what was measured, and where its sensors stand; `spread`: which kinds are off
+    everywhere, where that was asked; `noise_unknown`: only the residual tells the noise. `remarks` are added to later.
     """
 
     together: Together

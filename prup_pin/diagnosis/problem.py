@@ -30,12 +30,12 @@ __all__ = ["Fit", "Problem", "Term"]
 
 @dataclass(frozen=True)
 class Fit:
-    """A simulation with fitted terms: its run, influences, whitened residual (n, K) and chi squared.
+    """A simulation with fitted laws (`terms`) and parameters: its run, whitened residual (n, K) and chi squared.
 
-    x (p,): toleranced parameters in multiples of their tolerances, fitted with the terms; their squares are part of
-    `chi2`, as are those of coordinates that are known (`Candidate.known`). held (K n, p): the whitened change per
-    tolerance, taken at this fit or at one near by: what is a little stale is no error of the residual, only of what a
-    further step of a parameter does. p = 0 where the robot file is taken at its word.
+    x (p,): toleranced parameters in multiples of their tolerances; p = 0 where the robot file is taken at its word.
+    chi2: squares of the residual, of x, and of coordinates with a prior about zero (`Candidate.known`).
+    per_tolerance (K n, p): whitened change per tolerance, taken at this fit or at one near by, which bends the next
+    step of a parameter a little and no residual.
     """
 
     terms: tuple[Term, ...]
@@ -53,7 +53,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class TolerancePrior:
-    """Parameters that may be off, calibrated once: where all fits begin. `effects` act whatever else does."""
+    """Parameters with a prior, calibrated once: where all fits begin. `effects`, the weight, act beside any law."""
 
     toleranced: Toleranced
     effects: tuple[Effect, ...]
@@ -72,11 +72,11 @@ class TolerancePrior:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What a recording measured against a simulator: N samples of K columns.
+    """A recording against a simulator: N samples of K columns, the noise, and the nominal run.
 
-    The metric is that of noise alone, taken at the robot as its file has it, so that all laws are compared alike.
-    `freed_module` deforms at every sample as it likes: what that does to the columns is projected out of all residuals
-    and changes.
+    Residuals are whitened by the noise alone, at the robot as its file has it, so that all laws are compared alike.
+    `freed_module`: one that deforms at every sample as it likes, at the loads of `freed_at`; what that does to the
+    columns is projected out of all residuals and changes. `tolerances`: parameters that are fitted within a prior.
     """
 
     simulator: Simulator

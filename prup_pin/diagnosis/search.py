@@ -115,9 +115,9 @@ def select(
 
 
 def _not_less_expected(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
-    """Return the rivals of a term that are no less to be expected.
+    """Return the rivals of a term: of one that acts on every robot, as weight does, only others that do.
 
-    A robot's weight of which nothing had to be fitted is not in doubt because something else could be fitted as well.
+    Weight within its prior is not in doubt because something else could be fitted as well.
     """
     if not term.candidate.known.all() or np.abs(term.off).max() > BEYOND:
         return tuple(rivals)
@@ -125,7 +125,7 @@ def _not_less_expected(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]
 
 
 def dropped_by_folds(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
-    """Return the selection without laws that samples left out do not ask for, beside all that was calibrated."""
+    """Return the selection without laws that blocks left out do not ask for, beside kinds that are off everywhere."""
     search = Search(problem)
     fit, rivals = selection.last, list(selection.rivals)
     while fit.terms:
