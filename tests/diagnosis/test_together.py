@@ -305,6 +305,14 @@ def test_no_fold_holds_samples_of_two_recordings(arm, count):
     assert len(np.unique(given.inputs.blocks)) == count
 
 
+def test_no_fold_holds_samples_of_two_standstills():
+    """Also of one recording with fewer standstills than folds: each is cut."""
+    blocks = np.repeat([0, 1, 2], 7)
+    labels = fold_labels(blocks)
+    assert len(np.unique(labels)) == 21
+    np.testing.assert_array_equal(fold_labels(np.arange(5)), np.arange(5))
+
+
 def test_columns_may_differ(arm):
     """Position here, orientation and a marker there; gravity of the robot file where a recording has none."""
     first = measured(arm, standing(arm, poses(6, 1), None))
