@@ -278,7 +278,7 @@ def test_which_robot(run, bench):
         ("backlash leg2/ball_nut", "expected 'physics@place"),
         ("backlsh@leg2/ball_nut half_gap=1e-5", "'backlash'"),
         ("backlash@leg2/ball_nutt half_gap=1e-5 closing_load=1", "'leg2/ball_nut'"),
-        ("backlash@leg2/R_phi half_gap=1e-5 closing_load=1", "radial, axial, radial by axis; say which"),
+        ("backlash@leg2/R_phi half_gap=1e-5 closing_load=1", "radial by axis; say which: backlash@leg2/R_phi:radial"),
         ("backlash@leg2/R_phi:tilting half_gap=1e-5 closing_load=1", "radial, axial"),
         ("shear@robot", "missing scale (> 0 and <= 50; a fit starts at 1)"),
         ("backlash@leg2/ball_nut half_gap=1e-5", "missing closing_load (> 0.02 and <= 1e+06 N; a fit starts at 1)"),
@@ -290,6 +290,17 @@ def test_which_robot(run, bench):
 )
 def test_effects(run, bench, effect, text):
     refused(run("simulate", bench, "--out", "x.csv", "--effect", effect), "--effect", text)
+
+
+def test_an_optional_parameter_need_not_be_typed(run, bench):
+    rubs = "coulomb_friction@leg2_slide:effort limit=3 presliding=1e-5"
+    done = run("simulate", bench, "--out", "x.csv", "--effect", rubs)
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("robot", ["3prup", "arm.urdf", "models/arm.xml"])
+def test_laws_of_a_robot_are_asked_for_with_an_option(run, robot):
+    refused(run("laws", robot), f"--robot {robot}")
 
 
 def test_aspects_with_blanks(run, bench):

@@ -15,6 +15,7 @@ from ..errors import InputError, PrupPinError, SingularPoseError, UnknownNameErr
 from ..modules import KINDS
 from ..recordings import read_recording
 from ..recordings.writer import write_whole
+from ..robots import packaged_names
 from ..views.report.as_json import dump, info_as_json
 from ..views.text import robot_text, terminal
 from ..views.text.check_text import print_check
@@ -81,6 +82,8 @@ def laws(
     reading: Reading,
 ) -> None:
     """Physics that a simulation can be given: places, parameters, sources."""
+    if physics is not None and (Path(physics).suffix or physics in packaged_names()):
+        raise InputError(f"'{physics}' is no law; the robot whose places are listed is given as --robot {physics}")
     loaded = reading.load(robot)
     print_laws(terminal.console(), laws_named(physics, loaded.mechanism), loaded)
 

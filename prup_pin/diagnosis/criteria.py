@@ -157,6 +157,11 @@ WIDEST_LOGARITHM: Final = 50.0
 #: Laws of more parameters have no single size to tell.
 MOST_PARAMETERS_TOLD: Final = 2
 
+# -- what does a deformation follow that no law explains? --------------------------------------------------------------
+
+#: Changes of a position or load below this share of their range are no way that it came.
+TREMOR: Final = 0.01
+
 # -- what would tell more? ---------------------------------------------------------------------------------------------
 
 #: Poses and mixed loads that are weighed, and poses of the plan: what a bench test can do in an hour.
@@ -166,6 +171,8 @@ PLANNED_POSES: Final = 4
 #: ... as many as this where some pair needs more, and their cycles of loads so often: as long as a first recording.
 MOST_PLANNED_POSES: Final = 8
 MOST_REPEATED: Final = 6
+#: Poses are come to across this share of a joint's range, where what is unknown depends on the side.
+APPROACHED_FROM: Final = 0.05
 #: A plan is proposed from this on, in chi squared: twice the noise of what it compares.
 WORTH_DOING: Final = 4.0
 #: Where no plan found tells a pair apart for certain, so often so many further poses and loads are weighed: anywhere,
@@ -392,6 +399,8 @@ def trusted(squares: np.ndarray) -> np.ndarray:
     return (SPREAD_FREEDOM + 3) / (SPREAD_FREEDOM + squares)
 
 
+#: Outliers are those of a load that nobody recorded where that is likelier than errors of a sensor by this logarithm.
+LOAD_LIKELIER: Final = 5.0
 #: A number so many standard deviations off, by the middle half of all, is gross and left out: normal numbers never are.
 OUTLIER: Final = 6.0
 #: ... unless they are more than this share: then they are the machine, not its sensor ...

@@ -33,12 +33,13 @@ from .evidence import (
     rescaling_remark,
     with_rescaled,
 )
-from .findings import no_noise, too_few
+from .findings import no_noise, too_few, unrecorded_load
 from .noise import noise_of_the_rest
 from .prepare import Prepared, Tell, prepare
-from .problem import Problem
+from .problem import Fit, Problem
 from .search import Selection, dropped_by_folds, select
 from .unexplained import final_state
+from .unrecorded_load import reaches, unrecorded_force
 from .verdict import verdict_of
 
 __all__ = ["diagnose"]
@@ -136,7 +137,10 @@ def _searched(prepared: Prepared, tell: Tell) -> _Searched:
     if problem.count(problem.first):
         selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
-        if larger is not None:
+        force = _force_left(problem, selection.last) if larger is not None and inputs.weight_alone else 0.0
+        if larger is not None and force:
+            doubt = unrecorded_load(larger, force)
+        elif larger is not None:
             prepared.remarks.append(_larger_noise(problem.noise, larger))
             problem = prepared.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
@@ -171,6 +175,13 @@ def _within_rescaled(
     if wider:
         prepared.remarks.append(rescaling_remark(wider, taken))
     return problem, selection
+
+
+def _force_left(problem: Problem, fit: Fit) -> float:
+    """Return the size [N] of unrecorded forces that leave behind what a fit leaves; 0 where something else does."""
+    white, seen = problem.whiteners(fit.influence), problem.stack.exists[fit.samples]
+    by_force, *by_strains = (white @ reach for reach in reaches(fit.influence))
+    return unrecorded_force(fit.residual, by_force, by_strains, seen, seen)
 
 
 def _larger_noise(noise: Noise, larger: Noise) -> str:

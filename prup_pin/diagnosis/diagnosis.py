@@ -58,7 +58,8 @@ class Finding:
     has no place.
     `conventions`: of `log_convention`, how a log is written, and `evidence`: of what the drawing leaves how much as
     written, and as read. `recovered` is what the samples ask for, to be drawn; `law`: what is told of several places
-    without one effect; `advice`: what to do about it, where its physics does not say.
+    without one effect; `advice`: what to do about it, where its physics does not say. `approached`: of what is unknown,
+    the joint from whose side of approach it follows.
     """
 
     physics: str
@@ -75,6 +76,7 @@ class Finding:
     evidence: Mapping[str, str | float] = field(default_factory=dict)
     law: Law | None = field(default=None, repr=False)
     advice: str = ""
+    approached: str = ""
 
     @property
     def cost(self) -> float:

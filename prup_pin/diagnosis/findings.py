@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..channels import Noise
 from ..laws import Effect
 from ..laws.deeds import Moved
 from ..numbers import counted, number, quantity
@@ -44,6 +45,7 @@ __all__ = [
     "sensor_displaced",
     "too_few",
     "unknown_at_robot",
+    "unrecorded_load",
     "with_neutral_values",
     "without_place",
 ]
@@ -176,6 +178,15 @@ def nothing_compared(problem: Problem, unused: Sequence[str]) -> Finding:
     rest = f"; not used were {', '.join(unused)}" if unused else ""
     found = unknown_at_robot(f"nothing could be compared, so nothing can be ruled out: {why}{rest}")
     return found if measured else replace(found, advice=_NOTHING_MEASURED)
+
+
+def unrecorded_load(left: Noise, force: float) -> Finding:
+    """Return the finding that forces [N] nobody recorded leave what is left, which has the size of that noise."""
+    found = unknown_at_robot(
+        f"what is left, {quantity(left.position, 'm')} and {quantity(left.rotation, 'rad')}, lies where forces of some "
+        f"{number(force, 2)} N at the tool move the robot, and no load was recorded"
+    )
+    return replace(found, advice="give the load of each sample in columns w.fx … w.mz, with 0 where there was none")
 
 
 def too_few(problem: Problem, selection: Selection, blocks: np.ndarray) -> Finding | None:

@@ -231,14 +231,20 @@ class Bench:
             if around is not None:
                 near = around[found % len(around)]
                 values = np.clip(near + _NEAR_POSE * (values - (self.low + self.high) / 2), self.low, self.high)
-            try:
-                self.robot.pose_from_actuators(values.tolist())
-            except PrupPinError:
+            if not self.reaches(values):
                 continue
             yield values
             found += 1
             if found == count:
                 return
+
+    def reaches(self, values: Array) -> bool:
+        """Return whether the robot can stand with its actuators (a,) there."""
+        try:
+            self.robot.pose_from_actuators(values.tolist())
+        except PrupPinError:
+            return False
+        return True
 
     @property
     def largest(self) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,17 +29,21 @@ from .criteria import (
     NOTHING,
     SAMPLES_A_BIN,
     SMOOTH,
+    TREMOR,
 )
 from .nuisance import Nuisance
 from .problem import Fit, Problem
 
 __all__ = [
+    "LOAD",
     "Agreement",
     "LocalCurve",
     "Located",
     "Recovered",
     "Residuals",
+    "Variable",
     "Yielding",
+    "approached",
     "curve_against",
     "least_left",
     "local_curve",
@@ -130,6 +135,8 @@ def strongest_curve(problem: Problem, fit: Fit) -> list[LocalCurve]:
 
 # -- the module --------------------------------------------------------------------------------------------------------
 
+#: What came from one direction or the other, where it is no joint.
+LOAD = "load"
 
 #: Motions of a module whose load is a wrench: along its axis, across, tilting, about its axis; bending of a beam.
 _MOTIONS = ((2,), (0, 1), (3, 4), (5,))
@@ -149,19 +156,31 @@ class Yielding:
     gain: float
 
 
+class Variable(NamedTuple):
+    """What a deformation may follow beside its own load: factor (n,) times a curve over values (n,); in words.
+
+    came: the joint that takes another way, or 'load', where the factor is the direction from which that came.
+    """
+
+    words: str
+    values: Array
+    factor: Array | float = 1.0
+    came: str = ""
+
+
 @dataclass(frozen=True)
 class Located:
     """Where the residual sits: the likeliest module, all that these data cannot tell from it, and the local curve.
 
     `share` of the whitened squared residual that a deformation there removes whatever its law. `follows`: what it
-    follows where that is not the module's own load, in words, with the share that a curve over it removes; or None.
+    follows where that is not the module's own load, with the share that a curve over it removes; or None.
     """
 
     module: str
     candidates: tuple[str, ...]
     curve: LocalCurve
     share: float
-    follows: tuple[str, float] | None
+    follows: tuple[Variable, float] | None
 
 
 def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
@@ -212,7 +231,7 @@ def locate(problem: Problem, fit: Fit) -> Located | None:
     alike = [item for item in found if item.gain >= least]
     total = float((fit.residual**2).sum())
     own: LocalCurve | None = None
-    clearest: tuple[str, LocalCurve] | None = None
+    clearest: tuple[Variable, LocalCurve] | None = None
     for item in alike:
         for component in item.components:
             curve = local_curve(problem, fit, item.module, component)
@@ -220,16 +239,16 @@ def locate(problem: Problem, fit: Fit) -> Located | None:
                 continue
             if own is None or curve.gain > own.gain * (1 + 1e-6):
                 own = curve
-            for words, variable, factor in _variables(problem, fit, item.module, component):
-                other = curve_against(problem, fit, item.module, component, variable, factor)
+            for variable in _variables(problem, fit, item.module, component):
+                other = curve_against(problem, fit, item.module, component, variable.values, variable.factor)
                 if other is not None and (clearest is None or other.gain > clearest[1].gain * (1 + 1e-6)):
-                    clearest = words, other
+                    clearest = variable, other
     if own is None:
         return None
     follows = None
     if clearest is not None and clearest[1].gain > own.gain / ALIKE + chance:
-        words, best = clearest
-        follows = words, best.gain / total
+        variable, best = clearest
+        follows = variable, best.gain / total
         curve = local_curve(problem, fit, best.module, best.component)
         own = curve if curve is not None else own
     names = dict.fromkeys((own.module, *(item.module for item in alike)))
@@ -237,11 +256,12 @@ def locate(problem: Problem, fit: Fit) -> Located | None:
     return Located(own.module, tuple(names), own, share, follows)
 
 
-def _variables(problem: Problem, fit: Fit, module: str, component: int) -> Iterator[tuple[str, Array, Array | float]]:
-    """Yield what a deformation may follow beside its own load: words, variable (n,), factor (n,)."""
+def _variables(problem: Problem, fit: Fit, module: str, component: int) -> Iterator[Variable]:
+    """Yield what a deformation may follow beside its own load."""
     influence, inputs = fit.influence, problem.simulator.inputs
     samples, mechanism = fit.samples, influence.chain.mechanism
     load = influence.loads(module)[:, component]
+    runs = inputs.run_labels()[samples]
     mine = mechanism.module(module).joint
     told: set[int] = set()
     for name in influence.ratio:  # modules of drives share their joint's load
@@ -249,21 +269,36 @@ def _variables(problem: Problem, fit: Fit, module: str, component: int) -> Itera
         if driven not in told and driven != mine:
             told.add(driven)
             joint = str(mechanism.model.names[driven])
-            yield f"the load of the drive of {joint}", influence.loads(name)[:, 0], 1.0
+            yield Variable(f"the load of the drive of {joint}", influence.loads(name)[:, 0])
     for column, joint in enumerate(mechanism.actuated):
         position = inputs.actuators[samples, column]
-        yield f"the position of {joint}", position, 1.0
-        yield f"its load, by a factor that changes with the position of {joint}", position, load
+        yield Variable(f"the position of {joint}", position)
+        yield Variable(f"its load, by a factor that changes with the position of {joint}", position, load)
     geometry = fit.run.geometry
     joint = str(mechanism.model.names[mine])
-    if joint not in mechanism.actuated and all(joint in pose.joints for pose in geometry.poses[:1]):
+    if joint in mechanism.actuated:
+        came = approached(inputs.actuators[samples, mechanism.actuated.index(joint)], runs)
+        yield Variable(f"the direction from which {joint} came", load, came, joint)
+    elif all(joint in pose.joints for pose in geometry.poses[:1]):
         turned = np.array([pose.joints[joint] for pose in geometry.poses])[geometry.rows[samples]]
-        yield f"the position of {joint}", turned, 1.0
-        yield f"its load, by a factor that changes with the position of {joint}", turned, load
+        yield Variable(f"the position of {joint}", turned)
+        yield Variable(f"its load, by a factor that changes with the position of {joint}", turned, load)
+    yield Variable("the direction from which its load came", load, approached(load, runs), LOAD)
     if inputs.temperature is not None and not np.isnan(inputs.temperature[samples]).any():
-        yield "the temperature", inputs.temperature[samples], 1.0
-    yield "time", inputs.time[samples], 1.0
-    yield "its load, by a factor that changes with time", inputs.time[samples], load
+        yield Variable("the temperature", inputs.temperature[samples])
+    yield Variable("time", inputs.time[samples])
+    yield Variable("its load, by a factor that changes with time", inputs.time[samples], load)
+
+
+def approached(values: Array, runs: np.ndarray) -> Array:
+    """Return the sign (n,) of the last change that is no tremor, 0 before the first; values (n,) as taken, in runs."""
+    out, least = np.zeros(len(values)), TREMOR * float(np.ptp(values))
+    for run in np.unique(runs):
+        rows = np.flatnonzero(runs == run)
+        steps = np.diff(values[rows], prepend=values[rows[0]])
+        last = np.maximum.accumulate(np.where(np.abs(steps) > least, np.arange(len(rows)), 0))
+        out[rows] = np.sign(steps[last])
+    return out
 
 
 # -- a finding, sample by sample ---------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import numpy as np
 from ..numbers import counted, number
 from ..spatial import WRENCH_NAMES, Array
 from .criteria import (
+    APPROACHED_FROM,
     CERTAIN,
     DEEPER_CANDIDATES,
     DEEPER_SEARCHES,
@@ -26,6 +27,7 @@ from .criteria import (
     WORTH_DOING,
     WORTH_SEPARATING,
 )
+from .diagnosis import Finding
 from .identify import Bench, Pair, SimulatedTest, information, separation
 from .problem import Problem, Term
 from .search import Selection
@@ -44,13 +46,15 @@ MOST_LISTED = 6
 _SEEN_TO = {"gravity", "temperature", "wrench"}
 
 
-def next_experiment(problem: Problem, selection: Selection) -> dict[str, Any]:
+def next_experiment(problem: Problem, selection: Selection, unknown: Finding | None) -> dict[str, Any]:
     """Return a test plan whose samples differ most between the explanations that are left, with the reason.
 
+    Where what is unknown depends on the side from which a joint came, one that comes from both.
     Where explanations were compared, `separates` and `cannot_separate` list them in pairs; the latter also parts of the
     robot to which one and the same effect can be ascribed. `weighed` says how many poses under how many loads were.
     """
-    proposed = _proposed(problem, selection)
+    joint = "" if unknown is None else unknown.approached
+    proposed = _proposed(problem, selection, joint)
     same = [
         {"one": _named(term), "other": {**_named(term), "location": place}, "times_noise": 0.0}
         for term in selection.last.terms
@@ -60,7 +64,7 @@ def next_experiment(problem: Problem, selection: Selection) -> dict[str, Any]:
     return {**proposed, "cannot_separate": [*proposed.get("cannot_separate", ()), *same]} if same else proposed
 
 
-def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
+def _proposed(problem: Problem, selection: Selection, joint: str) -> dict[str, Any]:
     bench = Bench.of(problem)
     if bench is None:
         return {"why": "no complete sample", "plan": {}}
@@ -69,6 +73,12 @@ def _proposed(problem: Problem, selection: Selection) -> dict[str, Any]:
     search = _Design(bench, problem, selection, pairs)
     if not search.begun:
         return {"why": "no pose near the recorded ones is reachable", "plan": {}}
+    if joint and (chosen := search.from_both_sides(joint)):
+        why = (
+            f"each posture, {joint} coming from below and from above, at rest and under load: half of the difference "
+            "is what depends on the side"
+        )
+        return {"why": why, "plan": _plan(search, chosen, CYCLE)}
     if not pairs:
         why = "the largest deflections, where anything left out shows most"
         if left:
@@ -114,6 +124,22 @@ class _Design:
         order = np.argsort(-value, kind="stable")
         _, first = np.unique(self.positions[order], axis=0, return_index=True)
         return order[np.sort(first)[:PLANNED_POSES]].tolist()
+
+    def from_both_sides(self, joint: str) -> list[int]:
+        """Return the places of the largest deflections, each come to with a joint from below and from above, unloaded
+        on the way; nothing where it cannot be moved so."""
+        column = self.bench.robot.mechanism.actuated.index(joint)
+        step = np.zeros(self.positions.shape[1])
+        step[column] = APPROACHED_FROM * float((self.bench.high - self.bench.low)[column])
+        chosen: list[int] = []
+        for place in self.largest():
+            sides = [self.positions[place] - step, self.positions[place] + step]
+            if all(self.bench.reaches(side) for side in sides):
+                for side in sides:
+                    chosen += [len(self.positions), place]
+                    self.positions = np.concatenate((self.positions, side[None]))
+                    self.loads = np.concatenate((self.loads, np.zeros((1, 6))))
+        return chosen
 
     def planned(self) -> tuple[list[int], int]:
         """Return the places of a plan, and how often the cycle of loads is gone through in each."""
@@ -313,7 +339,7 @@ def _plan(search: _Design, chosen: Sequence[int], cycle: Sequence[float], warm: 
     ]
     plan["loads"] = [
         {
-            "cycle": [*cycle],
+            "cycle": [*cycle] if search.loads[at].any() else [0.0],
             "wrench": {n: round(float(x), 4) for n, x in zip(WRENCH_NAMES, search.loads[at], strict=True)},
             "poses": [place],
         }

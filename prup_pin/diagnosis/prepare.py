@@ -414,10 +414,12 @@ def check_belongs(
         )
     for measured in stack.channels:
         if isinstance(measured, PoseChannel):
-            _check_channel(measured, linear, here, allowed)
+            _check_channel(measured, linear, here, rows, allowed)
 
 
-def _check_channel(measured: PoseChannel, linear: Linear, here: np.ndarray, allowed: tuple[float, float]) -> None:
+def _check_channel(
+    measured: PoseChannel, linear: Linear, here: np.ndarray, rows: np.ndarray, allowed: tuple[float, float]
+) -> None:
     """Raise InputError where a frame is measured worlds apart from where it is simulated."""
     placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
     turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
@@ -426,7 +428,8 @@ def _check_channel(measured: PoseChannel, linear: Linear, here: np.ndarray, allo
         of, column = f" of {measured.name}", f".{measured.frame.name}"
     if placed.any():
         rigid, loaded = linear.rigid(measured.frame)[0], linear.pose_of(measured.frame)[0]
-        _check_positions(measured.position[placed], rigid[placed], loaded[placed], of, column, allowed)
+        near = measured.position[placed], rigid[placed], loaded[placed]
+        _check_positions(*near, rows[placed], of or " of the tool", column, allowed)
     if turned.any():
         _check_rotations(measured.rotation[turned], linear.rigid(measured.frame)[1][turned], of, column)
 
@@ -443,17 +446,27 @@ def _check_rotations(measured: Array, rigid: Array, of: str, column: str) -> Non
 
 
 def _check_positions(
-    measured: Array, rigid: Array, loaded: Array, of: str, column: str, allowed: tuple[float, float]
+    measured: Array,
+    rigid: Array,
+    loaded: Array,
+    rows: np.ndarray,
+    of: str,
+    column: str,
+    allowed: tuple[float, float],
 ) -> None:
-    distance = float(np.median(np.linalg.norm(measured - rigid, axis=1)))
+    apart = np.linalg.norm(measured - rigid, axis=1)
+    distance = float(np.median(apart))
     size = float(np.median(np.linalg.norm(rigid, axis=1)))
     reach = max(size, LEAST_REACH)
     near = allowed[0] + allowed[1] * reach
     if distance < near or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < near:
         return
+    usual = int(np.argmin(np.abs(apart - distance)))
+    seen, drawn = (" ".join(number(float(v), 3) for v in values[usual]) for values in (measured, rigid))
+    columns = " ".join(f"p{column}.{axis}" for axis in AXES)
     raise InputError(
-        f"measured and simulated positions{of} are {number(distance, 3)} m apart (typical distance "
-        f"{number(size, 3)} m): this is "
-        f"another robot, another frame, or other units. Expected p{column}.x p{column}.y p{column}.z in metres in the "
-        "base frame of the robot file"
+        f"measured and simulated positions{of} are {number(distance, 3)} m apart, in the median: in line "
+        f"{rows[usual] + 2} it was measured at {seen}, and the robot file puts it at {drawn} m with that row's joint "
+        f"positions: this is another robot, another frame, or other units. Check --robot, {columns} (expected in "
+        "metres, in the base frame of the robot file), and signs, zeros and order of the q columns"
     )

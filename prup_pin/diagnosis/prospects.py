@@ -8,7 +8,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..errors import limits_heard
-from ..numbers import number
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
@@ -25,8 +24,6 @@ from .search import Selection
 
 __all__ = ["Excitation", "Prospects", "prospects"]
 
-#: Share of samples at the largest effort from which a drive is taken to saturate, and what counts as the largest.
-_SATURATED, _LARGEST = 0.01, 1e-6
 #: Cosine of two laws' efforts from which they are one for this motion.
 _ALIKE = 0.98
 
@@ -109,16 +106,8 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
                 None if own is None else float(np.nanmax(np.abs(own))),
             )
         )
-        if own is not None:
-            size = np.nanmax(np.abs(own))
-            stuck = float(np.mean(np.abs(own) > (1 - _LARGEST) * size))
-            if size > 0 and stuck > _SATURATED:
-                remarks.append(
-                    f"tau.{name} is at {number(size, 4)} in {number(100 * stuck, 2)} % of the samples: the "
-                    "drive saturates"
-                )
-            if not size > 0:
-                remarks.append(f"tau.{name} is zero throughout")
+        if own is not None and not np.nanmax(np.abs(own)) > 0:
+            remarks.append(f"tau.{name} is zero throughout")
     quiet = [item.joint for item in joints if not item.travel > 0]
     if quiet:
         remarks.append(f"{', '.join(quiet)} never moved: nothing of their friction, inertia or weight shows")

@@ -58,6 +58,7 @@ from .criteria import (
 )
 from .influence import Influence
 from .problem import Problem
+from .unrecorded_load import reaches, unrecorded_force
 
 __all__ = ["Outlier", "Spread", "spread_of"]
 
@@ -98,7 +99,8 @@ class Spread:
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
     yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise in
     multiples of the one assumed; exists (N, K): what was measured but for outliers. stations: by how much the pose
-    sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place.
+    sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]: unrecorded,
+    it leaves the outliers behind; 0: none does.
     """
 
     kinds: Mapping[str, float]
@@ -108,6 +110,7 @@ class Spread:
     outliers: tuple[Outlier, ...]
     exists: np.ndarray
     stations: tuple[float, float] | None = None
+    force: float = 0.0
 
     def stack(self, stack: Stack) -> Stack:
         """Return what was measured without outliers."""
@@ -169,10 +172,18 @@ class Spread:
                 for item in worst[:_MOST_LISTED]
             ]
             more = ", …" if len(worst) > _MOST_LISTED else ""
-            yield (
-                f"left out {'are' if len(worst) > 1 else 'is'} {counted(len(worst), 'gross error')}, which all "
-                f"other samples contradict: {', '.join(listed)}{more}"
-            )
+            there = f"{', '.join(listed)}{more}"
+            if self.force:
+                yield (
+                    f"left out are {counted(len({item.sample for item in worst}), 'sample')} that lie where forces of "
+                    f"some {number(self.force, 2)} N at the tool move the robot, and no load was recorded: give it in "
+                    f"columns w.fx … w.mz, with 0 where there was none: {there}"
+                )
+            else:
+                yield (
+                    f"left out {'are' if len(worst) > 1 else 'is'} {counted(len(worst), 'gross error')}, which all "
+                    f"other samples contradict: {there}"
+                )
         pairs = dict.fromkeys((item.channel, item.exchanged) for item in self.outliers if item.exchanged)
         for one, other in (pair for pair in pairs if pair[0] < pair[1]):
             here = [item.sample for item in self.outliers if (item.channel, item.exchanged) == (one, other)]
@@ -491,6 +502,7 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
         return None
     x, robust, _, distances, rest = first
     outliers = seen.outliers(distances, rest, robust)
+    force = _unrecorded_force(problem, outliers, rest)
     exists = _less(exists, outliers, problem.stack)
     last = seen.settled(x, exists, False)
     if last is None:
@@ -516,7 +528,21 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     if set(_STATIONS) & set(names):
         sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
         found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
-    return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found)
+    return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found, force)
+
+
+def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> float:
+    """Return the size [N] of forces that leave the outliers behind, 0 where none do; rest (N, K): what is left."""
+    first, stack = problem.first, problem.stack
+    samples = np.unique([item.sample for item in outliers])
+    places = np.flatnonzero(np.isin(first.samples, samples))
+    if not len(places):
+        return 0.0
+    samples = first.samples[places]
+    white = np.where(stack.exists, 1.0, 0.0)[samples] / stack.deviation(problem.noise)
+    off = stack.exists[samples] & ~_less(stack.exists, outliers, stack)[samples]
+    by_force, *by_strains = (reach[places] * white[..., None] for reach in reaches(first.influence))
+    return unrecorded_force(np.nan_to_num(rest[samples]), by_force, by_strains, white > 0, off)
 
 
 def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:

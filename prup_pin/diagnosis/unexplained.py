@@ -15,7 +15,7 @@ from .criteria import IMITATED, ROUGH, ROUGH_SHARE, clean_bound
 from .diagnosis import Finding
 from .evidence import cross_validated
 from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, without_place
-from .locate import Located, locate
+from .locate import LOAD, Located, locate
 from .prepare import Prepared, Tell
 from .problem import Fit, Problem
 from .search import Selection, select
@@ -91,14 +91,20 @@ def _beside_unknown(
         robot = problem.simulator.robot
         kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
         fit, found = beside, locate(problem, beside) or found
-    statement = (
-        "structure is left over that no law of the library takes away; a deformation of "
-        f"{found.module} by a law of its own would take away {100 * found.share:.0f} % of it"
-    )
-    share = found.curve.gain / fit.chi2
+    # how it is counted: one number for each sample against one curve for all
+    share, what, came = found.curve.gain / fit.chi2, "its load", ""
     if found.follows is not None:
-        what, share = found.follows
-        statement += f". It follows {what} ({100 * share:.0f} %)"
+        (what, _, _, came), share = found.follows
+    statement = (
+        "structure is left over that no law of the library takes away. Of its square, a deformation of "
+        f"{found.module}, whatever it is at each sample, would take away {100 * found.share:.0f} %, and one that "
+        f"follows {what} {100 * share:.0f} %"
+    )
+    advice = ""
+    if came:
+        sides = "to each load from both sides" if came == LOAD else f"to each posture from both sides of {came}"
+        statement += ": that is hysteresis, as friction or play leaves, and friction of a drive has no law at rest"
+        advice = f"come {sides}: the mean of the two is free of the hysteresis, half of their difference is its size"
     unknown = Finding(
         physics="unknown",
         location=found.module,
@@ -107,6 +113,8 @@ def _beside_unknown(
         heldout_gain=float(share),
         statement=statement,
         curve=found.curve,
+        advice=advice,
+        approached="" if came == LOAD else came,
     )
     return kept, unknown, fit
 

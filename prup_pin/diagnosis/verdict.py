@@ -64,8 +64,10 @@ def verdict_of(
     began = problem.whitened(first.influence, prepared.raw_registered)
     deflection = finite_deflection(problem.drawn, selection.last, began, silent)
     laws = sorted((*final.laws, *([deflection] if deflection else [])), key=lambda finding: -finding.heldout_gain)
-    # what acts was left out of the simulation that one starts from, be it without a parameter
-    named = "explained" if laws or acting or prepared.kinds or prepared.placed.found else "nothing_missing"
+    # what acts was left out of the simulation that one starts from, be it without a parameter; the loaded equilibrium
+    # is a matter of how one simulates
+    named = bool(final.laws or acting or prepared.kinds or prepared.placed.found)
+    verdict = "unexplained" if final.unknown is not None else "explained" if named else "nothing_missing"
     if final.unknown is not None and count and not len(prepared.toleranced) and not robot.mechanism.loops:
         remarks.append(_UNCALIBRATED)
     moved_sensor = zip(prepared.placed.found, prepared.placed.deviations, strict=True)
@@ -95,7 +97,7 @@ def verdict_of(
         ]
     tell("the next experiment", 0.95)
     return Diagnosis(
-        verdict="unexplained" if final.unknown is not None else named,
+        verdict=verdict,
         noise=problem.noise,
         before={"fit": white_before, "heldout": white_before},
         after={"fit": white_after, "heldout": white_held},
@@ -104,7 +106,7 @@ def verdict_of(
         by_channel=_channels(problem.stack, samples, before, fit.residual, prepared.raw_linear, raw_after),
         findings=tuple(findings),
         not_detectable=tuple(not_detectable(problem, fit, selection)) if count else (),
-        next_experiment=next_experiment(problem, selection),
+        next_experiment=next_experiment(problem, selection, final.unknown),
         remarks=tuple(dict.fromkeys(remarks)),
         unused_columns=prepared.unused,
         effects=effects,

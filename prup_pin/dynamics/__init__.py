@@ -9,6 +9,7 @@ from .in_motion import InMotion, could_be_gravity
 from .inertial import INERTIAL, in_frame
 from .inverse import InverseDynamics, Trajectory
 from .motion import Motion, is_standing, motion_of
+from .saturation import at_limit
 from .smoothing import Band, LowPass, bandwidth
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "LowPass",
     "Motion",
     "Trajectory",
+    "at_limit",
     "bandwidth",
     "could_be_gravity",
     "even_clock",

@@ -58,7 +58,8 @@ class InMotion:
         """Return the robot in a motion. Raises InputError where its loops cannot be closed."""
         dynamics = InverseDynamics(mechanism, motion.driven)
         trajectory = dynamics.trajectory(motion)
-        return cls(mechanism, motion, dynamics, trajectory, dynamics.efforts(trajectory, motion.wrench, motion.gravity))
+        rigid = dynamics.efforts(trajectory, motion.wrench, motion.gravity)
+        return cls(mechanism, motion.bridged(rigid), dynamics, trajectory, rigid)
 
     def __len__(self) -> int:
         return len(self.motion)

@@ -16,6 +16,7 @@ from ..spatial import Array
 from .clock import EvenClock, even_clock
 from .glitches import without_glitches
 from .rates import one_rate
+from .saturation import at_limit, limits_told
 from .smoothing import Band, LowPass, bandwidth, differences, floor_of, pieces, spectrum
 
 __all__ = ["Motion", "is_standing", "motion_of"]
@@ -25,6 +26,10 @@ _SLOWEST = 10.0
 #: Samples per period of the cut-off that are kept, for friction turns round faster than the motion; fewer where
 #: there are more samples than this.
 _KEPT, _LONG = 10.0, 40_000
+#: A sample between rows is at a limit where this share of it is from one that is.
+_TOUCHED = 1e-3
+#: ... and periods of the cut-off within which the filter brings what it is to others.
+_REACHED = 1.0
 #: Positions and speeds are smoothed with a wider band than efforts: products of them are to be right within that.
 _WIDER = 2.0
 #: A joint stands still below this many times the noise of its speed, and below this share of its usual speed.
@@ -56,8 +61,9 @@ class Motion:
     """A motion of the joints `names` at N samples on an even clock.
 
     time (N,) [s]; piece (N,) labels of pieces without a break; position, speed, acceleration (N, j) [m or rad and s];
-    still (N, j): where a joint stands; efforts (N, k) of the joints `driven` [N or N m], not filtered; wrench (N, 6)
-    and gravity (N, 3) where they were recorded; rows (N,): the row of the recording nearest to each sample.
+    still (N, j): where a joint stands; efforts (N, k) of the joints `driven` [N or N m], not filtered, and where they
+    are at a limit of the drive, or within reach of the filter of that, `saturated` (N, k); wrench (N, 6) and gravity
+    (N, 3) where they were recorded; rows (N,): the row of the recording nearest to each sample.
     `band` is what measured and predicted efforts are both to be filtered with; remarks: sentences for a person.
     """
 
@@ -72,6 +78,7 @@ class Motion:
     still: np.ndarray
     slow: Array  # (j,) the speed below which a joint stands still
     efforts: Array
+    saturated: np.ndarray
     wrench: Array | None
     gravity: Array | None
     rows: np.ndarray
@@ -94,8 +101,22 @@ class Motion:
         """Return the same samples with another motion."""
         return replace(self, position=position, speed=speed, acceleration=acceleration)
 
+    def bridged(self, rigid: Array) -> Motion:
+        """Return the same with what efforts at a limit may have been, by the rigid robot's (N, k).
 
-_BY_SAMPLE = ("time", "piece", "position", "speed", "acceleration", "still", "efforts", "rows")
+        They are compared with nothing; but a filter brings them to the samples beside them.
+        """
+        if not self.saturated.any():
+            return self
+        efforts, index = self.efforts.copy(), np.arange(len(self))
+        for column, here in enumerate(self.saturated.T):
+            if here.any() and not here.all():
+                beyond = (efforts - rigid)[~here, column]
+                efforts[here, column] = rigid[here, column] + np.interp(index[here], index[~here], beyond)
+        return replace(self, efforts=efforts)
+
+
+_BY_SAMPLE = ("time", "piece", "position", "speed", "acceleration", "still", "efforts", "saturated", "rows")
 
 
 def is_standing(recording: Recording, names: Sequence[str]) -> bool:
@@ -148,16 +169,19 @@ def motion_of(
         return _standing_motion(recording, names, drives)
     clean, told_off = without_glitches(recording)
     rates = one_rate(clean) if told_off else rates
-    remarks = [*told_off, *rates.remarks]
+    limited = {name: at_limit(clean.efforts[name]) for name in drives}
+    remarks = [*told_off, *limits_told(clean, limited), *rates.remarks]
     recording, there = rates.recording, None
     if driven is None:
         recording, there = _bounded(recording, remarks)
+        limited = {name: here if there is None else here[there] for name, here in limited.items()}
     speeds = _logged(recording.velocities, names)
     accelerations = _logged(recording.accelerations, names)
     columns = [recording.positions[name] for name in names] + [recording.efforts[name] for name in drives]
     columns += [recording.velocities[name] for name in speeds] + [
         recording.accelerations[name] for name in accelerations
     ]
+    columns += [limited[name].astype(float) for name in drives]
     table = np.column_stack(columns)
     clock = even_clock(recording.time, table, recording.run)
     if not clock.exact:
@@ -174,7 +198,8 @@ def motion_of(
     at = len(names) + len(drives)
     logged_speed = dict(zip(speeds, clock.sampled(table[:, at : at + len(speeds)]).T, strict=True))
     at += len(speeds)
-    logged_acceleration = dict(zip(accelerations, clock.sampled(table[:, at:]).T, strict=True))
+    logged_acceleration = dict(zip(accelerations, clock.sampled(table[:, at : at + len(accelerations)]).T, strict=True))
+    saturated = np.abs(clock.sampled(table[:, at + len(accelerations) :])) > _TOUCHED
     _strange_speeds(names, position, logged_speed, clock)
 
     rows = clock.rows[np.clip(np.searchsorted(clock.row_time, clock.time), 0, len(clock.rows) - 1)]
@@ -222,6 +247,7 @@ def motion_of(
     every = max(1, int(rate / (_KEPT * cutoff)), min(len(clock) // _LONG, int(rate / (4 * cutoff))))
     every = every if driven is None else 1  # each row is asked for
     keep = np.concatenate([np.arange(where.start, where.stop, every) for where in pieces(parts)])
+    reached = 2 * int(_REACHED * rate / cutoff) + 1
     if every > 1:
         efforts = LowPass(0.4 * rate / every, rate)(efforts, parts)
         rate /= every
@@ -243,6 +269,7 @@ def motion_of(
         still=still[keep],
         slow=slow,
         efforts=efforts[keep],
+        saturated=np.column_stack([np.convolve(here, np.ones(reached), "same")[keep] > 0 for here in saturated.T]),
         wrench=None if wrench is None else np.nan_to_num(clock.sampled(np.asarray(wrench)))[keep],
         gravity=None if recording.gravity is None else clock.sampled(np.asarray(recording.gravity))[keep],
         rows=rows[keep],
@@ -287,6 +314,7 @@ def _standing_motion(recording: Recording, names: tuple[str, ...], driven: tuple
         still=np.zeros(position.shape, bool),
         slow=np.full(count, np.finfo(float).tiny),
         efforts=table[rows, count:],
+        saturated=np.zeros((len(rows), len(driven)), bool),
         wrench=np.nan_to_num(np.asarray(recording.wrench))[rows] if recording.has_wrench else None,
         gravity=None if recording.gravity is None else np.asarray(recording.gravity)[rows],
         rows=rows,

@@ -56,6 +56,9 @@ KEYS = ("robot", *NOISE_KEYS, "tolerances", "own_sensors", "conventions", "notes
 _TOLERANCES = {kind.name: kind for kind in KINDS_OF_TOLERANCE}
 #: Rows that the careful reader holds as text at a time.
 _CHUNK = 20_000
+#: More repeats of a time than these, and than this share of the rows, are those of a coarse clock; its steps are whole
+#: multiples of the smallest one, to within this.
+_REPEATED, _ON_GRID = (10, 0.05), 1e-3
 #: Bytes of a table that are held as text at a time.
 _BLOCK = 2**25
 #: Columns that remarks name, of one kind.
@@ -565,7 +568,14 @@ def _check(table: _Table, header: Sequence[str], problems: Problems, times: dict
     last = rows[np.flatnonzero(np.diff(run[rows], append=-1))]
     times |= {int(run[row]): (float(time[row]), int(lines[row])) for row in last}
     before, after = rows[:-1], rows[1:]
-    wrong = np.flatnonzero((run[before] == run[after]) & (time[after] <= time[before]))
+    same = run[before] == run[after]
+    with np.errstate(over="ignore", invalid="ignore"):  # times of any size, to be refused
+        rounded = _rounded((time[after] - time[before])[same])
+    if rounded:
+        first = after[same][np.argmin(time[after][same] > time[before][same])]
+        problems.cells("time", "rounded", [(int(lines[first]), rounded)])
+        return
+    wrong = np.flatnonzero(same & (time[after] <= time[before]))
     where = " within a run" if table.run is not None else ""
     hint = "" if table.run is not None else "; a new session needs another label in a column 'run'"
     places = [
@@ -577,6 +587,24 @@ def _check(table: _Table, header: Sequence[str], problems: Problems, times: dict
         for k in wrong.tolist()
     ]
     problems.cells("time", "not increasing", sorted(places))
+
+
+def _rounded(steps: Array) -> str:
+    """Return what is wrong where the steps (n,) of a clock are those of one that is rounded too coarsely; else ''."""
+    on = steps[steps > 0]
+    count = len(steps) - len(on)
+    if count <= max(_REPEATED[0], _REPEATED[1] * len(steps)) or not len(on) or (steps < 0).any():
+        return ""
+    grid = float(on.min())
+    if not np.abs(on / grid - np.rint(on / grid)).max() <= _ON_GRID:
+        return ""
+    rate = f"{(len(steps) + 1) / (steps.sum() + grid):.3g}"
+    return (
+        f"{count} of {len(steps) + 1} rows have the time of the row before: the clock is rounded to {grid:.3g} s, and "
+        f"there are about {rate} rows a second. Where they came evenly, write row number / rate as the time, or let "
+        f"`prup-pin import` do it: in its map, 'rate: {rate}' in place of 'from: time'. Left at 'from: time' it keeps "
+        "the first row of each time"
+    )
 
 
 def _check_gravity(table: _Table, problems: Problems, first: bool) -> None:

@@ -141,11 +141,14 @@ def _check_spelling(recording: Recording, mechanism: Mechanism) -> None:
         ("tau", recording.efforts),
     ):
         lacking = {name.lower(): name for name in joints if name not in columns}
-        for name in columns:
-            if name in known:
-                continue
+        foreign = [name for name in columns if name not in known]
+        driven = [name.lower() for name in mechanism.actuated if name not in columns]
+        for name in foreign:
             close = difflib.get_close_matches(name.lower(), list(lacking), cutoff=_MISSPELT)
             close = [match for match in close if _misspelt(name.lower(), match)]
+            # one column too many and one too few, alike but for a number
+            if len(foreign) == len(driven) == 1 and _unnumbered(name.lower()) == _unnumbered(driven[0]):
+                close = driven
             if close:
                 raise InputError(
                     f"no joint '{name}' (column {prefix}.{name}); did you mean {lacking[close[0]]}? Name the column "
@@ -166,6 +169,10 @@ def _misspelt(name: str, joint: str) -> bool:
 
 def _digits(name: str) -> list[str]:
     return [letter for letter in name if letter.isdigit()]
+
+
+def _unnumbered(name: str) -> str:
+    return "".join(letter for letter in name if not letter.isdigit())
 
 
 def _is_loose(mechanism: Mechanism, frame: str) -> bool:

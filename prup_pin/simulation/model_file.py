@@ -130,7 +130,9 @@ def place_named(physics: str, name: str, aspect: str, mechanism: Mechanism) -> P
     aspects = [place.aspect for place in there if place.aspect]
     if aspect or len(there) != 1:
         if not aspect:
-            raise InputError(f"{physics} at {name} acts on one of {', '.join(aspects)}; say which")
+            raise InputError(
+                f"{physics} at {name} acts on one of {', '.join(aspects)}; say which: {physics}@{name}:{aspects[0]}"
+            )
         hint = "" if aspects else f"{physics} at {name} has none."
         raise UnknownNameError(f"aspect of {physics} at {name}", aspect, aspects, hint)
     return there[0]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
 
+from ..dynamics import is_standing
 from ..errors import InputError, SimulationStoppedError, UnknownNameError
 from ..laws import Effect, Inputs, Setup, Trajectory
+from ..laws.efforts import EffortLaw
 from ..mechanism import Mechanism
 from ..recordings import Convention, Recording, written_as
 from ..robot import Robot
@@ -167,9 +169,13 @@ def simulate(
     mechanism.need_tool()
     effects = tuple(effect.checked(mechanism) for effect in effects)
     inputs = inputs_of(recording, robot, trajectory_of(recording, robot))
-    remarks = [*adapted.remarks, *_missing_inputs(effects, inputs, mechanism)]
     actuated, frames = mechanism.actuated, mechanism.frame_names
     joints = tuple(name for name in recording.efforts if name in actuated)
+    remarks = [
+        *adapted.remarks,
+        *_missing_inputs(effects, inputs, mechanism),
+        *_not_in_efforts(effects, bool(joints), is_standing(recording, actuated)),
+    ]
     for name in markers:
         if name not in frames:
             raise UnknownNameError("frame", name, frames)
@@ -283,6 +289,25 @@ def _missing_inputs(effects: Sequence[Effect], inputs: Inputs, mechanism: Mechan
     elif not heavy and len(inputs) and not np.any(np.nan_to_num(inputs.wrench, nan=1.0)):
         remarks.append(f"Nothing loads the robot: no wrench was applied, and weight acts with --effect '{_WEIGHT}'.")
     return remarks
+
+
+def _not_in_efforts(effects: Sequence[Effect], asked: bool, standing: bool) -> Iterator[str]:
+    """Yield which laws of efforts change nothing where poses are predicted, and what would show them.
+
+    asked: efforts have columns; standing: the recording is of postures.
+    """
+    for effect in effects:
+        if not isinstance(effect.law, EffortLaw) or (asked and standing and not effect.law.of_motion):
+            continue
+        why = "the recording has no column tau.<joint>"
+        if asked:
+            why = "each row is a posture at rest" if standing else "beside poses each row is taken at rest"
+        where = " in motion" if effect.law.of_motion else ""
+        yield (
+            f"{effect.law.physics} at {effect.place} has no effect: it acts on the efforts of drives{where}, and "
+            f"{why}. It acts in a recording of a motion with columns q.<joint> and tau.<joint> and without poses; "
+            "cells of tau may be empty."
+        )
 
 
 def compare(

@@ -381,6 +381,20 @@ def test_a_drive_that_saturates_is_told_before(carriage):
     assert any("tau.carriage is at 25" in text and "saturates" in text for text in found.remarks)
 
 
+@pytest.mark.parametrize("share", [0.9, 0.7])
+def test_what_a_drive_at_its_limit_could_not_give_is_no_physics(carriage, share):
+    recording = axis(damping=300.0, limit=20.0)
+    efforts = recording.efforts["carriage"]
+    most = share * np.abs(efforts).max()
+    found = diagnose(carriage, recording.with_measurements(efforts={"carriage": np.clip(efforts, -most, most)}))
+    assert named(found) == {("viscous_friction", "carriage"), ("coulomb_friction", "carriage")}
+    assert found.verdict == "explained"
+    damping = next(finding for finding in found.findings if finding.physics == "viscous_friction").parameters["damping"]
+    assert damping.value == pytest.approx(300, rel=0.01)
+    assert any("the drive saturates" in text and "were left out" in text for text in found.remarks)
+    assert not any("stands still in" in text for text in found.remarks)
+
+
 def test_a_drive_without_a_column_of_efforts_is_left_out():
     """Its friction reaches no effort that was recorded: columns of nothing must not enter a fit."""
     robot = load("ur5")

@@ -170,9 +170,10 @@ def test_it_says_what_a_strange_deformation_follows(tmp_path, robot):
     found = locate(problem, problem.fit_at(()))
     assert "leg1/support_bearing" in found.candidates
     assert all(name.startswith("leg1/") for name in found.candidates)
-    words, share = found.follows
-    assert "leg2_slide" in words
-    assert "load" in words
+    variable, share = found.follows
+    assert "leg2_slide" in variable.words
+    assert "load" in variable.words
+    assert not variable.came
     assert share > 0.7 > found.curve.gain / problem.fit_at(()).chi2
 
 

@@ -1,6 +1,7 @@
 """Several recordings of one device: one diagnosis; each has its own noise, runs, and sensors if it says so."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -363,8 +364,12 @@ def test_one_device_has_one_tolerance_of_a_kind(arm):
 
 def test_an_error_names_the_recording(arm):
     first, second = (replace(measured(arm, standing(arm, poses(6, seed))), path=f"{seed}.csv") for seed in (1, 2))
-    with pytest.raises(InputError, match=r"^2.csv: measured and simulated .* this is another robot"):
+    with pytest.raises(InputError, match=r"^2.csv: measured and simulated .* this is another robot") as told:
         prup_pin.diagnose(arm, [first, replace(second, position=second.position[::-1] + 30.0)])
+    # a row to look at: where it was measured, where the robot file has it
+    where = re.search(r"in line (\d) it was measured at (\S+ \S+ \S+), and the robot file puts it at", str(told.value))
+    there = second.position[::-1][int(where[1]) - 2] + 30.0
+    assert np.allclose(np.array(where[2].split(), float), there, rtol=5e-3)
     lost = {**second.positions, "joint1": np.full(6, np.nan)}
     with pytest.raises(InputError, match=r"^2.csv: a column q.… is empty in every row"):
         prup_pin.diagnose(arm, [first, replace(second, positions=lost)])

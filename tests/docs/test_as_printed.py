@@ -100,7 +100,7 @@ def printed() -> list[tuple[str, str, list[str]]]:
 
 @pytest.mark.parametrize(
     ("page", "line", "shown"),
-    [pytest.param(*item, marks=[pytest.mark.slow] if "diagnose" in item[1] else []) for item in printed()],
+    printed(),
     ids=[f"{page}: {' '.join(line.split()[:2])}" for page, line, _ in printed()],
 )
 def test_a_page_shows_what_its_commands_print(page, line, shown, tmp_path, monkeypatch, remembered):

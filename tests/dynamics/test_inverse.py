@@ -30,6 +30,7 @@ def motion_along(names, q, qd, qdd, wrench=None):
         still=np.zeros(q.shape, bool),
         slow=np.full(q.shape[1], 1e-6),
         efforts=np.zeros(q.shape),
+        saturated=np.zeros(q.shape, bool),
         wrench=wrench,
         gravity=None,
         rows=np.arange(n),

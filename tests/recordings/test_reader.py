@@ -396,6 +396,22 @@ def test_time_may_restart_in_a_new_run(write):
     assert "another label in a column 'run'" in message
 
 
+def test_a_clock_rounded_too_coarsely_is_one_problem_with_its_remedy(write):
+    def table(times):
+        return write("time,q.a\n" + "".join(f"{time:.15g},{k / 7:.5f}\n" for k, time in enumerate(times)))
+
+    rounded = np.arange(1000) // 5 / 100
+    line, column, message = only(table(rounded))
+    assert (line, column) == (3, "time")
+    assert "800 of 1000 rows have the time of the row before: the clock is rounded to 0.01 s" in message
+    assert "about 500 rows a second" in message
+    assert "'rate: 500'" in message
+    # a clock of no grid, and one that also goes back, are told line by line
+    uneven = np.maximum.accumulate(np.where(np.arange(1000) % 4, 0.0, np.arange(1000) ** 1.1))
+    for times in (uneven, np.concatenate((rounded, rounded))):
+        assert all("must increase" in problem[2] for problem in refused(table(times))[:-1])
+
+
 def test_long_lists_are_cut(write):
     table = "time,q.a,q.b\n" + "".join(f"{k},x,1.0\n" for k in range(500)) + "501,1,y\n"
     problems = refused(write(table))

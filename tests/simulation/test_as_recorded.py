@@ -219,3 +219,37 @@ def test_a_foreign_joint_stays_so_beside_joints_without_a_column(foreign):
 def test_a_column_beside_its_joint_s_own_is_no_misspelling():
     log = ur5_log()
     as_recorded(prup_pin.load("ur5"), replace(log, efforts={**log.efforts, "elbo_joint": np.ones(len(log))}))
+
+
+@pytest.mark.parametrize("group", ["positions", "efforts"])
+def test_the_one_column_too_many_is_that_of_the_one_joint_without_a_column(group):
+    robot, log = prup_pin.load("ur5"), ur5_log()
+    columns = {name.replace("wrist_3", "wrist_4"): values for name, values in log.positions.items()}
+    with pytest.raises(InputError, match=re.escape("did you mean wrist_3_joint?")):
+        as_recorded(robot, replace(log, **{group: columns}))
+    # two foreign ones, or two without a column, are another device's
+    as_recorded(robot, replace(log, **{group: {**columns, "wrist_5_joint": np.ones(len(log))}}))
+    as_recorded(robot, replace(log, **{group: {k: v for k, v in columns.items() if k != "wrist_2_joint"}}))
+
+
+@pytest.mark.parametrize(
+    ("asked", "motion", "why"),
+    [
+        (False, False, "no column tau.<joint>"),
+        (True, False, "each row is a posture at rest"),
+        (True, True, "beside poses each row is taken at rest"),
+    ],
+)
+def test_a_law_of_efforts_that_changes_nothing_says_so(asked, motion, why):
+    log = ur5_log()
+    log = replace(log, time=log.time * (1 if motion else 1000), efforts=log.efforts if asked else {})
+    log = replace(log, position=np.ones((len(log), 3))).select(slice(0, 20))
+    robot = prup_pin.load("ur5", tool="tool0")
+    rubs = effect_named(
+        "coulomb_friction", "elbow_joint", "effort", {"limit": 1.0, "presliding": 1e-3}, robot.mechanism
+    )
+    told = [text for text in simulate(robot, log, [rubs]).remarks if "has no effect" in text]
+    assert len(told) == 1, told
+    assert why in told[0]
+    alone = replace(ur5_log(), position=None)
+    assert not any("has no effect" in text for text in simulate(robot, alone, [rubs]).remarks)

@@ -14,7 +14,8 @@ from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream
 from prup_pin.numbers import counted
-from prup_pin.recordings import Convention, Recording, Tolerances
+from prup_pin.recordings import Convention, Noise, Recording, Tolerances, add_noise
+from prup_pin.simulation import simulate
 from prup_pin.views.text.diagnosis_words import (
     _takes,
     diagnosis_text,
@@ -151,3 +152,18 @@ def test_poses_far_off_are_told_with_the_joint_whose_column_is_missing():
 def test_a_residual_that_rises_does_not_fall():
     assert _takes(1.93, 2.16) == "the residual rises from 1.93 to 2.16 times the noise"
     assert _takes(2.16, 1.93) == "the residual falls from 2.16 to 1.93 times the noise"
+
+
+def test_a_clean_recording_of_the_drawing_under_large_loads_misses_nothing():
+    robot = prup_pin.load("ur5", joint_stiffness=1e4)
+    rng, names = np.random.default_rng(2), robot.mechanism.actuated
+    q = rng.uniform(-1, 1, (30, len(names)))
+    load = np.column_stack((rng.uniform(-300, 300, (30, 3)), np.zeros((30, 3))))
+    drawn = Recording(np.arange(30.0), positions=dict(zip(names, q.T, strict=True)), wrench=load)
+    seen = simulate(robot, drawn)
+    measured = replace(drawn, position=seen.position, rotation=seen.rotation, noise=Noise(position=1e-5, rotation=3e-5))
+    found = diagnose(robot, add_noise(measured, measured.noise, 3))
+    assert {finding.physics for finding in found.findings} == {"finite_deflection"}
+    assert found.verdict == "nothing_missing"
+    assert verdict_text(found).startswith("Nothing is missing: ")
+    assert "in its deformed position" in verdict_text(found)

@@ -41,7 +41,7 @@ def remarks_of(outcome: Outcome) -> list[str]:
     motion, efforts = outcome.motion, outcome.efforts
     remarks = list(motion.remarks)
     for column, name in enumerate(outcome.at.driven):
-        left_out = 1 - efforts.good[:, column].mean()
+        left_out = 1 - (efforts.good | motion.saturated[efforts.every])[:, column].mean()
         if left_out > 0.02:
             remarks.append(
                 f"{name} stands still in {number(100 * left_out, 2)} % of the samples: friction takes any "

@@ -108,9 +108,12 @@ class Efforts:
         return np.where(inside.any(axis=0), inside, good)
 
     def _good(self) -> np.ndarray:
-        """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit."""
+        """Return the kept samples that count (n, k): a joint at rest rubs by what it likes, up to its limit.
+
+        And a drive at its limit gives what it has, whatever is asked of it.
+        """
         motion = self.at.motion
-        good = np.isfinite(self.measured[self.every])
+        good = np.isfinite(self.measured[self.every]) & ~motion.saturated[self.every]
         for column, name in enumerate(self.at.driven):
             if name not in motion.names:
                 continue

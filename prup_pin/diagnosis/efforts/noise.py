@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...dynamics import InMotion, is_standing
+from ...dynamics import InMotion, at_limit, is_standing
 from ...recordings import Recording
 from ...recordings.recording import STANDSTILL
 from ...spatial import Array
@@ -76,6 +76,7 @@ def noise_of_efforts(recording: Recording, joints: Sequence[str]) -> dict[str, E
 
 
 def _noise(recording: Recording, effort: Array, still: np.ndarray, standing: bool) -> EffortNoise:
+    effort = np.where(at_limit(effort), np.nan, effort)  # a drive at its limit scatters by nothing
     rows = _sampled(effort)
     parts = list(_parts(recording.time, recording.run, rows))
     steps = np.concatenate([np.diff(recording.time[part]) for part in parts]) if parts else np.ones(1)

@@ -38,7 +38,7 @@ def curve_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
     return unknown_at(
         term.place.name,
         f"structure is left over at {term.place.name} that no law of the library takes away; "
-        f"{term.law.summary} by a curve of its own would take away {100 * share:.0f} % of what is left"
+        f"{term.law.summary} by a curve of its own would take away {100 * share:.0f} % of the square of what is left"
         + ("" if term.is_of_time else ", and the corrected model follows it"),
         share,
     )
@@ -51,7 +51,7 @@ def body_unknown(outcome: Outcome, term: EffortCandidate) -> Finding:
     share = float(np.clip(saved / max(saved + float(outcome.held.sum()), np.finfo(float).tiny), 0.0, 1.0))
     text = (
         f"structure is left over at {joint} that no law of the library takes away; masses of {link} that no body "
-        f"has would take away {100 * share:.0f} % of what is left; the corrected model keeps to a body that can be"
+        f"has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body that can be"
     )
     return replace(unknown_at(joint, text, share), candidates=(joint, link))
 
@@ -117,9 +117,9 @@ def changing_unknown(efforts: Efforts, left: Array, measured: Array, noise: Arra
         followed = f"its {change.variable}" if own else f"the {change.variable} of {change.of}"
         text = (
             f"what is left at {change.joint} follows {followed} by an amount that changes with time, which "
-            f"would take away {number(100 * change.share, 2)} % of it beyond chance and is "
-            f"{number(100 * change.size, 2)} % of the joint's effort: it is no noise, and no law of the library "
-            "takes it away"
+            f"would take away {number(100 * change.share, 2)} % of its square beyond chance and is "
+            f"{number(100 * change.size, 2)} % of the joint's effort (root mean square): it is no noise, and no "
+            "law of the library takes it away"
         )
         yield unknown_at(change.joint, text, change.share)
 

@@ -49,7 +49,7 @@ def print_diagnosis(
         listed(out, "recording", [f"{counted(len(recordings[0]), 'sample')}, {used} used", held], ", ")
     listed(out, "noise", noise_text(diagnosis), ", ")
     if diagnosis.findings:
-        heading(out, "Left out")
+        heading(out, "How to simulate it" if diagnosis.verdict == "nothing_missing" else "Left out")
         for index, finding in enumerate(diagnosis.told, 1):
             _print_finding(out, diagnosis, index, finding)
     heading(out, "Measured less simulated", "(root mean square)")

@@ -29,6 +29,7 @@ _WAYS = {
     "quantisation": "their steps",
     "repeats": "rows that repeat",
 }
+_NO_FAULT = "The robot's deflection under load changes how it carries the load; that is no fault."
 #: Share of the squared residual that is nothing; how many times as much is beyond counting.
 _NO_GAIN, _BEYOND_COUNTING = 5e-4, 1000
 
@@ -74,7 +75,10 @@ def _nothing_missing(diagnosis: Diagnosis, left: str) -> str:
     if efforts is None or efforts.declared or diagnosis.columns:
         besides = f"; {left} are left" if left else ""
         noise = f"is noise ({number(after, 3)} times it)"
-        return f"Nothing is missing: what is left between simulation and recording {noise}{besides}."
+        loaded = ""
+        if diagnosis.findings:  # what is no fault: equilibrium in the deformed position
+            loaded = ". The loads move the robot so far that equilibrium must be taken in its deformed position"
+        return f"Nothing is missing: what is left between simulation and recording {noise}{besides}{loaded}."
     loud = "" if math.isnan(after) else f", {number(after, 3)} times what a sample scatters by itself"
     return f"Nothing is missing: {left} are left{loud}, and follow no motion to an extent that matters."
 
@@ -154,15 +158,16 @@ def summary_text(diagnosis: Diagnosis) -> str:
     logs = [finding for finding in diagnosis.findings if finding.conventions]
     every = [finding for finding in diagnosis.findings if finding.physics != "unknown"]
     every = [finding for finding in every if finding not in logs]
-    # large deflections are no fault: they account for something only where they account for all
+    # large deflections are no fault
     named = [finding for finding in every if finding.physics != "finite_deflection"]
-    named = named or (every if diagnosis.verdict == "explained" else [])
     causes = [finding.statement for finding in named] if len(named) <= _MOST_TOLD else _all_told(named)
     them = "it" if len(causes) == 1 else "them"
     texts = [*(f"{finding.statement}." for finding in logs), first]
     if logs:
         texts[-1] = f"Read so: {first}"
     if diagnosis.verdict == "nothing_missing":
+        if every:
+            texts += [f"{_NO_FAULT} Simulated so, {last}."]
         return f"{' '.join(texts)} That is what the sensors scatter by themselves: nothing has to be mended."
     if causes:
         count = _COUNTED[len(causes)] if len(causes) < len(_COUNTED) else str(len(causes))
@@ -170,7 +175,7 @@ def summary_text(diagnosis: Diagnosis) -> str:
         much = "it" if diagnosis.verdict == "explained" else "a part of it"
         texts.append(f"{things} account{'s' if len(causes) == 1 else ''} for {much}: {'; '.join(causes)}.")
         if len(named) < len(every):
-            texts.append("The robot's deflection under load changes how it carries the load; that is no fault.")
+            texts.append(_NO_FAULT)
     if diagnosis.verdict == "explained":
         times = diagnosis.after.get("heldout", math.nan)
         scatter = "little more than the sensors scatter by themselves"
@@ -214,8 +219,7 @@ def _beside(diagnosis: Diagnosis) -> tuple[str, str]:
 def cost_text(finding: Finding) -> str:
     """Return what leaving a finding out would cost."""
     if finding.physics == "unknown":
-        share = number(100 * finding.heldout_gain, 3)
-        return f"a law for it would take {share} % of the squared residual" if finding.heldout_gain > 0 else ""
+        return ""  # what a law for it would take stands in its statement, beside what that is a share of
     if finding.heldout_gain < _NO_GAIN and finding.effect is not None:
         return "what else is off could make up for it" if finding.parameters else "acts whatever else does"
     if finding.cost > _BEYOND_COUNTING:

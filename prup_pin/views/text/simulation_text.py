@@ -124,7 +124,7 @@ def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> E
             if key in values:
                 raise InputError(f"{key} is given twice")
             values[key] = parse_quantity(value, _dimension(quantities[key].unit), option, text, text.index(assignment))
-        missing = [item for item in quantities.values() if item.name not in values]
+        missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
         if missing:
             usual = law.starts(place, mechanism)[0]
             listed = ", ".join(

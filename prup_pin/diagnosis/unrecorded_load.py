@@ -1,0 +1,80 @@
+"""Does what is left lie where forces at the tool would move the robot? A load that nobody recorded is no gross error.
+
+What acts in some samples, with s as its standard deviation along each axis, leaves there whitened residuals of the
+covariance
+
+    s^2 G G^T + v 1,    G = W C_f  for forces,    G = W J_m^T  for what a module gives way by, whatever the reason,
+
+with C_f and J_m^T what is measured per force on the tool and per deformation of the module, and W the weights. Errors
+of a sensor leave a variance of their own in each channel that is off. What is likeliest is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..spatial import Array
+from .criteria import LOAD_LIKELIER
+from .influence import Influence
+
+__all__ = ["reaches", "unrecorded_force"]
+
+#: Largest logarithm of a force [N] or of what is left in multiples of the noise.
+_LARGEST = 30.0
+
+
+def unrecorded_force(
+    rest: Array, by_force: Array, by_strains: Iterable[Array], seen: np.ndarray, off: np.ndarray
+) -> float:
+    """Return the size [N] of forces that leave whitened residuals (n, K); 0 where something else does likelier.
+
+    by_force (n, K, 3), by_strains (n, K, k) each: the residual's change per force on the tool, and per deformation of a
+    module or of several. Masks (n, K): of numbers that were `seen`, all else being zero, and of those that are `off`,
+    where a sensor errs.
+    """
+    force, cost = _likeliest(rest, by_force, seen)
+    if not force > 0:
+        return 0.0
+    others = [_of_sensor(rest, seen, off), *(_likeliest(rest, other, seen)[1] for other in by_strains)]
+    return float(np.sqrt(3) * force) if min(others) - cost > 2 * LOAD_LIKELIER else 0.0
+
+
+def reaches(influence: Influence) -> list[Array]:
+    """Return what is measured per force on the tool, (n, K, 3), and per deformation of each module and of all."""
+    each = [influence.signature(name) for name in influence.rows]
+    every = [np.concatenate(each, axis=2)] if len(each) > 1 else []
+    return [influence.compliance[..., :3], *each, *every]
+
+
+def _likeliest(rest: Array, reach: Array, seen: np.ndarray) -> tuple[float, float]:
+    """Return the likeliest s of what reaches residuals (n, K) by (n, K, k), and minus twice the log likelihood."""
+    from scipy.optimize import minimize  # heavy; not needed to load a robot
+
+    axes, sizes, _ = np.linalg.svd(reach, full_matrices=True)
+    if not sizes.any() or not rest.any():
+        return 0.0, np.inf
+    variances = np.zeros(rest.shape)
+    variances[:, : sizes.shape[1]] = sizes**2
+    squares = (axes.mT @ rest[..., None])[..., 0] ** 2
+
+    def cost(logarithms: Array) -> float:
+        size, noise = np.exp(2 * logarithms)
+        expected = size * variances + noise
+        return float((np.log(expected) + squares / expected).sum() - (~seen).sum() * np.log(noise))
+
+    start = np.clip([0.5 * np.log(squares.sum() / variances.sum()), 0.0], -_LARGEST, _LARGEST)
+    found = minimize(cost, start, method="Nelder-Mead", bounds=[(-_LARGEST, _LARGEST)] * 2)
+    return float(np.exp(found.x[0])), float(found.fun)
+
+
+def _of_sensor(rest: Array, seen: np.ndarray, off: np.ndarray) -> float:
+    """Return minus twice the log likelihood of errors of the sensor where it is off."""
+    usual = seen & ~off
+    errors = np.full(rest.shape, float(np.mean(rest[usual] ** 2)) if usual.any() else 1.0)
+    for column in np.flatnonzero(off.any(axis=0)):
+        here = off[:, column]
+        errors[here, column] = np.mean(rest[here, column] ** 2)
+    errors = np.maximum(errors, np.finfo(float).tiny)[seen]
+    return float((np.log(errors) + rest[seen] ** 2 / errors).sum())

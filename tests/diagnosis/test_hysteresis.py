@@ -1,0 +1,78 @@
+"""A drive that rubs stands elsewhere when it came from the other side: told as hysteresis, with the test for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import prup_pin
+from prup_pin.diagnosis import diagnose
+from prup_pin.diagnosis.locate import approached
+from prup_pin.recordings import Noise, Recording
+from prup_pin.simulation import effect_named, simulate
+from prup_pin.views.text.diagnosis_words import cost_text, diagnosis_text
+
+JOINT = "elbow_joint"
+
+
+@pytest.fixture(scope="module")
+def found():
+    """The diagnosis of an arm in postures, whose elbow stops half a milliradian short of where it was sent."""
+    robot = prup_pin.load("ur5", joint_stiffness=2e4)
+    rng, names = np.random.default_rng(4), robot.mechanism.actuated
+    q = dict(zip(names, rng.uniform(-1, 1, (len(names), 50)), strict=True))
+    load = np.column_stack((rng.uniform(-50, 50, (50, 3)), rng.uniform(-5, 5, (50, 3))))
+    recording = Recording(np.arange(50.0), positions=q, wrench=load)
+    short = {**q, JOINT: q[JOINT] - 5e-4 * np.sign(np.diff(q[JOINT], prepend=0.0))}
+    weight = effect_named("self_weight", "robot", "", {"scale": 1.0}, robot.mechanism)
+    seen = simulate(robot, replace(recording, positions=short), [weight])
+    return diagnose(
+        robot,
+        replace(
+            recording,
+            position=seen.position + rng.normal(0, 1e-5, (50, 3)),
+            rotation=seen.rotation + rng.normal(0, 3e-5, (50, 3)),
+            noise=Noise(position=1e-5, rotation=3e-5),
+        ),
+    )
+
+
+def test_hysteresis_of_a_drive_is_told_as_such(found):
+    (unknown,) = [finding for finding in found.findings if finding.physics == "unknown"]
+    assert unknown.location == JOINT
+    assert f"follows the direction from which {JOINT} came" in unknown.statement
+    assert "hysteresis" in unknown.statement
+    assert f"to each posture from both sides of {JOINT}" in unknown.remedy
+
+
+def test_every_share_is_told_once_with_what_it_is_a_share_of(found):
+    (unknown,) = [finding for finding in found.findings if finding.physics == "unknown"]
+    assert "Of its square, a deformation of" in unknown.statement
+    assert cost_text(unknown) == ""
+    assert "of the squared residual" not in diagnosis_text(found)
+
+
+def test_the_next_experiment_comes_to_each_posture_from_both_sides(found):
+    plan = found.next_experiment["plan"]
+    assert f"{JOINT} coming from below and from above" in found.next_experiment["why"]
+    poses = [pose["actuators"] for pose in plan["poses"]]
+    assert len(poses) % 4 == 0
+    for below, here, above, again in zip(*(poses[k::4] for k in range(4)), strict=True):
+        assert below[JOINT] < here[JOINT] < above[JOINT]
+        assert here == again
+        assert {name: q for name, q in below.items() if name != JOINT} == {
+            name: q for name, q in here.items() if name != JOINT
+        }
+    # on the way nothing is loaded
+    assert [load["cycle"] == [0.0] for load in plan["loads"]] == [True, False] * (len(poses) // 2)
+
+
+def test_where_something_came_from():
+    runs = np.array([0, 0, 0, 0, 1, 1, 1])
+    values = np.array([0.0, 1.0, 1.001, 0.0, 5.0, 4.0, 4.0])
+    assert approached(values, runs).tolist() == [0, 1, 1, -1, 0, -1, -1]
+    # runs may take turns
+    mixed = np.array([0, 4, 1, 5, 2, 6])
+    assert approached(values[mixed], runs[mixed]).tolist() == [0, 0, 1, -1, 1, -1]
