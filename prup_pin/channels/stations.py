@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -79,11 +80,30 @@ class Placing:
 
     def without(self, values: Array) -> Array:
         """Return values (n, K, …) less what motions of their stations may be in them."""
+        seen, basis, weights, share, station, order, starts = self._all
         out = values.copy()
-        for part, own in self._each(values):
-            taken = part.basis @ (part.share[:, None] * (part.basis.T @ np.nan_to_num(own)))
-            out[part.rows] = ((own - taken) * part.weights).reshape(out[part.rows].shape)
+        own = np.nan_to_num(values[:, seen]).reshape(*basis.shape[:2], -1) / weights
+        along = np.add.reduceat((basis.mT @ own)[order], starts, axis=0)
+        out[:, seen] -= (basis @ (share * along)[station] * weights).reshape(out[:, seen].shape)
         return out
+
+    @cached_property
+    def _all(self) -> tuple[np.ndarray, Array, Array, Array, np.ndarray, np.ndarray, np.ndarray]:
+        """All stations at once: the columns (k,) that any of them moves, basis (n, k, 6), weights (k, 1) and share
+        (stations, 6, 1), the station (n,) of each sample, and samples in order of stations with where each begins."""
+        count = len(self.parts[0].rows)
+        columns = len(self.parts[0].weights) // int(self.parts[0].rows.sum())
+        basis, share = np.zeros((count, columns, 6)), np.zeros((len(self.parts), 6, 1))
+        station = np.zeros(count, int)
+        for place, part in enumerate(self.parts):
+            kept = len(part.share)
+            basis[part.rows, :, :kept] = part.basis.reshape(-1, columns, kept)
+            share[place, :kept, 0], station[part.rows] = part.share, place
+        seen = np.flatnonzero(basis.any(axis=(0, 2)))
+        order = np.argsort(station, kind="stable")
+        starts = np.searchsorted(station[order], np.arange(len(self.parts)))
+        weights = self.parts[0].weights[:columns]
+        return seen, np.ascontiguousarray(basis[:, seen]), weights[seen], share, station, order, starts
 
     def best(self, left: Array) -> Array:
         """Return the turn and shift (n, 6) of each sample's station that explain residuals (n, K) best."""

@@ -105,6 +105,11 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
         again = _searched(whole, tell)
         if is_clean(again.problem, again.selection.last):  # what explains them says that they are none
             prepared, found = whole, again
+    if prepared.spread is not None and prepared.spread.of_few and not is_clean(found.problem, found.selection.last):
+        whole = prepare(robot, recordings, tell, all_over=True)
+        again = _searched(whole, tell)
+        if is_clean(again.problem, again.selection.last):  # the few places were not to be found
+            prepared, found = whole, again
     problem, selection, labels, doubt = found
     tell("the verdict", 0.9)
     final = final_state(problem, selection, prepared, labels, tell, doubt)

@@ -8,6 +8,7 @@ nothing holds are the limit of large J.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,24 +35,42 @@ class Nuisance:
     @classmethod
     def free(cls, jacobian: Array) -> Nuisance:
         """Return what parameters may do that nothing holds, by their changes (K n, p)."""
-        left, size, _ = np.linalg.svd(_scaled(jacobian), full_matrices=False)
+        left, size = _spanned(_scaled(jacobian))
         basis = left[:, size > 1e-6]
         return cls(basis, np.ones(basis.shape[1]))
 
     @classmethod
     def within(cls, jacobian: Array, held: Array, offset: Array | None = None) -> Nuisance:
         """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
-        left, size, _ = np.linalg.svd(np.concatenate((_FREE * _scaled(jacobian), held), axis=1), full_matrices=False)
+        left, size = _spanned(np.concatenate((_FREE * _scaled(jacobian), held), axis=1))
         kept = size > 1e-6
         return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), offset)
 
     def without(self, values: Array) -> Array:
         """Return values (K n, ...) less what these parameters take of them."""
-        return values - self.basis @ ((self.share * (self.basis.T @ values).T).T)
+        rows, basis = self._reached
+        own, out = values[rows], values.copy()
+        out[rows] = own - basis @ ((self.share * (basis.T @ own).T).T)
+        return out
+
+    @cached_property
+    def _reached(self) -> tuple[np.ndarray, Array]:
+        """Rows that these parameters change at all, and what they do there: what was not measured takes no time."""
+        rows = np.flatnonzero(self.basis.any(axis=1))
+        return rows, np.ascontiguousarray(self.basis[rows])
 
 
 #: Multiple of the noise by which a parameter may change the columns that nothing holds.
 _FREE = 1e6
+
+
+def _spanned(matrix: Array) -> tuple[Array, Array]:
+    """Return left singular vectors (m, r) and values (r,) of a matrix (m, p), zero in rows that are zero."""
+    rows = np.flatnonzero(matrix.any(axis=1))
+    own, size, _ = np.linalg.svd(matrix[rows], full_matrices=False)
+    left = np.zeros((len(matrix), len(size)))
+    left[rows] = own
+    return left, size
 
 
 def _scaled(jacobian: Array) -> Array:

@@ -89,9 +89,16 @@ class Prepared:
 
 
 def prepare(
-    robot: Robot, recordings: Recording | Sequence[Recording], tell: Tell, with_outliers: bool = False
+    robot: Robot,
+    recordings: Recording | Sequence[Recording],
+    tell: Tell,
+    with_outliers: bool = False,
+    all_over: bool = False,
 ) -> Prepared:
-    """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does."""
+    """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does.
+
+    all_over: what a few laws could explain as well is off all over.
+    """
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
     together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
@@ -116,6 +123,7 @@ def prepare(
     noise_unknown = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
+        spread = spread.all_over() if all_over else spread
         remarks += spread.told(together, noise)
         stack, noise = spread.stack(stack), spread.noise(noise)
         stack = spread.placed(stack, noise, together.recording.run)
@@ -313,6 +321,11 @@ def what_is_missing(inputs: Inputs, stack: Stack, mechanism: Mechanism) -> list[
         remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
     elif force < NOTHING:
         remarks.append("no load was applied but the robot's own weight: what it does not load does not show")
+    if inputs.motion is not None and mechanism.loops:
+        remarks.append(
+            "the robot moves, and its loops are loaded by weight and wrench alone: what its bodies' inertia bends is "
+            "not told from what is wrong with it"
+        )
     if inputs.gravity is not None and _points_up(inputs.gravity, mechanism.gravity):
         remarks.append(
             "g.x g.y g.z point against the robot file's gravity: an accelerometer at rest reports the opposite of free "

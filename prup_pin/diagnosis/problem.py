@@ -238,6 +238,7 @@ class Problem:
         target = self.target(fit)
         if nuisance is not None and nuisance.offset is not None:
             target = target + nuisance.offset.reshape(target.shape)
+        measured = self.stack.exists.any(axis=0)  # the other columns are zero once whitened
         low, high = candidate.bounds
         firm = candidate.known > 0
         known: dict[bytes, tuple[Array, Array]] = {}
@@ -249,9 +250,9 @@ class Problem:
                 changed = self.change(fit, [*effects, candidate.effect(coordinates)])
                 with np.errstate(invalid="ignore"):
                     rest = np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
+                rest = without(rest, nuisance).reshape(target.shape)[:, measured].ravel()
                 off = candidate.known[firm] * coordinates[firm]
-                prior = candidate.prior_residuals(coordinates)
-                known[key] = changed, np.concatenate((without(rest, nuisance), prior, off))
+                known[key] = changed, np.concatenate((rest, candidate.prior_residuals(coordinates), off))
             return known[key]
 
         def left(coordinates: Array) -> Array:

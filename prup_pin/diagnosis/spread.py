@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -98,9 +98,10 @@ class Spread:
 
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
     yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise in
-    multiples of the one assumed; exists (N, K): what was measured but for outliers. stations: by how much the pose
-    sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]: unrecorded,
-    it leaves the outliers behind; 0: none does.
+    multiples of the one assumed; exists (N, K): what was measured but for outliers. of_few: kinds that a few laws at
+    single places would explain as well, in the place of `kinds`. stations: by how much the pose sensor's stations, one
+    a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]: unrecorded, it leaves the outliers
+    behind; 0: none does.
     """
 
     kinds: Mapping[str, float]
@@ -110,7 +111,12 @@ class Spread:
     outliers: tuple[Outlier, ...]
     exists: np.ndarray
     stations: tuple[float, float] | None = None
+    of_few: Mapping[str, float] = field(default_factory=dict)
     force: float = 0.0
+
+    def all_over(self) -> Spread:
+        """Return the same where laws at a few places were looked for and do not explain it."""
+        return replace(self, kinds=self.of_few or self.kinds, of_few={})
 
     def stack(self, stack: Stack) -> Stack:
         """Return what was measured without outliers."""
@@ -442,7 +448,8 @@ def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
     covariance[inner] = inverse.T @ inverse
     mean[open_] = covariance[inner] @ data.right[open_] / noise
     cost = data.count * np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
-    cost += (data.square - float(data.right @ mean)) / noise
+    # least at the mean: what rounding does to it makes this larger, and never smaller
+    cost += data.left(mean) / noise + float((mean[open_] ** 2 / variances[open_]).sum())
     return _Fit(variances, noise, mean, covariance, float(cost))
 
 
@@ -514,7 +521,7 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
-    if _is_all_over(data, fit, seen):
+    if _explains(data, fit, seen):
         for name in names:
             if name in USUAL:
                 kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * USUAL[name]
@@ -528,7 +535,8 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     if set(_STATIONS) & set(names):
         sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
         found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
-    return Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found, force)
+    spread = Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found, force=force)
+    return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
 
 
 def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> float:
@@ -545,16 +553,14 @@ def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array
     return unrecorded_force(np.nan_to_num(rest[samples]), by_force, by_strains, white > 0, off)
 
 
-def _is_all_over(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
-    """Return True where kinds that are off explain most of what is left within tolerance, and a few places do not.
+def _explains(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
+    """Return True where kinds that are off explain most of what is left within tolerance.
 
-    They need not explain most of it where nothing is declared and all of the rest may be noise.
+    They need not where nothing is declared and all of the rest may be noise.
     """
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
-    explains = _left(data, fit) < EXPLAINED * _left(data, drawn)
     told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
-    explains |= told_nothing and seen.least == 0
-    return explains and not _are_few(data, fit, seen)
+    return _left(data, fit) < EXPLAINED * _left(data, drawn) or (told_nothing and seen.least == 0)
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -714,6 +720,9 @@ class _Seen:
             far = known & (here > OUTLIER**2 * size)
             if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(here[known], far[known]):
                 continue
+            inputs = self.problem.simulator.inputs
+            off = np.where(known[:, None], rest[:, group.where] / np.sqrt(fit.noise * size), np.nan)
+            far &= ~_shared(far, off, inputs.actuators, inputs.blocks)
             unit = noise.of_unit(group.unit) * np.sqrt(fit.noise)
             for sample in np.flatnonzero(far):
                 by = float(np.sqrt(here[sample]))
@@ -725,6 +734,31 @@ def _stand_apart(squares: Array, far: np.ndarray) -> bool:
     """Return True where those that are far off, by squares of distances (n,), leave a gap to all others."""
     most = far.sum() <= MOST_APART * len(far)
     return bool(most and squares[far].min() > APART**2 * squares[~far].max())
+
+
+def _shared(far: np.ndarray, off: Array, actuators: Array, blocks: np.ndarray) -> np.ndarray:
+    """Return which samples that are `far` off (N,) are so with their neighbours in posture, (N,): a machine's own ways.
+
+    A gross error is nobody else's: both postures nearest to it, by what the actuators move in all, are not off the same
+    way, but for those that follow each other, as a sensor slips for a while. off (N, k): by how much, in multiples of
+    the noise, NaN where nothing was measured; actuators (N, a).
+    """
+    found = np.zeros(len(far), bool)
+    known = np.isfinite(off).all(axis=1)
+    stretch = np.zeros(len(far), int)
+    stretch[known] = np.cumsum(np.diff(far[known], prepend=False))
+    scaled = actuators / np.maximum(actuators[known].std(axis=0), 1e-12)
+    for sample in np.flatnonzero(far & known):
+        others = np.flatnonzero(known & (blocks != blocks[sample]) & (stretch != stretch[sample]))
+        apart = ((scaled[others] - scaled[sample]) ** 2).sum(axis=1)
+        near = others[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]
+        along = off[near] @ off[sample] / np.linalg.norm(off[sample])
+        found[sample] = len(near) == _NEIGHBOURS and bool((along > OUTLIER / 2).all())
+    return found
+
+
+#: Neighbours in posture that share what is a machine's own.
+_NEIGHBOURS = 2
 
 
 def _exchanged(found: Sequence[Outlier], rest: Array, stack: Stack) -> list[Outlier]:
@@ -749,8 +783,9 @@ def _linear(target: Array, columns: Array, white: Array, weights: Array | None, 
     if weights is not None:
         for index, where in enumerate(_groups_of(stack)):
             scale[:, where] = np.sqrt(weights[:, index])[:, None]
-    right = (target * scale).ravel()
-    matrix = (columns * scale[..., None]).reshape(len(right), -1)
+    told = white > 0  # the others are zero, and take time
+    right = (target * scale)[told]
+    matrix = columns[told] * scale[told][:, None]
     count = float((scale**2 * (white > 0)).sum()) if weights is not None else float((white > 0).sum())
     return _Linear(matrix.T @ matrix, matrix.T @ right, float(right @ right), int(count))
 
@@ -763,14 +798,18 @@ def _distances(target: Array, columns: Array, white: Array, weights: Array | Non
     left = target - columns @ fit.mean
     found = []
     for index, where in enumerate(_groups_of(stack)):
+        told = (white[:, where] > 0).any(axis=1)
+        if not told.any():
+            found.append(np.full(len(left), np.nan))
+            continue
         part = columns[:, where]
-        reach = part @ fit.covariance @ part.mT / fit.noise
+        reach = (part.reshape(-1, part.shape[2]) @ fit.covariance).reshape(part.shape) @ part.mT / fit.noise
         weight = np.ones(len(left)) if weights is None else weights[:, index]
         rest, axes = np.linalg.eigh(np.eye(reach.shape[1]) - weight[:, None, None] * reach)
         # where a sample alone tells of a parameter, rounding must not make it less than nothing
         along = (axes.mT @ left[:, where, None])[..., 0]
         size = (along**2 / np.maximum(rest, _LEAST_PART)).sum(axis=1) / fit.noise
-        found.append(np.where((white[:, where] > 0).any(axis=1), size, np.nan))
+        found.append(np.where(told, size, np.nan))
     return np.stack(found, axis=1)
 
 

@@ -7,6 +7,7 @@ accelerations on an even clock, and `InverseDynamics` says what the actuators mu
 from .clock import EvenClock, even_clock
 from .in_motion import InMotion, could_be_gravity
 from .inertial import INERTIAL, in_frame
+from .inertial_loads import BodyMotion, body_motion
 from .inverse import InverseDynamics, Trajectory
 from .motion import Motion, is_standing, motion_of
 from .saturation import at_limit
@@ -15,6 +16,7 @@ from .smoothing import Band, LowPass, bandwidth
 __all__ = [
     "INERTIAL",
     "Band",
+    "BodyMotion",
     "EvenClock",
     "InMotion",
     "InverseDynamics",
@@ -23,6 +25,7 @@ __all__ = [
     "Trajectory",
     "at_limit",
     "bandwidth",
+    "body_motion",
     "could_be_gravity",
     "even_clock",
     "in_frame",

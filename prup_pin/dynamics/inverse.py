@@ -23,7 +23,7 @@ from ..mechanism import Frame, Mechanism
 from ..spatial import Array
 from .motion import Motion
 
-__all__ = ["InverseDynamics", "Trajectory"]
+__all__ = ["InverseDynamics", "Trajectory", "tree_motion"]
 
 #: Step of the numerical rate of S along the motion [s].
 _STEP = 1e-5
@@ -70,24 +70,11 @@ class InverseDynamics:
         dofs = np.array([mechanism.joint(name).first_v for name in self.driven], int)
         if mechanism.loops:
             return self._looped(motion, dofs)
-        count = len(motion)
-        q = np.tile(mechanism.home_configuration(), (count, 1))
-        v, a = np.zeros((count, model.nv)), np.zeros((count, model.nv))
-        for column, name in enumerate(motion.names):
-            joint = mechanism.joint(name)
-            if joint.nq == 1:
-                q[:, joint.first_q] = motion.position[:, column]
-            else:
-                q[:, joint.first_q] = np.cos(motion.position[:, column])
-                q[:, joint.first_q + 1] = np.sin(motion.position[:, column])
-            v[:, joint.first_v] = motion.speed[:, column]
-            a[:, joint.first_v] = motion.acceleration[:, column]
-        coupling = mechanism.coupling
-        if not coupling:
+        q, v, a = tree_motion(mechanism, motion.names, motion.position, motion.speed, motion.acceleration)
+        if not mechanism.coupling:
             return Trajectory(q, v, a, dofs, None)
-        coupling.place(q)
-        spread = np.broadcast_to(coupling.motions[:, dofs], (count, model.nv, len(dofs)))
-        return Trajectory(q, v @ coupling.motions.T, a @ coupling.motions.T, dofs, spread)
+        spread = np.broadcast_to(mechanism.coupling.motions[:, dofs], (len(motion), model.nv, len(dofs)))
+        return Trajectory(q, v, a, dofs, spread)
 
     def _looped(self, motion: Motion, dofs: np.ndarray) -> Trajectory:
         mechanism, model = self.mechanism, self.model
@@ -165,6 +152,29 @@ class InverseDynamics:
         own = np.array(own)
         own[:3] += np.cross(own[3:].T, arm).T
         return own
+
+
+def tree_motion(
+    mechanism: Mechanism, names: Sequence[str], position: Array, speed: Array, acceleration: Array
+) -> tuple[Array, Array, Array]:
+    """Return q (N, nq), v and a (N, nv) of a tree whose joints `names` move so, (N, j); the others stay at home."""
+    count, model = len(position), mechanism.model
+    q = np.tile(mechanism.home_configuration(), (count, 1))
+    v, a = np.zeros((count, model.nv)), np.zeros((count, model.nv))
+    for column, name in enumerate(names):
+        joint = mechanism.joint(name)
+        if joint.nq == 1:
+            q[:, joint.first_q] = position[:, column]
+        else:
+            q[:, joint.first_q] = np.cos(position[:, column])
+            q[:, joint.first_q + 1] = np.sin(position[:, column])
+        v[:, joint.first_v] = speed[:, column]
+        a[:, joint.first_v] = acceleration[:, column]
+    coupling = mechanism.coupling
+    if coupling:
+        coupling.place(q)
+        v, a = v @ coupling.motions.T, a @ coupling.motions.T
+    return q, v, a
 
 
 def _fields(gravity: Array, count: int) -> Array:

@@ -17,6 +17,7 @@ from .encoder import EncoderDelay, EncoderOffset
 from .everywhere import Everywhere
 from .external_spring import ExternalSpring, UnevenSpring
 from .geometric_offset import GeometricOffset
+from .guide_play import GuidePlay
 from .hertzian_contact import HertzianContact
 from .in_recording import in_groups
 from .inputs import Inputs, Trajectory
@@ -53,6 +54,7 @@ LAWS: tuple[Law, ...] = (
     EveryJointCompliance(),
     Backlash(),
     BacklashByAxis(),
+    GuidePlay(),
     HertzianContact(),
     CoulombFriction(),
     ViscousFriction(),

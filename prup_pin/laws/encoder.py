@@ -79,4 +79,4 @@ def late(column: int, delay: float, setup: Setup) -> Iterator[Deed]:
     """Yield how far an actuator is beyond a position that is reported `delay` [s] late, where its motion is known."""
     moved = setup.inputs.later(column, delay)
     if moved is not None:
-        yield Travel(column, moved)
+        yield Travel(column, moved, delay)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..dynamics import BodyMotion, body_motion
+from ..mechanism import Mechanism
 from ..spatial import Array
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import BSpline, CubicSpline
 
 __all__ = ["Inputs", "Trajectory"]
 
@@ -59,6 +62,31 @@ class Trajectory:
                 there = spline(ahead)[:, actuator] + beyond * spline(ahead, 1)[:, actuator]
                 out[here] = there - spline(time[here])[:, actuator]
         return out
+
+    def rates(self, time: Array, runs: np.ndarray, later: Array) -> tuple[Array, Array]:
+        """Return speeds and accelerations (N, a) `later` (N, a) [s] than times (N,) of runs (N,) [s].
+
+        Of smoothed positions: an encoder's noise, twice differentiated, would pass for acceleration.
+        """
+        out = np.zeros((2, *later.shape))
+        for run, splines in self._smoothed.items():
+            here = runs == run
+            first, last = self.runs[run].x[[0, -1]]
+            for column, spline in enumerate(splines):
+                there = np.clip(time[here] + later[here, column], first, last)
+                out[:, here, column] = 0.0 if spline is None else (spline(there, 1), spline(there, 2))
+        return out[0], out[1]
+
+    @cached_property
+    def _smoothed(self) -> dict[int, list[BSpline | None]]:
+        """Smoothing splines of each run's actuators, by generalised cross validation; None of one that stands."""
+        from scipy.interpolate import make_smoothing_spline  # heavy: only motions need it
+
+        found: dict[int, list[BSpline | None]] = {}
+        for run, spline in self.runs.items():
+            columns = spline(spline.x).T
+            found[run] = [make_smoothing_spline(spline.x, q) if np.ptp(q) > 0 else None for q in columns]
+        return found
 
 
 @dataclass(frozen=True)
@@ -115,6 +143,20 @@ class Inputs:
         if self.motion is not None:
             return self.motion.later(self.time, self.run_labels(), actuator, delay)
         return None if self.speeds is None else delay * self.speeds[:, actuator]
+
+    def bodies(
+        self, mechanism: Mechanism, samples: np.ndarray, travel: Array | float = 0.0, later: Array | float = 0.0
+    ) -> BodyMotion | None:
+        """Return how a tree's bodies move at samples (n,); None where nobody knows, and of a robot with loops.
+
+        travel (n, a) is added to the reported positions, and speeds and accelerations are those `later` [s], (n, a).
+        """
+        if self.motion is None or mechanism.loops:
+            return None
+        position = self.actuators[samples] + travel
+        later = np.broadcast_to(later, position.shape)
+        rates = self.motion.rates(self.time[samples], self.run_labels()[samples], later)
+        return body_motion(mechanism, position, *rates)
 
     @property
     def elapsed(self) -> Array:

@@ -16,7 +16,7 @@ from .setup import Setup
 
 
 class Payload(Law):
-    """A mass at the tool point; its weight is a dead force."""
+    """A mass at the tool point; its weight, and its inertia where the robot moves, are a dead force."""
 
     physics = "payload"
     summary = "a mass on the tool"
@@ -32,10 +32,9 @@ class Payload(Law):
         return [] if carried is None else [Place(carried, self.variant)]
 
     def deeds(self, place: Place, values: Mapping[str, float], setup: Setup) -> Iterable[Deed]:
-        weight = values["mass"] * setup.gravity()
         arm = setup.turns @ self._centre(values)
-        force = np.broadcast_to(weight, arm.shape)
-        yield ToolLoad(np.concatenate((force, np.cross(arm, weight)), axis=1))
+        force = np.broadcast_to(values["mass"] * setup.falls(arm), arm.shape)
+        yield ToolLoad(np.concatenate((force, np.cross(arm, force)), axis=1))
 
     def _centre(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the centre of mass in the tool's axes [m], (3,)."""

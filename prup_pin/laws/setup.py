@@ -59,14 +59,26 @@ class Setup:
     weight: float = 0.0  # share of the links' weight that acts
     spread_weight: bool = False
     reports: list[PoseReport] = field(default_factory=list)
+    tool_motion: tuple[Array, Array] | None = None  # as `BodyMotion.of_frame`, before anything deforms
+    later: Array | float = 0.0  # (N, a) [s]: the actuators move as they are reported to do so much later
 
     @classmethod
-    def nominal(cls, mechanism: Mechanism, inputs: Inputs, turns: Array | None = None) -> Setup:
-        """Return the simulation as the robot file has it; `turns` is the tool's orientation (N, 3, 3), if known."""
+    def nominal(
+        cls,
+        mechanism: Mechanism,
+        inputs: Inputs,
+        turns: Array | None = None,
+        tool_motion: tuple[Array, Array] | None = None,
+    ) -> Setup:
+        """Return the simulation as the robot file has it; `turns` is the tool's orientation (N, 3, 3), if known.
+
+        tool_motion: how the tool is accelerated, as `BodyMotion.of_frame` tells it; None: it is not known to be.
+        """
         if turns is None:
             turns = np.broadcast_to(np.eye(3), (len(inputs), 3, 3))
         wrench = np.array(inputs.wrench, float)
-        return cls(mechanism, inputs, wrench, np.zeros_like(wrench), np.zeros_like(inputs.actuators, float), turns)
+        travel = np.zeros_like(inputs.actuators, float)
+        return cls(mechanism, inputs, wrench, np.zeros_like(wrench), travel, turns, tool_motion=tool_motion)
 
     def copy(self) -> Setup:
         """Return a setup that may take more deeds; this one stays as it is."""
@@ -96,6 +108,19 @@ class Setup:
             return self.mechanism.gravity
         return given if samples is None else given[samples]
 
+    def falls(self, arm: Array) -> Array:
+        """Return free fall less the acceleration of the tool's point at `arm` (N, 3) [m], base axes [m/s^2]."""
+        if self.tool_motion is None:
+            return self.gravity()
+        accelerated, around = self.tool_motion
+        return np.asarray(self.gravity() - accelerated - (around @ arm[..., None])[..., 0])
+
+    def inertia(self, samples: np.ndarray) -> Array | None:
+        """Return the wrenches of all links' inertia (n, links, 6), as in `Conditions`; None where none is known."""
+        travel, later = self.travel[samples], np.broadcast_to(self.later, self.travel.shape)[samples]
+        moving = self.inputs.bodies(self.mechanism, samples, travel, later) if self.mechanism.links else None
+        return None if moving is None else moving.loads(self.mechanism.links)
+
     # -- what the simulation is run with -------------------------------------------------------------------------------
 
     @property
@@ -110,7 +135,7 @@ class Setup:
 
     def without_memory(self) -> Setup:
         """Return the simulation without the deeds that remember."""
-        plain = Setup.nominal(self.mechanism, self.inputs, self.turns)
+        plain = Setup.nominal(self.mechanism, self.inputs, self.turns, self.tool_motion)
         plain.take(deed for deed in self.deeds if not deed.memory)
         return plain
 
@@ -133,7 +158,9 @@ class Setup:
 
     def loads(self, samples: np.ndarray) -> Conditions:
         """Return what pulls at the robot at samples (n,), and nothing else."""
+        inertia = self.inertia(samples) if self.weight else None
         return Conditions(
+            inertia=None if inertia is None else self.weight * inertia,
             wrench=self.wrench[samples],
             gravity=self.gravity(samples) * self.weight if self.weight else None,
             mass_factors=self._masses(),

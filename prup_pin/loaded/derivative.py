@@ -15,7 +15,7 @@ import numpy as np
 
 from ..mechanism import Frame, Link
 from ..spatial import Array, base_wrench_from_point, cross, rotation_exp, rotation_tangent, skew
-from .residual import Evaluation, ModuleLoads
+from .residual import Evaluation, ModuleLoads, inertial_loads
 from .rod import LoadedRod
 from .state import Conditions, State
 from .structure import Structure
@@ -189,12 +189,18 @@ def wrench_columns(structure: Structure, at: Evaluation, bodies: np.ndarray, wre
 
 
 def mass_columns(structure: Structure, at: Evaluation, gravity: Array, links: Sequence[Link]) -> Array:
-    """Return d(residual)/d(mass [kg] of links, at their centres), (N, m, c), under gravity (3,) or (N, 3)."""
+    """Return d(residual)/d(mass [kg] of links, at their centres), (N, m, c), under gravity (3,) or (N, 3).
+
+    With gravity (N, 6): under a wrench per mass about the centre, weight and inertia in one.
+    """
     joints = [link.joint for link in links]
     placed, levers = at.placements[:, joints], np.array([link.lever for link in links])
     centres = (placed[..., :3, :3] @ levers[:, :, None])[..., 0] + placed[..., :3, 3]
-    down = np.broadcast_to(np.reshape(gravity, (-1, 1, 3)), centres.shape)
+    field = np.reshape(gravity, (-1, 1, np.shape(gravity)[-1]))
+    down = np.broadcast_to(field[..., :3], centres.shape)
     weights = np.concatenate((down, cross(centres, down)), axis=-1)
+    if field.shape[-1] == 6:
+        weights[..., 3:] += field[..., 3:]
     return wrench_columns(structure, at, np.array(joints, int), weights.mT)
 
 
@@ -255,7 +261,7 @@ def _seen(structure: Structure, at: Evaluation, conditions: Conditions, observer
         left += [held @ at.loops.by_first[:, index], held @ at.loops.by_second[:, index]]
         right += [motions.first[:, index, None] * screws, motions.second[:, index, None] * screws]
     seen += np.concatenate(left, axis=-1) @ np.concatenate(right, axis=-1).mT
-    if conditions.gravity is not None:
+    if conditions.gravity is not None or conditions.inertia is not None:
         seen += _weight_seen(structure, at, observers, conditions, motions)
     return seen
 
@@ -275,17 +281,23 @@ def _opened(structure: Structure, at: Evaluation, motions: Motions) -> Array:
 def _weight_seen(
     structure: Structure, at: Evaluation, observers: Array, conditions: Conditions, motions: Motions
 ) -> Array:
-    """Return what observers see more of the bodies' weights by motions, (N, k, c)."""
+    """Return what observers see more of the bodies' weights and inertia by motions, (N, k, c)."""
     screws = motions.screws
-    masses, levers = structure.weighed(conditions.mass_factors)
-    mass = structure.support @ masses
-    centres = (at.placements[..., :3, :3] @ levers[:, :, None])[..., 0] + at.placements[..., :3, 3]
-    first = structure.support @ (masses[:, None] * centres)
     form = np.zeros((len(screws), structure.count, 6, 6))
-    assert conditions.gravity is not None
-    g = skew(conditions.gravity)[..., None, :, :]
-    form[..., 3:, :3] = -mass[:, None, None] * g
-    form[..., 3:, 3:] = g @ skew(first)
+    if conditions.gravity is not None:
+        masses, levers = structure.weighed(conditions.mass_factors)
+        mass = structure.support @ masses
+        centres = (at.placements[..., :3, :3] @ levers[:, :, None])[..., 0] + at.placements[..., :3, 3]
+        first = structure.support @ (masses[:, None] * centres)
+        g = skew(conditions.gravity)[..., None, :, :]
+        form[..., 3:, :3] = -mass[:, None, None] * g
+        form[..., 3:, 3:] = g @ skew(first)
+    if conditions.inertia is not None:
+        wrench, centres = inertial_loads(structure, at.placements, conditions)
+        links = structure.support @ structure.body_of
+        forces = skew(wrench[..., :3])
+        form[..., 3:, :3] -= np.einsum("jl,nlab->njab", links, forces)
+        form[..., 3:, 3:] += np.einsum("jl,nlab->njab", links, forces @ skew(centres))
     row = form[:, structure.column_joint]
     column = row if motions.joint is structure.column_joint else form[:, motions.joint]
     deep = ((observers[..., None, :] @ row)[..., 0, :] @ screws.mT) * motions.above

@@ -62,7 +62,7 @@ class Equilibria:
     def unloaded(self, samples: Array) -> State:
         """Return the states of some samples (k,) where nothing loads the robot: no wrench, no weight, no friction."""
         some = self.conditions.take(samples)
-        bare = replace(some, wrench=np.zeros_like(some.wrench), gravity=None, torques=None)
+        bare = replace(some, wrench=np.zeros_like(some.wrench), gravity=None, torques=None, inertia=None)
         rows = np.arange(len(samples))
         return _newton(self.chain, self.rigid.take(samples), self.state.take(samples), bare, rows, None)[0]
 

@@ -167,7 +167,7 @@ class FirstOrder:
         return self.once(("loop end", loop, end), compute)
 
     def by_mass(self, link: Link, gravity: Array) -> Array:
-        """Return what is watched per mass of a link at its centre, (n, R), under gravity (3,) or (n, 3)."""
+        """Return what is watched per mass of a link, (n, R), under gravity (3,) or (n, 3), or as in `mass_columns`."""
         return -(self.by_row @ self.chain.mass_columns(self.found.evaluation, gravity, [link]))[..., 0]
 
     def by_values(self, module: str, ahead: Mapping[str, Any], behind: Mapping[str, Any]) -> Array:

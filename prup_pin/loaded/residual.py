@@ -22,7 +22,16 @@ from .state import Conditions, State
 from .structure import Sliding, Structure
 from .values import ModuleValues
 
-__all__ = ["Evaluation", "ModuleFrames", "ModuleLoads", "evaluated", "is_balanced", "loads_on_bodies", "sliding_force"]
+__all__ = [
+    "Evaluation",
+    "ModuleFrames",
+    "ModuleLoads",
+    "evaluated",
+    "inertial_loads",
+    "is_balanced",
+    "loads_on_bodies",
+    "sliding_force",
+]
 
 #: Forces left over, as a share of the largest one carried, and gaps left open [m, rad].
 _UNBALANCED, _OPEN, _JAMMED = 1e-6, 1e-8, 1e-10
@@ -203,7 +212,21 @@ def loads_on_bodies(structure: Structure, placements: Array, conditions: Conditi
         centres = (placements[:, :, :3, :3] @ levers[:, :, None])[..., 0] + placements[:, :, :3, 3]
         bodies[..., :3] += weight
         bodies[..., 3:] += cross(centres, weight)
+    if conditions.inertia is not None:
+        wrench, centres = inertial_loads(structure, placements, conditions)
+        wrench[..., 3:] += cross(centres, wrench[..., :3])
+        bodies += structure.body_of @ wrench
     return bodies
+
+
+def inertial_loads(structure: Structure, placements: Array, conditions: Conditions) -> tuple[Array, Array]:
+    """Return the wrenches of links' inertia about their centres, (N, links, 6), and these (N, links, 3), base axes."""
+    assert conditions.inertia is not None
+    factors = np.ones(len(structure.links)) if conditions.mass_factors is None else conditions.mass_factors
+    placed = placements[:, [link.joint for link in structure.links]]
+    levers = np.array([link.lever for link in structure.links])
+    centres = (placed[..., :3, :3] @ levers[:, :, None])[..., 0] + placed[..., :3, 3]
+    return factors[:, None] * conditions.inertia, centres
 
 
 def _carried(structure: Structure, placements: Array, loops: LoopForces, conditions: Conditions) -> Array:

@@ -25,7 +25,8 @@ class Conditions:
     joints, by joint id: (6,), a translation in the axes of the parent's frame and a rotation vector in the joint's own;
     `loop_offsets` likewise that of loops' ends on their bodies, by the loop's place and 0 or 1 for its first or second
     end; `mass_factors` (links,) multiplies the masses of `Mechanism.links`; `springs` pull the tool point to where
-    they are slack: stiffness (3, 3) [N/m] and that point (3,), base axes.
+    they are slack: stiffness (3, 3) [N/m] and that point (3,), base axes; `inertia` (N, links, 6) are what
+    the motion of the same links loads them with, dead wrenches about their centres, base axes.
     """
 
     wrench: Array
@@ -38,6 +39,7 @@ class Conditions:
     loop_offsets: dict = field(default_factory=dict)
     mass_factors: Array | None = None
     springs: tuple[tuple[Array, Array], ...] = ()
+    inertia: Array | None = None
 
     def force_at(self, point: Array) -> Array:
         """Return the force on the tool while its point is there, (N, 3): the wrench's and the springs'."""
@@ -53,6 +55,7 @@ class Conditions:
             wrench=self.wrench[rows],
             gravity=self.gravity if self.gravity is None or self.gravity.ndim < 2 else self.gravity[rows],
             torques=None if self.torques is None else self.torques[rows],
+            inertia=None if self.inertia is None else self.inertia[rows],
             actuators=None if self.actuators is None else self.actuators[rows],
             strains={name: _taken(strain, rows) for name, strain in self.strains.items()},
         )

@@ -132,10 +132,25 @@ class Simulator:
 
     def setup(self, effects: Sequence[Effect] = (), begin: Setup | None = None) -> Setup:
         """Return what a simulation with these effects is run with, after those of `begin`."""
-        setup = Setup.nominal(self.robot.mechanism, self.inputs, self._turns) if begin is None else begin.copy()
+        setup = self._nominal() if begin is None else begin.copy()
         for effect in effects:
             setup.take(effect.deeds(setup))
         return setup
+
+    def _nominal(self) -> Setup:
+        return Setup.nominal(self.robot.mechanism, self.inputs, self._turns, self._tool_motion)
+
+    @cached_property
+    def _tool_motion(self) -> tuple[Array, Array] | None:
+        """How the tool is accelerated at every sample before anything deforms, as in `Setup`."""
+        samples = np.flatnonzero(self.complete)
+        found = self.inputs.bodies(self.robot.mechanism, samples)
+        if found is None:
+            return None
+        out = np.zeros((len(self.inputs), 3)), np.zeros((len(self.inputs), 3, 3))
+        for all_, some in zip(out, found.of_frame(self.robot.mechanism.need_tool()), strict=True):
+            all_[samples] = some
+        return out
 
     def run(self, effects: Sequence[Effect] = (), start: Run | None = None, memory: Memory | None = None) -> Run:
         """Return the simulation with these effects; `start` is a similar one, from which the search begins.

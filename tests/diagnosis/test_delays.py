@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import prup_pin
+from prup_pin.channels import Stack, channels_of
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.calibrate import toleranced_of
-from prup_pin.recordings import TYPICAL, read_recording
-from prup_pin.simulation import simulate
+from prup_pin.diagnosis.prepare import what_is_missing
+from prup_pin.recordings import TYPICAL, Recording, read_recording
+from prup_pin.simulation import inputs_of, simulate, trajectory_of
 
 from ..reference.concealed.efforts import KINDS
 from ..reference.concealed.tracked import draw_tracked, write
@@ -47,6 +49,19 @@ def test_one_clock_beside_the_encoders_is_one_delay(late, speeds, tmp_path):
     assert left < 1.2 * device["noise"]["position"]
 
 
+@pytest.mark.slow
+def test_gears_that_yield_and_encoders_that_are_late_are_told_apart(tmp_path):
+    late = [0.0, 4e-3, 9e-3, 0.0, 2e-3, 6e-3]
+    device, robot, recording, heldout = drawn(tmp_path, 0, "ur5", late=late, yields=True)
+    found = diagnose(robot, recording)
+    assert "joint_compliance" in {item.physics for item in found.findings}
+    told = delays(found)
+    for name, each in zip(device["truth"]["joints"], late, strict=True):
+        assert told.get(f"{name}.encoder_delay", 0.0) + told.get("encoders.delay", 0.0) == pytest.approx(each, abs=2e-4)
+    apart = (simulate(robot, heldout, found.effects).position - heldout.position)[5:-5]
+    assert np.sqrt(np.mean(apart**2)) < 1.2 * device["noise"]["position"]
+
+
 def test_a_robot_at_rest_has_no_delay(tmp_path):
     _, robot, recording, _ = drawn(tmp_path, 3, "ur5", rows=40, moving=False)
     for moves in (False, True):
@@ -56,3 +71,14 @@ def test_a_robot_at_rest_has_no_delay(tmp_path):
     found = diagnose(robot, recording)
     assert not any("delay" in item.deviation.name for item in found.calibration)
     assert any(item.physics == "encoder_delay" and item.smallest is None for item in found.not_detectable)
+
+
+def test_a_moving_loop_is_told_to_bear_its_weight_alone():
+    robot = prup_pin.load("3prup")
+    time, home = np.arange(50) / 100, robot.pose(z=0.4).actuators
+    moving = {name: value + 1e-2 * np.sin(6 * time) for name, value in home.items()}
+    for positions, told in ((moving, 1), ({name: np.full(50, value) for name, value in home.items()}, 0)):
+        recording = Recording(time, positions, position=np.zeros((50, 3)))
+        inputs = inputs_of(recording, robot, trajectory_of(recording, robot))
+        remarks = what_is_missing(inputs, Stack(channels_of(recording, robot.mechanism)), robot.mechanism)
+        assert sum("inertia" in text for text in remarks) == told

@@ -81,6 +81,34 @@ def test_a_third_of_all_is_gross_where_nothing_lies_between_and_a_machine_where_
     assert not spread._stand_apart(squares[8:], squares[8:] > 36)
 
 
+def test_what_neighbours_in_posture_share_is_the_machine_and_no_gross_error():
+    """A corner of the postures where something lets go; in it, and far from it, a tracker slips once."""
+    draw = np.random.default_rng(1)
+    actuators, blocks = draw.uniform(0, 1, (300, 2)) * [1.0, 30.0], np.repeat(np.arange(150), 2)
+    actuators = actuators[2 * blocks]
+    corner = (actuators / [1.0, 30.0] > 0.8).all(axis=1)
+    off = draw.standard_normal((300, 3)) + 20.0 * corner[:, None] * [1.0, 0.5, 0.0]
+    slips = [np.flatnonzero(corner)[3], np.flatnonzero(~corner)[40]]
+    off[slips] = [-20.0, 0.0, 20.0]
+    far = np.linalg.norm(off, axis=1) > 6
+    shared = spread._shared(far, off, actuators, blocks)
+    assert not shared[slips].any()
+    assert shared.sum() > 0.6 * corner.sum() > 5
+    # samples of one block, taken while nothing moved, are no neighbours
+    off[far] = 0.0
+    slips = [40, 41]
+    off[slips] = [0.0, 20.0, 0.0]
+    assert not spread._shared(np.isin(np.arange(300), slips), off, actuators, blocks).any()
+
+
+def test_a_sensor_that_slips_for_a_while_along_a_way_is_not_the_machine():
+    way = np.linspace(0, 6, 200)
+    actuators, blocks = np.stack((np.sin(way), np.cos(way)), axis=1), np.arange(200)
+    off = np.random.default_rng(1).standard_normal((200, 3))
+    off[60:66, 0] += 20.0
+    assert not spread._shared(np.abs(off).max(axis=1) > 8, off, actuators, blocks).any()
+
+
 def test_the_noise_is_that_which_the_tracker_has(given):
     assert given.problem.noise.position == pytest.approx(NOISE, rel=0.1)
     assert given.problem.noise.source == "estimated"
@@ -160,3 +188,14 @@ def test_no_other_spread_is_likelier():
             other = np.where(labels == label, factor, 1.0) * found.variances
             assert spread._posterior(data, other, found.noise).cost > found.cost
         assert spread._posterior(data, found.variances, factor * found.noise).cost > found.cost
+
+
+@pytest.mark.parametrize("size", [1.0, 1e8])
+def test_no_variance_is_likelier_by_rounding(size):
+    """Of parameters that do nearly the same, none leaves less than the least squares that there are."""
+    rng = np.random.default_rng(0)
+    columns = 300 * rng.normal(size=(600, 6)) @ rng.normal(size=(6, 12)) + 1e-4 * rng.normal(size=(600, 12))
+    right = columns @ (5 * rng.normal(size=12)) + rng.normal(size=600)
+    data = spread._Linear(columns.T @ columns, columns.T @ right, float(right @ right), 600)
+    least = right - columns @ np.linalg.lstsq(columns, right, rcond=None)[0]
+    assert spread._posterior(data, np.full(12, size), 1.0).cost > float(least @ least)

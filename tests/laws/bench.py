@@ -13,7 +13,7 @@ from prup_pin.simulation import Simulator
 from prup_pin.spatial import rotation_log
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-NAMES = ("3prup", "3prup_as_published", "ur5", "five_bar", "delta", "six_ups")
+NAMES = ("3prup", "3prup_as_published", "ur5", "five_bar", "delta", "six_ups", "lift")
 #: One load cycle in shares of a wrench: it ends where it began, so that what remembers shows.
 CYCLE = (0.0, 1.0, 0.5, -1.0, 0.0)
 WRENCH = np.array([30.0, -20.0, 25.0, 4.0, 3.0, -2.0])
@@ -24,6 +24,7 @@ ACTUATORS = {
     "five_bar": [[0.2, -0.1], [-0.1, 0.2]],
     "delta": [[0.3, -0.2, 0.1], [0.1, 0.1, 0.2]],
     "six_ups": [[0.02, -0.01, 0.03, 0.0, 0.01, -0.02], [-0.01, 0.02, 0.0, 0.03, -0.02, 0.01]],
+    "lift": [[0.15, 0.3, -0.6, 1.2, 0.4], [0.6, 1.5, -0.2, 0.7, -0.5]],
 }
 
 
@@ -40,6 +41,8 @@ def robot(name: str) -> prup_pin.Robot:
         return prup_pin.load(ROBOTS / "delta/robot.urdf", tool="centre", joint_stiffness=2000.0)
     if name == "six_ups":
         return prup_pin.load(ROBOTS / "six_ups/six_ups.urdf")
+    if name == "lift":
+        return prup_pin.load(ROBOTS / "lift/lift.urdf", tool="target")
     return prup_pin.load(name)
 
 

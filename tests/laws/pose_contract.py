@@ -57,7 +57,7 @@ def check_derivatives(name, law, place):
     """A strain's derivative by the load is its finite difference, and a part of its samples is that part of it."""
     setup = simulator(name).setup([Effect(law, place, start_of(law, name, place))])
     for module, strains in setup.strains.items():
-        wide = 6 if module in robot(name)._statics.wrench_names else 1
+        wide = 1 if module in robot(name)._statics.drive_names else 6
         load = np.random.default_rng(5).normal(size=(len(setup.inputs), wide)) * 3.0
         for strain in strains:
             value, slope = strain(load)

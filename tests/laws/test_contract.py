@@ -11,6 +11,7 @@ import pytest
 from prup_pin.errors import InputError, ParameterError, UnknownNameError
 from prup_pin.laws import LAWS, Effect, Everywhere, Place, Torsion, law_at
 from prup_pin.laws.deeds import Strain
+from prup_pin.laws.guide_play import GuidePlay
 from prup_pin.laws.thermal_growth import GrowthFromSupport
 
 from .bench import ACTUATORS, NAMES, change, robot, simulator
@@ -35,6 +36,8 @@ PLACES = {f"leg{leg}/{part}" for leg in (1, 2, 3) for part in PARTS}
 PLACES |= {"moving_star", "target", "wrench_sensor", "pose_sensor", "environment", "base", "robot"}
 #: Laws that no pose shows alone: torsion, since no torque reaches the beams unless a joint resists.
 HIDDEN = (Torsion,)
+#: Robots that are there for what no other one has: slides without a screw, a slide in a tree.
+ONLY = {"six_ups": GrowthFromSupport, "lift": GuidePlay}
 #: The five-bar's gravity is perpendicular to its plane.
 HIDDEN_ON = {("five_bar", "payload")}
 
@@ -58,8 +61,8 @@ def cases():
         for law in LAWS:
             if name == "3prup_as_published" and law.physics != "model_equation_error":
                 continue
-            if name == "six_ups" and not isinstance(law, GrowthFromSupport):
-                continue  # it has the slides without a screw
+            if name in ONLY and not isinstance(law, ONLY[name]):
+                continue
             if places := law.places(robot(name).mechanism):
                 yield name, law, places
 

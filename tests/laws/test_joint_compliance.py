@@ -111,6 +111,24 @@ def test_across_one_way_more_than_the_other_as_the_body_before_stands(tmp_path):
     assert agreement(TORSO, JOINTS, ("left_fore",), tree, halves) < 1e-8
 
 
+def test_play_in_the_guide_of_a_slide_that_is_pulled_out(tmp_path):
+    """A clearance of 0.4 mm over 0.7 m at zero, of which 0.2 m are left where it is out, beside what yields there."""
+    path = tmp_path / "lift.urdf"
+    path.write_text(LIFT, encoding="utf-8")
+    tree = PosedTree(path, guides={"rise": (4e-4, 0.7, 5.0)}, across={"rise": 1e-4})
+    mechanism = prup_pin.load(path).mechanism
+    middle, half = 0.7 - 0.25, 0.25  # what it holds in the middle of its way
+    values = {"angle": 4e-4 / middle, "growth": half / middle, "closing_moment": 5.0}
+    play = effect_named("guide_play", "rise", "", values, mechanism)
+    places = [("rise", "across", 1e-4), play]
+    assert agreement(path, ("rise", "swing"), ("arm", "column"), tree, places) < 1e-8
+    alike = effect_named("guide_play", "rise", "", {**values, "growth": 0.0}, mechanism)
+    assert agreement(path, ("rise", "swing"), ("arm", "column"), tree, [places[0], alike]) > 0.02
+    said = play.statement(mechanism)
+    assert "±889 µrad in the middle" in said
+    assert "±2 mrad where it is extended and by ±571 µrad" in said
+
+
 def test_a_part_in_a_hundred_less_would_show():
     tree = PosedTree(TORSO, about={"bend": 2e-4})
     places = [("bend", "about", 1.98e-4)]

@@ -52,7 +52,9 @@ def placed(rotation=None, shift=(0.0, 0.0, 0.0)) -> np.ndarray:
 @dataclass
 class PosedTree:
     """What is true of the device. By joint: compliance about and across its axis [rad/(N m), m/N for a slide's own],
-    alike both ways across or a matrix (3, 3) in the axes of its seat; what its position is beyond the reported one,
+    alike both ways across or a matrix (3, 3) in the axes of its seat; for a slide's guide the clearance and the length
+    over which it holds at zero [m], and the moment [N m] that tilts what it holds by three quarters of one over the
+    other, less the more it is out; what its position is beyond the reported one,
     where it is beyond its drawing, in the parent's axes, how it is turned there, how much heavier its body is; by
     frame: where the marker sits on it. `tracker` is (4, 4), tracker from base.
     """
@@ -60,6 +62,7 @@ class PosedTree:
     path: Path
     about: Mapping[str, float] = field(default_factory=dict)
     across: Mapping[str, float | np.ndarray] = field(default_factory=dict)
+    guides: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     moved: Mapping[str, np.ndarray] = field(default_factory=dict)
     tilted: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -95,7 +98,7 @@ class PosedTree:
             before = turn.copy(), slid.copy()
             for joint in range(1, count):
                 own = moment[joint] - crossed(bodies[joint][:3, 3], force[joint])
-                self._yield(joint, seats[joint][:3, :3].T, force[joint], own, turn, slid)
+                self._yield(joint, self._at(q, joint), seats[joint][:3, :3].T, force[joint], own, turn, slid)
             if max(np.abs(turn - before[0]).max(), np.abs(slid - before[1]).max()) < _STILL:
                 return bodies
         raise RuntimeError("no equilibrium")
@@ -106,13 +109,18 @@ class PosedTree:
             name, twist, drawn = self.model.names[joint], self.twists[joint], self.model.jointPlacements[joint]
             rotation = drawn.rotation @ turned(self.tilted.get(name, np.zeros(3)))
             seat = bodies[self.model.parents[joint]] @ placed(rotation, drawn.translation + self.moved.get(name, 0.0))
-            leader, ratio, offset = self.follows.get(name, (name, 1.0, 0.0))
-            at = ratio * q.get(leader, 0.0) + offset + self.offsets.get(name, 0.0)
+            at = self._at(q, joint)
             seats.append(seat)
             slide = placed(shift=twist[:3] * (at + slid[joint]))
             own = at + (slid[joint] if np.any(twist[3:]) else 0.0)
             bodies.append(seat @ slide @ placed(turned(turn[joint])) @ placed(turned(twist[3:] * own)))
         return bodies, seats
+
+    def _at(self, q, joint) -> float:
+        """Return where a joint stands but for what it yields."""
+        name = self.model.names[joint]
+        leader, ratio, offset = self.follows.get(name, (name, 1.0, 0.0))
+        return ratio * q.get(leader, 0.0) + offset + self.offsets.get(name, 0.0)
 
     def _carried(self, bodies, wrench, tool) -> tuple[np.ndarray, np.ndarray]:
         """Return force and moment about the base's origin on every joint's subtree."""
@@ -133,8 +141,8 @@ class PosedTree:
             moment[self.model.parents[joint]] += moment[joint]
         return force, moment
 
-    def _yield(self, joint, axes, force, moment, turn, slid) -> None:
-        """Let a joint yield; `axes` are those of its seat, `moment` is about the joint.
+    def _yield(self, joint, at, axes, force, moment, turn, slid) -> None:
+        """Let a joint yield that stands at `at`; `axes` are those of its seat, `moment` is about the joint.
 
         The moment that tilts is conjugate to the vector of the tilt: nothing but a potential is stored.
         """
@@ -147,6 +155,10 @@ class PosedTree:
         slid[joint] = about * float(axis @ own)
         tilted = felt - axis * float(axis @ felt)
         turn[joint] = across @ tilted if np.ndim(across) else across * tilted
+        if name in self.guides:
+            clearance, held, moment_to_tilt = self.guides[name]
+            size = float(np.linalg.norm(tilted))
+            turn[joint] += clearance / (held - at) * np.tanh(size / moment_to_tilt) / max(size, 1e-300) * tilted
 
     def markers(self, q, names: Sequence[str], wrench=None, tool: str = "") -> dict[str, np.ndarray]:
         """Return where the tracker sees the markers on these frames, (4, 4) each."""

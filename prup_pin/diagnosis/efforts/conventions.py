@@ -165,10 +165,10 @@ class _Search:
         tried = [self._found((), self.written)]
         if unit is not None:
             tried.append(self._found((unit,), read_as(self.written, [unit], self.drawn)))
-        elif gains_apart({name: gain for name, gain in signed.items() if gain > 0}):
+        elif gains_apart({name: abs(gain) for name, gain in signed.items()}):
             # each drive in a unit of its own is no sign turned round: what is read otherwise is looked for beside that
-            usual = float(np.median(np.abs(list(signed.values()))))
-            own = {name: tau / abs(signed.get(name, usual)) for name, tau in self.written.efforts.items()}
+            sizes = gains_of_efforts(self.motion, self.efforts, self.rigid, follows=0.0)
+            own = {name: tau / abs(sizes.get(name, 1.0)) for name, tau in self.written.efforts.items()}
             tried.append(self._found((), replace(self.written, efforts=own)))
         found = [item for item in tried if item.conventions]
         if not found:
@@ -221,7 +221,10 @@ class _Search:
         if now > EFFORT_STRANGE:
             taken, least, others = self._forward(begin, now)
             if taken and not self._makes_sense(begin, taken):
-                taken, least, others = (), now, ()
+                # signs of efforts say nothing of one another: those that are sure by themselves are told
+                signs = [item for item in taken if item.word == "reversed" and item.columns.startswith("tau.")]
+                taken, others = tuple(item for item in signs if self._makes_sense(begin, (item,))), ()
+                least = self.left(read_as(begin, taken, self.drawn)) if taken else now
         written = self.left(self.written) if start else now
         conventions = merged((*start, *taken), list(self.written.positions), list(self.written.efforts))
         held = 1 - min(1.0, (least / written) ** 2) if written > 0 else 0.0
@@ -507,12 +510,15 @@ def _friction(motion: Motion, joint: str) -> Array:
     return np.column_stack((speed / np.hypot(speed, motion.slow[column]), speed))
 
 
-def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array) -> dict[str, float]:
-    """Return by how much efforts are larger than the rigid robot's, of joints where they follow them or minus them."""
+def gains_of_efforts(motion: Motion, efforts: Array, rigid: Array, follows: float = EFFORT_FOLLOWS) -> dict[str, float]:
+    """Return by how much efforts are larger than the rigid robot's, of joints where they follow them or minus them.
+
+    follows: the correlation without friction, of either sign, from which they do.
+    """
     gains: dict[str, float] = {}
     for column, name in enumerate(motion.driven):
         own = _freed(motion, name, np.column_stack((efforts[:, column], rigid[:, column])))
         product, sizes = float(own[:, 0] @ own[:, 1]), np.linalg.norm(own, axis=0)
-        if sizes.all() and abs(product) > EFFORT_FOLLOWS * float(sizes[0] * sizes[1]):
+        if sizes.all() and abs(product) > follows * float(sizes[0] * sizes[1]):
             gains[name] = product / float(sizes[1] ** 2)
     return gains

@@ -1,7 +1,7 @@
 """Efforts in units of their own: motor currents, per cent of a rating, torque constants that were never measured.
 
 What a drive reports is g tau, tau = Y b + friction, with a gain g of its own at every joint and inertial parameters b
-that all joints share. That is bilinear in g and b, and solved by Newton's method under priors: b about the robot
+that all joints share. That is bilinear in g and b, and solved under priors: b about the robot
 file's, ln g about that of all joints. All gains k times as large and all masses k times smaller are the same efforts:
 which of them it is, only the robot file's masses decide (Gautier and Venture 2013).
 """
@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize
 
 from ...dynamics import InMotion
 from ...laws.efforts import EFFORT_LAWS, EffortLaw
@@ -25,13 +27,16 @@ from ..criteria import (
     EFFORT_GAINS_SAVE,
     EFFORT_MASSES,
     EFFORT_SURE,
+    PARAMETER_COST,
 )
 from .columns import column_blocks, kept_samples
 
 __all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains"]
 
-#: Samples that are looked at, and steps of Newton's method.
-_SAMPLES, _STEPS = 6000, 60
+#: Samples that are looked at.
+_SAMPLES = 6000
+#: Combinations of inertial parameters of which efforts know less than this share of the best known are not looked for.
+_TOLD = 1e-12
 #: Masses are given so many times their spread while it is asked whether gains are needed beside them.
 _WIDER = 3.0
 #: Blocks of time that are held out in turn.
@@ -69,6 +74,18 @@ class _Products:
         return self.columns[:, kept].sum(axis=1), self.moment[:, kept].sum(axis=1), self.power[:, kept].sum(axis=1)
 
 
+class _Solution(NamedTuple):
+    """Inertial parameters (p,), the gains' logarithms (k,), their covariance (k, k), and the squares that it costs.
+
+    Those are what the efforts leave, less what they are, and what the priors ask for.
+    """
+
+    inertial: Array
+    log: Array
+    covariance: Array
+    cost: float
+
+
 def law_of_gains() -> EffortLaw:
     """Return the law of a drive that reports in a unit of its own, which no other law competes with."""
     return next(law for law in EFFORT_LAWS if law.of_gain and not law.competes)
@@ -83,32 +100,51 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     """Return the gains of the drives' efforts, where several are surely not alike; None where they are as told."""
     if at.motion.standing or len(at.driven) < 2 or not at.rigid.any():
         return None
-    drawn, spread = _drawn(at, tolerances)
     products = _products(at)
     if products is None:
         return None
+    products, drawn = _told(products, *_drawn(at, tolerances))
     start = _start(products, drawn)
     if start is None:
         return None
     level = float(np.median(start))
     free = np.ones(len(start), bool)
-    none, wide = np.zeros_like(free), _WIDER * spread
-    before = [_held_out(products, drawn, wide, 0 * start, none, block, 0.0) for block in range(_BLOCKS)]
-    after = [_held_out(products, drawn, wide, start, free, block, level) for block in range(_BLOCKS)]
+    none = np.zeros_like(free)
+    before = [_held_out(products, drawn, _WIDER, 0 * start, none, block, 0.0) for block in range(_BLOCKS)]
+    after = [_held_out(products, drawn, _WIDER, start, free, block, level) for block in range(_BLOCKS)]
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(_BLOCKS), np.finfo(float).tiny)
-    if not (saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE):
+    if not sure > EFFORT_SURE or np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
         return None
-    if np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
-        return None
-    _, log, covariance = _solved(products.without(None), drawn, spread, start, free, level)
+    whole = products.without(None)
+    alike = _solved(whole, drawn, 1.0, 0 * start, none, 0.0)
+    found = _solved(whole, drawn, 1.0, start, free, level)
+    # masses that no drawing is so far from say surely that drives count otherwise, be it all alike
+    unlikely = alike.cost - found.cost > PARAMETER_COST * len(start)
+    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before)
+    log, covariance = found.log, found.covariance
     own = covariance - covariance.mean(axis=0)
     own = own - own.mean(axis=1, keepdims=True)
     deviation = np.sqrt(np.maximum(np.diag(own), 0.0))
     apart = np.abs(log - np.median(log)) > np.maximum(np.log(EFFORT_GAINS_APART), EFFORT_SURE * deviation)
-    if apart.sum() < 2:
+    if not (unlikely or (much and apart.sum() > 1)):
         return None
     return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
+
+
+def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
+    """Return the same of the combinations of inertial parameters (r,) that efforts tell, and these as drawn (r,).
+
+    Each in multiples of its spread. The others stay as drawn whatever is measured.
+    """
+    there = np.flatnonzero(spread > 0)
+    unit = spread[there]
+    columns = products.columns[..., there[:, None], there] * unit[:, None] * unit
+    sizes, basis = np.linalg.eigh(columns.sum(axis=(0, 1)))
+    basis = basis[:, sizes > _TOLD * sizes[-1]]
+    columns = basis.T @ columns @ basis
+    moment = (products.moment[..., there] * unit) @ basis
+    return _Products(columns, moment, products.power, products.size), basis.T @ (drawn[there] / unit)
 
 
 def _drawn(at: InMotion, tolerances: Mapping[str, float]) -> tuple[Array, Array]:
@@ -208,67 +244,47 @@ def _start(products: _Products, drawn: Array) -> Array | None:
 
 
 def _solved(
-    sums: tuple[Array, Array, Array], drawn: Array, spread: Array, start: Array, free: np.ndarray, level: float
-) -> tuple[Array, Array, Array]:
-    """Return the inertial parameters, the gains' logarithms (k,) and their covariance (k, k), by Newton's method."""
+    sums: tuple[Array, Array, Array], drawn: Array, width: float, start: Array, free: np.ndarray, level: float
+) -> _Solution:
+    """Return the likeliest inertial parameters and gains under their priors.
+
+    Of given gains the parameters are a linear problem, so that only gains are looked for.
+    """
     columns, moment, _ = sums
-    there = np.flatnonzero(spread > 0)
-    unit = spread[there]
-    columns = columns[:, there[:, None], there] * unit[:, None] * unit
-    fixed = drawn.copy()
-    fixed[there] = 0.0
-    moment = moment[:, there] * unit
-    centre, log, which = drawn[there] / unit, start.copy(), np.flatnonzero(free)
-    x = centre.copy()
-    stiff = 1 / EFFORT_GAINS**2
-    p, eased = len(there), 1e-3
+    stiff, loose = 1 / EFFORT_GAINS**2, 1 / width**2
 
-    def cost(x: Array, log: Array) -> float:
+    def inertial(gain: Array) -> Array:
+        normal = np.einsum("k,kij->ij", gain**2, columns) + loose * np.eye(len(drawn))
+        return np.linalg.solve(normal, gain @ moment + loose * drawn)
+
+    def cost(apart: Array) -> tuple[float, Array]:
+        log = np.where(free, level + apart, start)
         gain = np.exp(log)
-        data = (gain**2 * np.einsum("i,kij,j->k", x, columns, x) - 2 * gain * (moment @ x)).sum()
-        return float(data + ((x - centre) ** 2).sum() + stiff * ((log - level)[which] ** 2).sum())
+        x = inertial(gain)
+        bears = gain**2 * np.einsum("i,kij,j->k", x, columns, x)
+        data = float((bears - 2 * gain * (moment @ x)).sum())
+        prior = loose * float(((x - drawn) ** 2).sum()) + stiff * float((apart**2).sum())
+        return data + prior, np.where(free, 2 * (bears - gain * (moment @ x)), 0.0) + 2 * stiff * apart
 
-    now = cost(x, log)
+    begun = np.where(free, start - level, 0.0)
+    found = minimize(cost, begun, jac=True, method="L-BFGS-B", options={"ftol": 1e-13, "gtol": 1e-6, "maxiter": 500})
+    log = np.where(free, level + found.x, start)
+    gain, which = np.exp(log), np.flatnonzero(free)
+    x = inertial(gain)
+    seen = columns @ x  # (k, p)
+    cross = (gain[which] ** 2)[None, :] * seen[which].T
+    normal = np.einsum("k,kij->ij", gain**2, columns) + loose * np.eye(len(drawn))
+    own = np.diag(gain[which] ** 2 * (seen[which] @ x) + stiff) - cross.T @ np.linalg.solve(normal, cross)
     covariance = np.zeros((len(log), len(log)))
-    for _ in range(_STEPS):
-        gain = np.exp(log)
-        seen = columns @ x  # (k, p)
-        matrix = np.zeros((p + len(which), p + len(which)))
-        matrix[:p, :p] = np.einsum("k,kij->ij", gain**2, columns) + np.eye(p)
-        matrix[:p, p:] = (gain[which] ** 2)[None, :] * seen[which].T
-        matrix[p:, :p] = matrix[:p, p:].T
-        matrix[p:, p:] = np.diag(gain[which] ** 2 * (seen[which] @ x) + stiff)
-        left = gain[:, None] * (moment - gain[:, None] * seen)
-        pull = np.concatenate((left.sum(axis=0) - (x - centre), left[which] @ x - stiff * (log - level)[which]))
-        if not len(which):
-            x = x + np.linalg.solve(matrix, pull)
-            break
-        inverse = np.linalg.inv(matrix)
-        covariance[np.ix_(which, which)] = inverse[p:, p:]
-        while eased < 1e9:
-            step = np.linalg.solve(matrix + eased * np.diag(np.diag(matrix)), pull)
-            tried = log.copy()
-            tried[which] += np.clip(step[p:], -1.0, 1.0)
-            other = cost(x + step[:p], tried)
-            if other <= now:
-                break
-            eased *= 10
-        else:
-            break
-        done = now - other < 1e-9 * max(abs(now), 1.0)
-        x, log, now, eased = x + step[:p], tried, other, max(eased / 10, 1e-9)
-        if done:
-            break
-    out = fixed
-    out[there] = x * unit
-    return out, log, covariance
+    covariance[np.ix_(which, which)] = np.linalg.inv(own)
+    return _Solution(x, log, covariance, float(found.fun))
 
 
 def _held_out(
-    products: _Products, drawn: Array, spread: Array, start: Array, free: np.ndarray, block: int, level: float
+    products: _Products, drawn: Array, width: float, start: Array, free: np.ndarray, block: int, level: float
 ) -> float:
     """Return the squares that a block has left when it was not fitted."""
-    x, log, _ = _solved(products.without(block), drawn, spread, start, free, level)
-    gain = np.exp(log)
+    found = _solved(products.without(block), drawn, width, start, free, level)
+    x, gain = found.inertial, np.exp(found.log)
     columns, moment, power = products.columns[:, block], products.moment[:, block], products.power[:, block]
     return float((power - 2 * gain * (moment @ x) + gain**2 * np.einsum("i,kij,j->k", x, columns, x)).sum())

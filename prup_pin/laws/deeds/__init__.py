@@ -4,6 +4,7 @@ A deed of a new kind: a final class in a file of its own, and one line in `DEEDS
 """
 
 from .deed import BLOCK, RUN, Deed, History, Moment, Solved
+from .extra_tilt import ExtraTilt
 from .load import ScaledMass, ToolLoad, ToolSpring, Weight, WrenchReading
 from .remembered import RememberedStrain
 from .report import Moved, PoseReport, Wandering
@@ -30,6 +31,7 @@ DEEDS: tuple[type[Deed], ...] = (
     MovedJoint,
     MovedLoopEnd,
     YieldingJoint,
+    ExtraTilt,
     YieldingBase,
     PoseReport,
 )
@@ -43,6 +45,7 @@ __all__ = [
     "ChangedValue",
     "Deed",
     "ExtraStrain",
+    "ExtraTilt",
     "History",
     "JointResistance",
     "Moment",

@@ -113,8 +113,9 @@ class Weight(Deed):
             kind = spread if share else was_spread
             return (share - before) * at.first.once(("weight", kind), partial(_by_weight, at, kind))
         now = at.first.found.conditions
-        gravity = share * at.setup.gravity(at.samples)
-        return at.first.by_conditions(replace(now, gravity=gravity, spread_weight=spread))
+        gravity, inertia = share * at.setup.gravity(at.samples), at.setup.inertia(at.samples)
+        inertia = None if inertia is None else share * inertia
+        return at.first.by_conditions(replace(now, gravity=gravity, inertia=inertia, spread_weight=spread))
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,11 @@ def _by_mass(at: Solved, name: str) -> Array:
         more = factors + _LIGHT * np.array([link.name == name for link in links])
         return at.first.by_conditions(replace(now, mass_factors=more)) / _LIGHT
     gravity = at.setup.weight * at.setup.gravity(at.samples)
-    link = at.setup.mechanism.link(name)
+    link, inertia = at.setup.mechanism.link(name), at.first.found.conditions.inertia
+    if inertia is not None:
+        place = [each.name for each in structure.links].index(name)
+        gravity = np.concatenate((np.broadcast_to(gravity, (len(at.samples), 3)), np.zeros((len(at.samples), 3))), 1)
+        gravity = gravity + inertia[:, place] / link.mass
     return link.mass * at.first.by_mass(link, gravity)
 
 
@@ -160,4 +165,7 @@ def _by_weight(at: Solved, spread: bool) -> Array:
     """Return what is watched per whole weight, (n, R), at the weight that acts."""
     now, light = at.first.found.conditions, _LIGHT * at.setup.gravity(at.samples)
     more = light if now.gravity is None else now.gravity + light
-    return at.first.by_conditions(replace(now, gravity=more, spread_weight=spread)) / _LIGHT
+    inertia = at.setup.inertia(at.samples)
+    if inertia is not None:
+        inertia = _LIGHT * inertia if now.inertia is None else now.inertia + _LIGHT * inertia
+    return at.first.by_conditions(replace(now, gravity=more, inertia=inertia, spread_weight=spread)) / _LIGHT

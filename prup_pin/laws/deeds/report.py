@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...spatial import Array, placement, rotation_exp
+from ...spatial import Array, cross, placement
 from .deed import Deed, Solved
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Moved:
     def change(self, true: Array, moved: Array) -> Array:
         """Return the change (n, 6) of reports of poses (n, 4, 4) that move by (n, 6), as `motion_between` has it."""
         turn, arm = self.outside[:3, :3], true[:, :3, :3] @ self.inside[:3, 3]
-        shift = moved[:, :3] + (rotation_exp(moved[:, 3:]) @ arm[..., None])[..., 0] - arm
+        shift = moved[:, :3] + _turned(moved[:, 3:], arm)
         return np.concatenate((shift @ turn.T, moved[:, 3:] @ turn.T), axis=1)
 
     def then(self, other: Moved) -> Moved:
@@ -48,6 +48,13 @@ class Moved:
     def on_body(cls, shift: Array, turn: Array) -> Moved:
         """Return the report of a target beside its frame, shifted and turned in the axes of that frame."""
         return cls(np.eye(4), placement(turn, shift))
+
+
+def _turned(turn: Array, arm: Array) -> Array:
+    """Return by how much rotation vectors (n, 3) move arms (n, 3): by Rodrigues' formula, without the matrices."""
+    angle = np.linalg.norm(turn, axis=1)[:, None]
+    once = cross(turn, arm)
+    return np.sinc(angle / np.pi) * once + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross(turn, once)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from .deed import Deed, Solved
 if TYPE_CHECKING:
     from ..setup import Setup
 
-__all__ = ["Along", "ExtraStrain", "Strain", "Strains"]
+__all__ = ["Along", "ExtraStrain", "Strain", "Strains", "extent_of"]
 
 
 class Strain(NamedTuple):
@@ -73,15 +73,15 @@ class ExtraStrain(Deed):
             if name not in at.first.rows:
                 continue
             load = at.first.loads(name)
-            extra = _extent(setup, name, load, at.samples)
-            extra = extra - at.first.once(("strain", name), partial(_extent, at.setup, name, load, at.samples))
+            extra = extent_of(setup, name, load, at.samples)
+            extra = extra - at.first.once(("strain", name), partial(extent_of, at.setup, name, load, at.samples))
             if np.any(extra):
                 change = (at.first.by_strain(name) @ extra[..., None])[..., 0]
                 total = change if total is None else total + change
         return total
 
 
-def _extent(setup: Setup, module: str, load: Array, samples: np.ndarray) -> Array:
+def extent_of(setup: Setup, module: str, load: Array, samples: np.ndarray) -> Array:
     """Return what a module deforms beyond its own law under a load (n, k)."""
     items = setup.strains.get(module, [])
     return sum((item.take(samples)(load)[0] for item in items), np.zeros_like(load))

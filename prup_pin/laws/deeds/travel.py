@@ -21,18 +21,26 @@ __all__ = ["ChangedLength", "MovedJoint", "MovedLoopEnd", "Travel"]
 
 @dataclass(frozen=True, eq=False)
 class Travel(Deed):
-    """An actuator, by its place among the actuated joints, stands `extent` (N,) beyond what its encoder reports."""
+    """An actuator, by its place among the actuated joints, stands `extent` (N,) beyond what its encoder reports.
+
+    later: where that is because its report is so old [s], or (N,) [s]; it moves as then, too.
+    """
 
     actuator: int
     extent: Array | float
+    later: Array | float = 0.0
 
     def within(self, rows: np.ndarray) -> Travel:
-        return Travel(self.actuator, np.where(rows, self.extent, 0.0))
+        return Travel(self.actuator, np.where(rows, self.extent, 0.0), np.where(rows, self.later, 0.0))
 
     def enter(self, setup: Setup) -> None:
         more = np.zeros_like(setup.travel)
         more[:, self.actuator] = self.extent
         setup.travel = setup.travel + more
+        if np.any(self.later):
+            more = np.zeros_like(setup.travel)
+            more[:, self.actuator] = self.later
+            setup.later = setup.later + more
 
     @classmethod
     def first_order(cls, setup: Setup, at: Solved) -> Array | None:

@@ -5,6 +5,7 @@
 writes DIR/<name>.csv, <name>.json and <name>.heldout.csv, and OTHER_DIR/<name>.truth.json. Zeros, links, masses, where
 the tracker stands and its target sits are off, and no file tells by how much. Links follow the encoders, less what the
 gears yield under the torque that Newton and Euler ask for in the motion. What encoders or the tracker tell may be old.
+In the tracker's place there may be a second encoder behind each gear, whose poses are those of the drawing.
 """
 
 from __future__ import annotations
@@ -29,6 +30,13 @@ from .scatter import draw_scatter
 ROUGH = {"position": 1e-3, "direction": 2e-3, "encoder_offset": 8e-3, "mass": 0.05, "target_position": 1e-2}
 #: Noise of the tracker's points [m] and turns [rad], between these, and of the encoders [rad].
 POINTS, TURNS, ENCODERS = (2e-5, 1e-4), (1e-4, 5e-4), 2e-6
+#: Noise of encoders behind the gears [rad], between these.
+BEHIND_GEARS = (5e-6, 3e-5)
+#: Share of arms whose gears yield, that are seen by a tracker, that declare the noise, whose encoders share one clock,
+#: and of encoders that are not late where they do not.
+SHARE, ON_TIME = 0.5, 0.4
+#: No delay is longer [s].
+LATEST = 1e-2
 #: What a gear yields [rad/(N m)], between these.
 GEARS = (2e-5, 1e-4)
 #: Joints are followed at this rate [1/s] where gears yield.
@@ -61,15 +69,25 @@ class Tracked(Sagging):
             out = standing - self.compliance * self.chain.efforts(out, *rates)
         return out
 
-    def told(self, motion: Excitation, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def told(
+        self, motion: Excitation, t: np.ndarray, noise: float = 0.0, rng=None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return q, qd (N, n) as the encoders tell them at t (N,), and position (N, 3) and turn (N, 3, 3) of the tool
-        as the tracker does, all free of noise."""
+        as the tracker does, all free of noise but that [rad] of encoders behind the gears, where these are seen."""
         fine = np.arange(t[0] - 0.5, t[-1] + 0.5, 1 / FINE)
         at = make_interp_spline(fine, self.links(motion.at(fine)[0], fine), 5)(t - self.behind)
         q, qd = np.empty_like(at), np.empty_like(at)
         for i, late in enumerate(self.late):
             q[:, i], qd[:, i] = (values[:, i] for values in motion.at(t - late)[:2])
-        return q, qd, *self.posed(at)
+        return q, qd, *self.posed(at + noise * rng.normal(size=at.shape) if noise else at)
+
+    def scattered(self, q: np.ndarray, noise: float) -> tuple[float, float]:
+        """Return the noise of a position [m] and of a turn [rad], one axis, where that of each joint is `noise`."""
+        rng, (at, turned) = np.random.default_rng(0), self.posed(q)
+        moved, other = self.posed(q + noise * rng.normal(size=q.shape))
+        return tuple(
+            float(f"{np.sqrt(np.mean(np.square(apart))):.2g}") for apart in (moved - at, vector(turned.mT @ other))
+        )
 
     def posed(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return position (N, 3) and turn (N, 3, 3) of the target as the tracker sees them, links at q (N, n)."""
@@ -105,9 +123,12 @@ def draw_tracked(
     turns: bool = True,
     speeds: bool | None = None,
     wavy: float = 0.0,
+    behind_gears: bool = False,
+    declared: bool = False,
 ) -> dict[str, Any]:
     """A device and two of its logs; what is None is drawn. late, behind: ages [s] of encoders and tracker; kinds: those
-    of `ROUGH` that are off; wavy [rad]: amplitude of waves in all encoders, two to five in a turn."""
+    of `ROUGH` that are off; wavy [rad]: amplitude of waves in all encoders, two to five in a turn. behind_gears: poses
+    are told by encoders there, in the drawing's geometry; declared: the recording tells its noise."""
     kind = ARMS[robot]
     chain = kind.chain()
     rng = np.random.default_rng([seed, 71, *robot.encode()])
@@ -115,6 +136,12 @@ def draw_tracked(
     off = {key: size for key, size in ROUGH.items() if kinds is None or key in kinds}
     scatter = draw_scatter(rng, parameters(chain, kind.tool), off)
     turn, shift = rng.uniform(0, 3.0) * unit(rng), rng.uniform(0.5, 4.0) * unit(rng)
+    if behind_gears:
+        scatter, turn, shift = (
+            {key: off for key, off in scatter.items() if key.endswith(".mass")},
+            np.zeros(3),
+            np.zeros(3),
+        )
     scatter |= {f"pose_sensor.{axis}": float(amount) for axis, amount in zip(("rx", "ry", "rz", "x", "y", "z"),
                                                                              (*turn, *shift), strict=True)}  # fmt: skip
     soft, drawn_late = bool(rng.random() < 0.5), float(rng.uniform(0.0, 1e-2))
@@ -128,12 +155,13 @@ def draw_tracked(
     device = Tracked(chain, kind.tool, scatter, about, late, 0.0 if behind is None else behind, waves)
     points, spins = (float(f"{np.exp(rng.uniform(*np.log(span))):.2g}") for span in (POINTS, TURNS))
     rate = float(rng.choice([50.0, 100.0, 200.0]))
+    own_noise = np.exp(own.uniform(*np.log(BEHIND_GEARS))) if behind_gears else 0.0
     records = []
     for count in (rows, max(rows // 4, 40)):
         motion = _motion(rng, chain, kind)
         if moving:
             t = np.arange(count) / rate
-            q, qd, p, turned = device.told(motion, t)
+            q, qd, p, turned = device.told(motion, t, own_noise, own)
         else:
             t = 5.0 * np.arange(count)
             q = motion.centre + rng.uniform(-0.8, 0.8, (count, len(names)))
@@ -144,10 +172,12 @@ def draw_tracked(
                 "time": t,
                 "q": q + ENCODERS * rng.normal(size=q.shape),
                 "qd": qd + 1e-4 * rng.normal(size=q.shape),
-                "p": p + points * rng.normal(size=p.shape),
-                "r": vector(turned @ matrix(spins * rng.normal(size=p.shape))),
+                "p": p if behind_gears else p + points * rng.normal(size=p.shape),
+                "r": vector(turned if behind_gears else turned @ matrix(spins * rng.normal(size=p.shape))),
             }
         )
+    if behind_gears:  # what noise of the joints' own encoders makes of poses, root mean square
+        points, spins = device.scattered(records[0]["q"], own_noise)
     return {
         "robot": robot,
         "device": device,
@@ -156,9 +186,21 @@ def draw_tracked(
         "turns": turns,
         "speeds": moving and (drawn_speeds if speeds is None else speeds),
         "noise": {"position": points, "rotation": spins},
+        "declared": declared,
         "truth": {"seed": seed, "robot": robot, "late": np.asarray(device.late).tolist(), "behind": device.behind,
                   "about": device.compliance.tolist(), "scatter": scatter, "joints": list(names)},
     }  # fmt: skip
+
+
+def how(seed: int, robot: str) -> dict[str, Any]:
+    """Return how an arm of the trials is drawn: the arguments of `draw_tracked`."""
+    rng = np.random.default_rng([seed, 73, *robot.encode()])
+    yields, behind_gears, declared, one_clock = (bool(item) for item in rng.random(4) < SHARE)
+    count = len(ARMS[robot].chain().names)
+    each = np.where(rng.random(count) < ON_TIME, 0.0, rng.uniform(0.0, LATEST, count))
+    late = [float(rng.uniform(0.0, LATEST))] * count if one_clock else each.tolist()
+    return {"seed": seed, "robot": robot, "yields": yields, "behind_gears": behind_gears, "declared": declared,
+            "late": late}  # fmt: skip
 
 
 def _motion(rng, chain: Chain, kind) -> Excitation:
@@ -184,7 +226,10 @@ def columns(drawn: Mapping[str, Any], part: str) -> tuple[list[str], np.ndarray]
 
 def write(drawn: Mapping[str, Any], out: Path, sealed: Path, name: str) -> None:
     """Recordings into `out`, the answer into `sealed`."""
-    seal(out, sealed, name, {"robot": ARMS[drawn["robot"]].called}, drawn["truth"])
+    about: dict[str, Any] = {"robot": ARMS[drawn["robot"]].called}
+    if drawn["declared"]:
+        about |= {f"{key}_noise": value for key, value in drawn["noise"].items()}
+    seal(out, sealed, name, about, drawn["truth"])
     for part, ending in (("fit", ".csv"), ("heldout", ".heldout.csv")):
         head, values = columns(drawn, part)
         np.savetxt(out / f"{name}{ending}", values, "%.10g", ",", header=",".join(head), comments="")
