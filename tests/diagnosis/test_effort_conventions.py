@@ -186,6 +186,15 @@ def test_drives_in_units_of_their_own_are_told_by_their_sizes(ur5, recording):
     assert "tau.elbow_joint=reversed" in told(ur5, turned)
 
 
+def test_signs_of_motor_currents_are_told_where_wrists_report_next_to_nothing(ur5, recording):
+    """Amperes by constants of either sign; two drives report little but their resolution."""
+    constants = dict(zip(ur5.actuated, [0.07, 0.05, -0.11, -0.1, 0.001, 0.001], strict=True))
+    currents = changed(recording, "efforts", constants)
+    weak = {name: np.round(tau, 3) for name, tau in currents.efforts.items() if abs(constants[name]) < 0.01}
+    currents = replace(currents, efforts=currents.efforts | weak)
+    assert told(ur5, currents) == ["tau.elbow_joint=reversed", "tau.wrist_1_joint=reversed"]
+
+
 def test_positions_of_motors_are_told_by_the_limits_of_the_joints(ur5, recording):
     names = list(recording.positions)
     wrong = changed(recording, "positions", dict(zip(names, (77.0, 141.0, 53.0, 91.0, 33.0, 120.0), strict=True)))

@@ -59,6 +59,13 @@ def test_gains_a_little_off_at_every_joint_are_told_and_taken_out(moving):
     assert back * found.gains == pytest.approx(reported.motion.efforts, rel=1e-12)
 
 
+def test_gains_nearly_alike_are_told_where_else_the_whole_robot_would_weigh_next_to_nothing(moving):
+    gains = np.array([0.07, 0.06, 0.08, 0.065, 0.075, 0.07])
+    found = gains_of(moving.measuring(moving.motion.efforts * gains), {})
+    assert found.gains[:5] == pytest.approx(gains[:5], rel=2.5 * found.common)
+    assert gains_of(moving.measuring(moving.motion.efforts * 1.3), {}) is None  # masses may be so far off
+
+
 def test_other_masses_and_one_gain_alone_are_no_other_units(moving):
     assert gains_of(moving, {}) is None
     assert gains_of(moving.measuring(moving.motion.efforts * [1, 1, 1.4, 1, 1, 1]), {}) is None

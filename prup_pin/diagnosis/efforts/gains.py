@@ -27,7 +27,7 @@ from ..criteria import (
     EFFORT_GAINS_SAVE,
     EFFORT_MASSES,
     EFFORT_SURE,
-    PARAMETER_COST,
+    EFFORT_UNIT,
 )
 from .columns import column_blocks, kept_samples
 
@@ -75,15 +75,11 @@ class _Products:
 
 
 class _Solution(NamedTuple):
-    """Inertial parameters (p,), the gains' logarithms (k,), their covariance (k, k), and the squares that it costs.
-
-    Those are what the efforts leave, less what they are, and what the priors ask for.
-    """
+    """Inertial parameters (p,), the gains' logarithms (k,) and their covariance (k, k)."""
 
     inertial: Array
     log: Array
     covariance: Array
-    cost: float
 
 
 def law_of_gains() -> EffortLaw:
@@ -119,17 +115,22 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     whole = products.without(None)
     alike = _solved(whole, drawn, 1.0, 0 * start, none, 0.0)
     found = _solved(whole, drawn, 1.0, start, free, level)
-    # masses that no drawing is so far from say surely that drives count otherwise, be it all alike
-    unlikely = alike.cost - found.cost > PARAMETER_COST * len(start)
-    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before)
     log, covariance = found.log, found.covariance
     own = covariance - covariance.mean(axis=0)
     own = own - own.mean(axis=1, keepdims=True)
-    deviation = np.sqrt(np.maximum(np.diag(own), 0.0))
-    apart = np.abs(log - np.median(log)) > np.maximum(np.log(EFFORT_GAINS_APART), EFFORT_SURE * deviation)
-    if not (unlikely or (much and apart.sum() > 1)):
+    much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before)
+    # masses of the whole robot that no drawing is so far from say that drives count otherwise, be it all alike
+    light, right = (float(solution.inertial @ drawn) / float(drawn @ drawn) for solution in (alike, found))
+    unlikely = not 1 / EFFORT_UNIT < light < EFFORT_UNIT and 1 / EFFORT_UNIT < right < EFFORT_UNIT
+    if not (much and _several(log - np.median(log), own)) and not (unlikely and _several(log, covariance)):
         return None
     return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
+
+
+def _several(log: Array, covariance: Array) -> bool:
+    """Return whether at least two gains are surely and markedly others; log (k,): of each."""
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return int((np.abs(log) > np.maximum(np.log(EFFORT_GAINS_APART), EFFORT_SURE * deviation)).sum()) > 1
 
 
 def _told(products: _Products, drawn: Array, spread: Array) -> tuple[_Products, Array]:
@@ -277,7 +278,7 @@ def _solved(
     own = np.diag(gain[which] ** 2 * (seen[which] @ x) + stiff) - cross.T @ np.linalg.solve(normal, cross)
     covariance = np.zeros((len(log), len(log)))
     covariance[np.ix_(which, which)] = np.linalg.inv(own)
-    return _Solution(x, log, covariance, float(found.fun))
+    return _Solution(x, log, covariance)
 
 
 def _held_out(
