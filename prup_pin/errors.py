@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import difflib
 import importlib
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -31,6 +33,7 @@ __all__ = [
     "UnknownNameError",
     "UnreachablePoseError",
     "imported",
+    "limits_heard",
 ]
 
 
@@ -235,3 +238,21 @@ def nearest_names(name: str, valid: Sequence[str], count: int = 4) -> str:
         return "There are none."
     shown = ", ".join(valid[:30])
     return f"Valid: {shown}{', …' if len(valid) > 30 else ''}."
+
+
+@contextmanager
+def limits_heard() -> Iterator[list[str]]:
+    """Yield a list that hears, once for all postures, that joints stand beyond their limits; others go their way."""
+    told: list[str] = []
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+        warnings.simplefilter("always", JointLimitWarning)
+
+        def show(message, category, *place, **more) -> None:
+            if not issubclass(category, JointLimitWarning):
+                usual(message, category, *place, **more)
+            elif not told:
+                told.append(f"some postures are beyond the joint limits of the robot file, such as: {message}")
+
+        warnings.showwarning = show
+        yield told

@@ -20,7 +20,7 @@ from _scattered import robot_file
 import prup_pin
 from prup_pin.build import delta as delta_robot
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.conventions import logs_read
+from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.errors import PrupPinError
 from prup_pin.recordings import Recording, read_recording
 from prup_pin.spatial import rotation_exp, turn_between
@@ -115,7 +115,7 @@ def trial(seed: int, robot: str) -> dict[str, Any]:
         begun = time.perf_counter()
         told, refused, right = [], "", False
         try:
-            logs = logs_read(loaded, log)
+            logs = read_logs(loaded, log)
             told = [str(item) for item in logs.conventions[0]]
             right = same(true, logs.recordings[0], told)
         except PrupPinError as error:

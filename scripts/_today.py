@@ -17,8 +17,8 @@ import numpy as np
 from prup_pin.channels import Noise, Stack, channels_of
 from prup_pin.diagnosis.calibrate import Toleranced, calibrate
 from prup_pin.diagnosis.candidates import Candidate, candidates
-from prup_pin.diagnosis.fit import Problem
 from prup_pin.diagnosis.influence import Influence
+from prup_pin.diagnosis.problem import Problem
 from prup_pin.errors import PrupPinError
 from prup_pin.laws import LAWS, Effect, Place
 from prup_pin.laws.deviations import deviations_of

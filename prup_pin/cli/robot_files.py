@@ -124,7 +124,7 @@ def _robot(file: str, reading: Reading, robot: str | None, conventions: Sequence
 
 
 def _recording(file: str, reading: Reading, robot: str | None, conventions: Sequence[str] | None) -> None:
-    from ..diagnosis.before import prospects
+    from ..diagnosis.prospects import prospects
     from ..views.text.check_text import print_prospects
 
     recording = with_conventions(read_recording(Path(file)), conventions)

@@ -12,8 +12,8 @@ from .calibrate import CalibratedParameter
 from .chances import normal_isf
 from .criteria import FALSE_ALARM
 from .diagnosis import Finding, FittedParameter
-from .fit import Fit, Problem
-from .held_out import cross_validated
+from .evidence import cross_validated
+from .problem import Fit, Problem
 
 __all__ = ["all_over"]
 

@@ -330,7 +330,7 @@ def calibrated_parameters(problem, fit) -> list[CalibratedParameter]:
     free = problem.jacobian(fit)
     size = np.linalg.norm(free, axis=0)
     free = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
-    held = fit.held - free @ (free.T @ fit.held)
+    held = fit.per_tolerance - free @ (free.T @ fit.per_tolerance)
     shares = np.sqrt(np.diagonal(np.linalg.inv(held.T @ held + np.eye(len(fit.x)))))
     found = []
     for item, x, share, amount in zip(toleranced.law.deviations, fit.x, shares, toleranced.tolerances, strict=True):

@@ -9,16 +9,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..channels import Noise
-from ..errors import InputError
+from ..errors import InputError, limits_heard
 from ..laws import Effect
 from ..recordings import Convention, Recording
 from ..robot import Robot
-from .asked import asked
 from .calibrate import CalibratedParameter, calibrated_parameters
-from .conventions import logs_read
+from .conventions import read_logs
 from .criteria import clean_bound
-from .limits import limits_heard
-from .whiteness import compared
+from .prepare import prepare
 
 __all__ = ["Calibration", "calibrated"]
 
@@ -66,19 +64,19 @@ def calibrated(
     """
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
         declared = [recording] if isinstance(recording, Recording) else list(recording)
-        logs = logs_read(robot, declared)
+        logs = read_logs(robot, declared)
         every = {(*item.conventions, *own) for item, own in zip(declared, logs.conventions, strict=True)}
-        given = asked(robot, logs.recordings, tell)
-        if not len(given.toleranced):
+        prepared = prepare(robot, logs.recordings, tell)
+        if not len(prepared.toleranced):
             raise InputError(
                 "nothing may be off: neither the recording nor the robot file declares a tolerance. Declare some "
                 "(docs/tolerances.md), or give --tolerances typical"
             )
-        count = compared(given.problem, given.problem.first)
+        count = prepared.problem.count(prepared.problem.first)
         if not count:
             raise InputError("no sample with a measured pose could be simulated: there is nothing to calibrate by")
         tell("calibration within tolerances", 0.2)
-        problem = given.within_tolerances(given.problem)
+        problem = prepared.within_tolerances(prepared.problem)
         assert problem.tolerances is not None
         first = problem.first
         return Calibration(
@@ -87,8 +85,8 @@ def calibrated(
             calibrated=float(np.sqrt(first.chi2 / count)),
             parameters=tuple(calibrated_parameters(problem, first)),
             twins=problem.tolerances.start.twins,
-            effects=(*problem.tolerances.at(first.x), *given.placed.every),
+            effects=(*problem.tolerances.at(first.x), *prepared.placed.every),
             samples=len(first.samples),
             conventions=every.pop() if len(every) == 1 else (),
-            remarks=tuple(dict.fromkeys((*logs.told, *given.remarks, *beyond))),
+            remarks=tuple(dict.fromkeys((*logs.statements, *prepared.remarks, *beyond))),
         )

@@ -153,28 +153,28 @@ class Candidate:
     def _coordinates(self, values: Mapping[str, float]) -> Array:
         return self.coordinates_of(np.array([values[quantity.name] for quantity in self.quantities]))
 
-    def unusual(self, coordinates: Array) -> Array:
+    def prior_residuals(self, coordinates: Array) -> Array:
         """Return the residuals of what is usual of coordinates that are no logarithms, (p,).
 
         Standard deviations beside it. What is off by far, as a sensor that nobody zeroed, is so by any amount: the
         squares grow like logarithms then, which is Student's distribution instead of Gauss's.
         """
-        beside = self._beside_usual(coordinates)
+        beside = self._deviations(coordinates)
         return np.copysign(np.sqrt(TAIL * np.log1p(beside**2 / TAIL)), beside)
 
-    def unusual_slopes(self, coordinates: Array) -> Array:
+    def prior_slopes(self, coordinates: Array) -> Array:
         """Return d(unusual)/d(coordinates), (p,)."""
-        beside, residual = self._beside_usual(coordinates), self.unusual(coordinates)
+        beside, residual = self._deviations(coordinates), self.prior_residuals(coordinates)
         far = np.abs(beside) > 1e-6
         slope = np.where(far, beside / (1 + beside**2 / TAIL) / np.where(far, residual, 1.0), 1.0)
-        return slope * np.where(self.logarithmic, 0.0, 1 / self._usual[1])
+        return slope * np.where(self.logarithmic, 0.0, 1 / self._prior[1])
 
-    def _beside_usual(self, coordinates: Array) -> Array:
-        mean, deviation = self._usual
+    def _deviations(self, coordinates: Array) -> Array:
+        mean, deviation = self._prior
         return np.where(self.logarithmic, 0.0, (coordinates - mean) / deviation)
 
     @cached_property
-    def _usual(self) -> tuple[Array, Array]:
+    def _prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of what is usual of coordinates that are no logarithms, (p,) each."""
         own = self.law.usual_at(self.place, self.mechanism)
         rest = USUAL_MULTIPLE * self.scales()

@@ -10,22 +10,21 @@ from pathlib import Path
 import numpy as np
 
 from ..dynamics import is_standing
-from ..errors import InputError, PrupPinError
+from ..errors import InputError, PrupPinError, limits_heard
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import Convention, Recording, joints_of, read_as
-from ..recordings.conventions import as_json
+from ..recordings.conventions import Evidence, as_json, merged
 from ..robot import Robot
 from ..simulation import as_recorded, drawn_for, in_format
 from .criteria import LEVER, OPEN_FRAME
 from .diagnosis import Diagnosis, Finding
 from .efforts.conventions import conventions_of_efforts
 from .efforts.merged import has_efforts, has_poses
-from .evidence import Evidence, merged
-from .limits import limits_heard
-from .pose_conventions import conventions_of_loads, conventions_of_poses
+from .load_conventions import conventions_of_loads
+from .pose_conventions import conventions_of_poses
 
-__all__ = ["Logs", "as_diagnosed", "logs_read"]
+__all__ = ["Logs", "as_diagnosed", "read_logs"]
 
 #: Readings that are as good, of which a sentence tells so many.
 _SHOWN = 3
@@ -54,11 +53,11 @@ class Logs:
         return tuple(out.values())
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def statements(self) -> tuple[str, ...]:
         """Sentences on all that is written otherwise."""
         return tuple(finding.statement for finding in self.findings())
 
-    def told_in(self, diagnosis: Diagnosis) -> Diagnosis:
+    def before(self, diagnosis: Diagnosis) -> Diagnosis:
         """Return a diagnosis of what was read that begins with how that was written."""
         first = self.findings()
         if not first:
@@ -67,7 +66,7 @@ class Logs:
         return replace(diagnosis, verdict=verdict, findings=(*first, *diagnosis.findings), conventions=self.conventions)
 
 
-def logs_read(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs:
+def read_logs(robot: Robot, recordings: Recording | Sequence[Recording]) -> Logs:
     """Return recordings read as they declare, and then as they seem to be written.
 
     Raises InputError where two ways to read one are as good and are not the same, or a declared one does not fit.
@@ -178,7 +177,7 @@ def _finding(found: Evidence, name: str, mechanism: Mechanism) -> Finding:
     beside = ", ".join(f'"{key}": {_quoted(value)}' for key, value in as_json(found.conventions).items())
     others = [", ".join(map(str, other)) for other in found.others[:_SHOWN]]
     equal = f". As good on this log: {' or '.join(others)}" if others else ""
-    places = tuple(dict.fromkeys(_place(item, mechanism) for item in found.conventions))
+    places = tuple(dict.fromkeys(_place(item) for item in found.conventions))
     return Finding(
         physics="log_convention",
         location=places[0] if len(places) == 1 else "robot",
@@ -206,7 +205,7 @@ def _meaning(convention: Convention) -> str:
     return f"{convention.meaning.summary}{f' ({told})' if told else ''}"
 
 
-def _place(convention: Convention, mechanism: Mechanism) -> str:
+def _place(convention: Convention) -> str:
     if convention.joint:
         return convention.joint
     return {"p": "pose_sensor", "r": "pose_sensor", "wrench": "wrench_sensor", "force": "wrench_sensor",

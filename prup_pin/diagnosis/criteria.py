@@ -19,10 +19,11 @@ NOISE_LIKE: Final = 1.10
 CHANCE_DEVIATIONS: Final = 4.0
 #: Chance of calling pure noise a structure, over all tests of one residual.
 STRUCTURE_CHANCE: Final = 1e-4
-#: Samples that follow another one in the same pose, or poses, without which a residual larger than a declared noise is
-#: not called noise: fewer could not show that it is none.
+#: Pieces of a recording, or poses, that tell a structure from noise by signs: fewer agree by accident.
+FEWEST_PIECES: Final = 40
+#: ... or samples that follow another one in the same pose. With fewer of both a residual larger than a declared noise
+#: is not called noise.
 FEWEST_FOLLOWERS: Final = 12
-FEWEST_POSES: Final = 40
 #: Where a law takes away all but this share, a slightly rough law is still the right one, beside toleranced parameters
 #: that shift the load at which a gap closes or a joint slides ...
 ROUGH_SHARE: Final = 0.02
@@ -45,12 +46,13 @@ def clean_bound(count: int) -> float:
     return max(NOISE_LIKE, chance_bound(count))
 
 
+#: What varies or acts by less does not [N, N m, m, rad, K, s].
+NOTHING: Final = 1e-6
+
 # -- what is the noise? ------------------------------------------------------------------------------------------------
 
 #: Wrenches of one block that differ by less than this share of the largest are one load, repeated.
 SAME_LOAD: Final = 0.02
-#: Repeats of a block beyond this many say nothing new, and cost their square.
-MOST_REPEATS: Final = 200
 #: Fewer numbers tell no scatter: those of eight repeats of a position.
 FEWEST_NUMBERS: Final = 24
 #: Numbers farther out than this many standard deviations are outliers.
@@ -61,10 +63,9 @@ USUAL_ROTATION_NOISE: Final = 5e-6
 
 # -- which samples, which laws? ----------------------------------------------------------------------------------------
 
-#: More samples than this sharpen nothing that a law is chosen by, and are thinned.
+#: More samples than this sharpen nothing that a law is chosen by, and are thinned: to whole blocks, or inside blocks
+#: where fewer than FOLDS of them were left, which say too little of geometry.
 MOST_SAMPLES: Final = 1200
-#: Fewer blocks than this among them say too little of geometry: longer blocks are thinned inside instead.
-FEWEST_BLOCKS: Final = 8
 #: Below this change of temperature growth hides in the noise of a thermometer [K].
 LEAST_WARMING: Final = 0.2
 
@@ -76,12 +77,10 @@ FALSE_ALARM: Final = 0.01
 LEAST_GAIN: Final = 0.01
 #: Parts into which blocks fall for that; each is left out once.
 FOLDS: Final = 7
-#: Fewer blocks than this leave too little to fit; samples are then held out by time.
+#: Fewer blocks than this leave too little to fit; pieces of them in time are then held out.
 FEWEST_FOR_FOLDS: Final = 5
 #: So often the signs of the residual's pieces are flipped to see what chance removes.
 FLIPS: Final = 200
-#: Pieces below which flipping all signs alike is a likely accident.
-LEAST_PIECES: Final = 40
 
 # -- what does a law cost? ---------------------------------------------------------------------------------------------
 
@@ -103,8 +102,6 @@ MOST_PAIRS: Final = 10
 
 #: Each further effect makes the others harder to tell apart; beyond these the rest is called unknown.
 MOST_TERMS: Final = 4
-#: A candidate is left out where it cannot come nearer to the best one than this share of what that removes.
-HOPELESS: Final = 0.2
 #: First-order changes may misjudge a rival's chi squared by this share of the effect's.
 CURVATURE: Final = 1.5e-3
 #: Candidates that are simulated before a round, a term's place or a merger is given up.
@@ -122,8 +119,6 @@ PARALLEL: Final = 1e-6
 #: Fits through the whole simulation after which no further law is looked for: twice what two effects took, so that it
 #: ends what would not end well, and nothing else.
 MOST_FITS: Final = 60
-#: One with a law that remembers follows the samples to and fro until it agrees, and takes the time of so many.
-MEMORY_FITS: Final = 6
 
 # -- where does it sit? ------------------------------------------------------------------------------------------------
 
@@ -134,8 +129,6 @@ ALIKE: Final = 0.95
 KNOTS: Final = 7
 #: Preference for smooth curves, as a share of what the data say: too weak to be seen, enough where there are none.
 SMOOTH: Final = 1e-3
-#: A variable that spans less does not vary [N, N m, m, rad, K, s].
-LEAST_SPAN: Final = 1e-6
 #: A deformation that reaches the tool this much less than the best one is not seen.
 NOT_REACHING: Final = 1e-6
 
@@ -151,11 +144,6 @@ NO_LOAD: Final = 2e-3
 
 #: A law is doubtful that gains less than so many times what is left.
 IMITATED: Final = 100.0
-
-# -- did equilibrium in the deformed position show? --------------------------------------------------------------------
-
-#: Share of its own effect that it must remove; the least chi squared is that of weight.
-DEFLECTION_SHARE: Final = 0.5
 
 # -- how sure is a value? ----------------------------------------------------------------------------------------------
 
@@ -208,8 +196,8 @@ LEAST_MOMENT: Final = 10.0
 
 # -- is the log written as it says? ------------------------------------------------------------------------------------
 
-#: Share of what a log leaves as it is written, that it may leave as read otherwise for that to be told: RMS of poses,
-#: squares of loads. Faults of any size change single parts, and rarely bring a drastic change so near to the drawing.
+#: Share (RMS) of what a log leaves as it is written, that it may leave as read otherwise for that to be told. Faults
+#: of any size change single parts, and rarely bring a drastic change so near to the drawing.
 CONVENTION_LEAVES: Final = 1 / 3
 #: Readings that leave no more than so many times what the best one does are as good.
 CONVENTION_AS_GOOD: Final = 1.5
@@ -245,8 +233,6 @@ TURNED: Final = 0.2
 COARSE: Final = (1e-5, 1e-5, 1e-5, 5e-5, 5e-5, 5e-5)
 #: Cosine below which measured gravity is the opposite of the robot file's.
 UPSIDE_DOWN: Final = -0.9
-#: A load below this is none [N].
-NO_FORCE: Final = 1e-6
 
 # -- calibration within tolerances -------------------------------------------------------------------------------------
 
@@ -284,7 +270,7 @@ NOT_BEHIND: Final = 1.5
 #: Tolerances by which a parameter may move before the simulation is differentiated anew.
 STALE: Final = 0.5
 #: -2 log of the odds that a kind's tolerance was declared wrong: one in some ninety.
-MISJUDGED_COST: Final = 9.0
+RESCALING_COST: Final = 9.0
 
 
 def beyond_tolerance(count: int) -> float:

@@ -11,31 +11,36 @@ from threadpoolctl import threadpool_limits
 
 from ..channels import Noise
 from ..dynamics import is_standing
+from ..errors import limits_heard
 from ..numbers import number
 from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import as_recorded
-from .asked import Asked, Tell, asked
-from .by_recording import by_recording
-from .compete import needed, select
-from .conventions import logs_read
+from .conventions import read_logs
 from .criteria import (
-    FEWEST_FOR_FOLDS,
-    FOLDS,
     beyond_tolerance,
 )
-from .diagnosis import Diagnosis, Finding
+from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.at_rest import with_efforts_at_rest
 from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
+from .evidence import (
+    count_beyond_tolerance,
+    fold_labels,
+    is_clean,
+    minus_2_log_posterior,
+    rescaled_tolerances,
+    rescaling_remark,
+    with_rescaled,
+)
 from .findings import no_noise, too_few, unrecorded_load
-from .fit import Fit, Problem
-from .limits import limits_heard
-from .misjudged import beyond_of, judged, misjudged, told, widened
-from .selection import Selection, is_clean
+from .noise import noise_of_the_rest
+from .prepare import Prepared, Tell, prepare
+from .problem import Fit, Problem
+from .search import Selection, dropped_by_folds, select
+from .unexplained import final_state
 from .unrecorded_load import reaches, unrecorded_force
 from .verdict import verdict_of
-from .whiteness import compared, noise_of_the_rest
 
 __all__ = ["diagnose"]
 
@@ -70,8 +75,8 @@ def diagnose(robot: Robot, recording: Recording | Sequence[Recording], *, tell: 
     with threadpool_limits(1, user_api="blas"), limits_heard() as told:
         tell = _only_forward(tell)
         tell("how the log is written", 0.0)
-        logs = logs_read(robot, recording)
-        found = logs.told_in(_of_channels(robot, logs.recordings, tell))
+        logs = read_logs(robot, recording)
+        found = logs.before(_of_channels(robot, logs.recordings, tell))
     return replace(found, remarks=tuple(dict.fromkeys((*found.remarks, *told))))
 
 
@@ -93,25 +98,26 @@ def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell) -> Diagno
 
 
 def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Diagnosis:
-    given = asked(robot, recordings, tell)
-    found = _searched(given, tell)
-    if given.spread is not None and given.spread.repeated(given.inputs.blocks):
-        whole = asked(robot, recordings, tell, with_outliers=True)
+    prepared = prepare(robot, recordings, tell)
+    found = _searched(prepared, tell)
+    if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
+        whole = prepare(robot, recordings, tell, with_outliers=True)
         again = _searched(whole, tell)
         if is_clean(again.problem, again.selection.last):  # what explains them says that they are none
-            given, found = whole, again
-    if given.spread is not None and given.spread.of_few and not is_clean(found.problem, found.selection.last):
-        whole = asked(robot, recordings, tell, all_over=True)
+            prepared, found = whole, again
+    if prepared.spread is not None and prepared.spread.of_few and not is_clean(found.problem, found.selection.last):
+        whole = prepare(robot, recordings, tell, all_over=True)
         again = _searched(whole, tell)
         if is_clean(again.problem, again.selection.last):  # the few places were not to be found
-            given, found = whole, again
+            prepared, found = whole, again
     problem, selection, labels, doubt = found
     tell("the verdict", 0.9)
-    diagnosis = verdict_of(problem, selection, given, labels, given.problem.simulator.robot, tell, doubt)
+    final = final_state(problem, selection, prepared, labels, tell, doubt)
+    diagnosis = verdict_of(problem, selection, final, prepared, labels, tell)
     seen = diagnosis.residuals
     residuals = None if seen is None else (seen.before, seen.after, seen.exists)
-    told = by_recording(given.together, problem.noise, diagnosis.samples, residuals)
-    return replace(diagnosis, recordings=told, own_by_run=given.together.by_run)
+    told = by_recording(prepared.together, problem.noise, diagnosis.samples, residuals)
+    return replace(diagnosis, recordings=told, own_by_run=prepared.together.by_run)
 
 
 class _Searched(NamedTuple):
@@ -123,70 +129,57 @@ class _Searched(NamedTuple):
     doubt: Finding | None
 
 
-def _searched(given: Asked, tell: Tell) -> _Searched:
+def _searched(prepared: Prepared, tell: Tell) -> _Searched:
     """Return what recordings say of laws and parameters."""
-    inputs, library = given.inputs, given.library
-    labels = _fold_labels(given)
+    inputs, library = prepared.inputs, prepared.library
+    labels = fold_labels(inputs.blocks)
     tell("calibration within tolerances", 0.02)
     # What is left out would drive parameters beyond their tolerances, where laws' first order tells nothing any more.
-    reach = beyond_tolerance(len(given.toleranced))
-    problem = given.within_tolerances(given.problem, reach)
+    reach = beyond_tolerance(len(prepared.toleranced))
+    problem = prepared.within_tolerances(prepared.problem, reach)
     selection = Selection.nothing(problem.first, library)
     doubt: Finding | None = None
-    if compared(problem, problem.first):
+    if problem.count(problem.first):
         selection = select(problem, library, labels, problem.first, tell)
         larger = noise_of_the_rest(problem, selection.last, inputs.blocks[selection.last.samples])
         force = _force_left(problem, selection.last) if larger is not None and inputs.weight_alone else 0.0
         if larger is not None and force:
             doubt = unrecorded_load(larger, force)
         elif larger is not None:
-            given.remarks.append(_noisier(problem.noise, larger))
-            problem = given.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
+            prepared.remarks.append(_larger_noise(problem.noise, larger))
+            problem = prepared.within_tolerances(replace(problem, noise=larger, tolerances=None), reach)
             selection = select(problem, library, labels, problem.first, tell)
             doubt = too_few(problem, selection, inputs.blocks)
-    if given.kinds and compared(problem, problem.first):
-        selection = needed(problem, selection, labels)
-    if not given.kinds and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
-        problem, selection = _otherwise(given, problem, selection, labels, tell)
-    if given.untold and doubt is None and compared(problem, problem.first) and is_clean(problem, selection.last):
+    if prepared.kinds and problem.count(problem.first):
+        selection = dropped_by_folds(problem, selection, labels)
+    if not prepared.kinds and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
+        problem, selection = _within_rescaled(prepared, problem, selection, labels, tell)
+    if prepared.noise_unknown and doubt is None and problem.count(problem.first) and is_clean(problem, selection.last):
         doubt = no_noise(problem, selection.last, inputs.blocks)
     return _Searched(problem, selection, labels, doubt)
 
 
-def _otherwise(
-    given: Asked, problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell
+def _within_rescaled(
+    prepared: Prepared, problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell
 ) -> tuple[Problem, Selection]:
     """Return problem and selection within wider tolerances, where these explain better what was found; and tell it."""
     # what laws have taken may be what a kind is off by where nothing asks for them but the tolerances
-    wider = misjudged(problem, selection.first if is_clean(problem, selection.first) else selection.last)
+    wider = rescaled_tolerances(problem, selection.first if is_clean(problem, selection.first) else selection.last)
     taken = False
     if wider:
-        other = replace(given, toleranced=widened(given.toleranced, wider))
-        reach = beyond_tolerance(len(given.toleranced))
+        other = replace(prepared, toleranced=with_rescaled(prepared.toleranced, wider))
+        reach = beyond_tolerance(len(prepared.toleranced))
         again = other.within_tolerances(replace(problem, tolerances=None), reach)
-        found = Selection.nothing(again.first, given.library)
-        if selection.last.terms or beyond_of(selection.last) or not is_clean(again, again.first):
-            found = select(again, given.library, labels, again.first, tell)
-        taken = judged(found.last, len(given.library), wider) < judged(selection.last, len(given.library))
+        found = Selection.nothing(again.first, prepared.library)
+        if selection.last.terms or count_beyond_tolerance(selection.last) or not is_clean(again, again.first):
+            found = select(again, prepared.library, labels, again.first, tell)
+        declared = minus_2_log_posterior(selection.last, len(prepared.library))
+        taken = minus_2_log_posterior(found.last, len(prepared.library), wider) < declared
         if taken:
             problem, selection = again, found
     if wider:
-        given.remarks.append(told(wider, taken))
+        prepared.remarks.append(rescaling_remark(wider, taken))
     return problem, selection
-
-
-def _fold_labels(given: Asked) -> np.ndarray:
-    """Return labels (N,) of samples that are held out together: blocks, cut where several recordings have too few.
-
-    Else pieces in time would be held out, and some of them would be of two recordings.
-    """
-    blocks = given.inputs.blocks
-    count = len(np.unique(blocks))
-    if not given.together.several or count >= FEWEST_FOR_FOLDS:
-        return blocks
-    first = np.searchsorted(blocks, blocks)
-    place = np.arange(len(blocks)) - first
-    return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
 
 
 def _force_left(problem: Problem, fit: Fit) -> float:
@@ -196,7 +189,7 @@ def _force_left(problem: Problem, fit: Fit) -> float:
     return unrecorded_force(fit.residual, by_force, by_strains, seen, seen)
 
 
-def _noisier(noise: Noise, larger: Noise) -> str:
+def _larger_noise(noise: Noise, larger: Noise) -> str:
     return (
         f"what is left is noise, but {number(1e6 * larger.position, 3)} µm and "
         f"{number(1e6 * larger.rotation, 3)} µrad, not the "

@@ -1,58 +1,345 @@
-"""What is tried where a log may be written otherwise than it says, and what speaks for it."""
+"""What speaks for a set of laws: what it costs, what samples say that were left out, what chance would gain.
+
+A law costs its parameters and how far they lie from what is usual; it must gain more than the best of the whole library
+would by chance, and on blocks that it was not fitted to. Tolerances compete with laws: one part that is far off is a
+finding, many that are all a little too far off are a tolerance that was declared too narrow, and no finding at all.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
-from ..recordings import WORDS, Convention
+import numpy as np
 
-__all__ = ["GEARS", "POSITION_UNITS", "Evidence", "exchanged", "merged"]
-
-#: Ratios of gears that are tried [turns of the motor for one of the joint].
-GEARS = tuple(map(float, (*range(2, 201), 224, 240, 250, 256, 300, 320, 360, 400, 500)))
-#: Words for units of joints' positions.
-POSITION_UNITS = tuple(
-    word for word in WORDS if "q" in word.groups and word.factor is not None and word.name != "reversed"
+from ..numbers import number
+from ..spatial import Array
+from .calibrate import Toleranced
+from .candidates import Candidate
+from .chances import chi2_isf
+from .criteria import (
+    BEYOND,
+    FALSE_ALARM,
+    FEWEST_FOR_FOLDS,
+    FEWEST_PIECES,
+    FLIPS,
+    FOLDS,
+    LEAD,
+    PARAMETER_COST,
+    RESCALING_COST,
+    beyond_tolerance,
+    clean_bound,
 )
+from .nuisance import with_priors
+from .problem import Fit, Problem, Term
+
+__all__ = [
+    "Rival",
+    "cost_of",
+    "count_beyond_tolerance",
+    "cross_validated",
+    "factors_of_kinds",
+    "fold_labels",
+    "implausible",
+    "is_clean",
+    "minus_2_log_posterior",
+    "penalty",
+    "rescaled_tolerances",
+    "rescaling_remark",
+    "scale_of",
+    "threshold",
+    "with_rescaled",
+]
+
+
+# -- what a law costs --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """Conventions, and what speaks for them: what the drawing leaves of `what` [unit] as written, and as read.
+class Rival:
+    """An alternative that was tried: its term, chi squared and change of the pose.
 
-    unit '' is a share. held: the share of the squares, of what was held out where that can be, that reading so takes
-    away. others: conventions that would do as well.
+    `scale`: mean squared residual where more than noise is left, by which differences of chi squared then grow.
+    `whole`: all terms and toleranced parameters (p,) with it in its place, where that was simulated.
     """
 
-    conventions: tuple[Convention, ...]
-    what: str
-    unit: str
-    written: float
-    read: float
-    held: float
-    others: tuple[tuple[Convention, ...], ...] = ()
+    term: Term
+    chi2: float
+    change: Array
+    scale: float = 1.0
+    whole: tuple[tuple[Term, ...], Array] | None = None
+
+    @property
+    def score(self) -> float:
+        """Chi squared plus what its parameters and their implausibility cost."""
+        return self.chi2 + self.scale * penalty(self.term)
 
 
-def exchanged(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Yield orders of columns with any two of them exchanged."""
-    for a, b in combinations(range(len(names)), 2):
-        other = list(names)
-        other[a], other[b] = other[b], other[a]
-        yield tuple(other)
+def penalty(term: Term) -> float:
+    """Return what a term costs: its parameters, but for known ones, and how far off they lie where such effects are."""
+    return PARAMETER_COST * int((term.candidate.known == 0).sum()) + implausible(term)
 
 
-def merged(conventions: Sequence[Convention], q: Sequence[str], tau: Sequence[str]) -> tuple[Convention, ...]:
-    """Return the same conventions, with several orders of the same columns made one; the joints with columns q, tau."""
-    tables = {"q": q, "tau": tau}
-    out: list[Convention] = []
-    for convention in conventions:
-        first = next((item for item in out if item.word == "order" and item.columns == convention.columns), None)
-        if convention.word != "order" or first is None:
-            out.append(convention)
-            continue
-        # the columns are read by the first, then by this one
-        step = dict(zip(tables[convention.columns], map(str, convention.argument), strict=True))
-        out[out.index(first)] = replace(first, argument=tuple(step[str(name)] for name in first.argument))
-    return tuple(item for item in out if item.word != "order" or item.argument != tuple(tables[item.columns]))
+def implausible(term: Term) -> float:
+    """Return what a term costs beside its parameters: values far from where such effects usually are, a rare law."""
+    candidate = term.candidate
+    logs = candidate.logarithmic & (candidate.known == 0)  # what is known is part of chi squared
+    starts = candidate.starts()
+    far = min(float((((term.coordinates - start) / candidate.law.spread)[logs] ** 2).sum()) for start in starts)
+    far += float((candidate.prior_residuals(term.coordinates) ** 2).sum())
+    return far + candidate.law.cost + _unlikely(candidate)
+
+
+def _unlikely(candidate: Candidate) -> float:
+    """Return a small cost that decides between places that these data cannot tell apart at all."""
+    likely = candidate.law.likely
+    names = {module.name for module in candidate.mechanism.modules if module.kind.kind in likely}
+    return 0.0 if not likely or names.intersection(candidate.parts) else LEAD
+
+
+def is_clean(problem: Problem, fit: Fit) -> bool:
+    """Return True where what is left may be noise."""
+    count = problem.count(fit)
+    return fit.chi2 <= clean_bound(count) ** 2 * count
+
+
+def cost_of(fit: Fit, scale: float = 1.0) -> float:
+    """Return chi squared and, `scale` times, what the terms cost."""
+    return fit.chi2 + scale * sum(map(penalty, fit.terms))
+
+
+def scale_of(problem: Problem, fit: Fit) -> float:
+    """Return the mean squared residual where more than noise is left, else 1."""
+    return max(1.0, fit.chi2 / max(problem.count(fit), 1))
+
+
+# -- chance, and samples that were left out ----------------------------------------------------------------------------
+
+
+def fold_labels(blocks: np.ndarray) -> np.ndarray:
+    """Return labels (N,) of samples that are held out together: blocks, each cut in time where there are too few."""
+    if len(np.unique(blocks)) >= FEWEST_FOR_FOLDS:
+        return blocks
+    place = np.arange(len(blocks)) - np.searchsorted(blocks, blocks)
+    return blocks * FOLDS + place * FOLDS // np.bincount(blocks)[blocks]
+
+
+def cross_validated(
+    problem: Problem,
+    fit: Fit,
+    blocks: np.ndarray,
+    *,
+    less: int | None = None,
+    parameters: np.ndarray | None = None,
+    strained: bool = False,
+) -> float:
+    """Return chi squared on blocks that were left out in turn, all terms refitted without them (linearly).
+
+    less: a term, or `parameters` (p,): a mask of toleranced ones, that are taken away, the others refitted. strained:
+    what toleranced parameters cost that go far to take their place counts as well.
+    """
+    jacobian = problem.jacobian(fit).reshape(*fit.residual.shape, -1)
+    held, x, residual = fit.per_tolerance.reshape(*fit.residual.shape, -1), fit.x, fit.residual
+    candidates = [term.candidate for term in fit.terms]
+    # a logarithm that only few samples tell (the load that closes a gap) is trusted for a step of one
+    own = [np.where(each.known > 0, each.known, each.logarithmic) for each in candidates]
+    narrow, off = np.concatenate([np.zeros(0), *own]), np.concatenate([np.zeros(0), *(term.off for term in fit.terms)])
+    if less is not None:
+        sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
+        stays = np.ones(len(narrow), bool)
+        stays[sizes[less] : sizes[less + 1]] = False
+        others = [term.effect for place, term in enumerate(fit.terms) if place != less]
+        residual, jacobian = residual - problem.change(fit, others), jacobian[..., stays]
+        narrow, off = narrow[stays], off[stays]
+    if parameters is not None:
+        residual = residual + held[..., parameters] @ x[parameters]
+        held, x = held[..., ~parameters], x[~parameters]
+    return _out_of_fold(residual, jacobian, blocks, held, x, (narrow, off), strained)
+
+
+def _out_of_fold(
+    residual: Array,
+    jacobian: Array,
+    blocks: np.ndarray,
+    held: Array,
+    x: Array,
+    firm: tuple[Array, Array],
+    strained: bool,
+) -> float:
+    """`firm`: one over what a coordinate may move by when blocks are left out, and by how many of these it is off."""
+    narrow, off = firm
+    total = 0.0
+    fold = np.unique(blocks, return_inverse=True)[1].ravel() % FOLDS
+    for index in np.unique(fold):
+        out = fold == index
+        target = residual[out].ravel()
+        if (jacobian.shape[-1] or len(x)) and (~out).any():
+            inside = residual[~out].size
+            columns = jacobian[~out].reshape(inside, jacobian.shape[-1])
+            scale = np.linalg.norm(columns, axis=0)
+            scale = np.where(scale > 0, scale, 1.0)
+            within = held[~out].reshape(inside, len(x))
+            matrix, right = with_priors(columns / scale, within, residual[~out].ravel(), x)
+            near = np.eye(len(narrow), matrix.shape[1]) * (narrow / scale)[:, None]
+            step = np.linalg.lstsq(np.vstack((matrix, near)), np.append(right, -off), rcond=1e-8)[0]
+            step[: len(scale)] /= scale
+            every = np.concatenate((jacobian[out], held[out]), axis=-1)
+            target = target - every.reshape(-1, every.shape[-1]) @ step
+            if strained:
+                total += float(((x + step[len(scale) :]) ** 2).sum()) / len(np.unique(fold))
+        total += float(target @ target)
+    return total
+
+
+def _pieces(blocks: np.ndarray) -> np.ndarray:
+    """Return blocks, each in so many pieces that flipping all signs alike is no likely accident."""
+    starts = np.concatenate(([True], blocks[1:] != blocks[:-1]))
+    block = np.cumsum(starts) - 1
+    count = int(block[-1]) + 1 if len(block) else 1
+    parts = int(np.ceil(FEWEST_PIECES / count))
+    inside = np.arange(len(blocks)) - np.flatnonzero(starts)[block]
+    return block * parts + inside * parts // np.bincount(block)[block]
+
+
+def threshold(tried: int, residual: Array, blocks: np.ndarray, rivals: Sequence[Rival]) -> Callable[[int], float]:
+    """Return the least gain by number of parameters: a function of it."""
+    directions = [rival.change.ravel() for rival in rivals]
+    directions = [vector / np.linalg.norm(vector) for vector in directions if np.linalg.norm(vector) > 1e-9]
+    flipped = 0.0
+    if directions:
+        kinds, which = np.unique(_pieces(blocks), return_inverse=True)
+        per_block = np.array(
+            [
+                np.bincount(which, (vector.reshape(residual.shape) * residual).sum(1), len(kinds))
+                for vector in directions
+            ]
+        )
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(kinds), FLIPS))
+        flipped = float(np.quantile(((per_block @ signs) ** 2).max(axis=0), 1 - FALSE_ALARM))
+    one = chi2_isf(FALSE_ALARM / tried, 1)
+
+    def least(parameters: int) -> float:
+        chance = chi2_isf(FALSE_ALARM / tried, parameters)
+        return max(chance, flipped + chance - one)
+
+    return least
+
+
+# -- tolerances that were declared too narrow --------------------------------------------------------------------------
+
+
+_ITERATIONS, _AGREED = 200, 1e-4
+
+
+def rescaled_tolerances(problem: Problem, fit: Fit) -> dict[str, float]:
+    """Return by how many times as far off as declared parts are, by kinds of which that is sure.
+
+    At least once. Of kinds that many places have: all of a sensor's are one law's, and how far it is off is a finding.
+    """
+    if problem.tolerances is None or not len(fit.x):
+        return {}
+    held, residual = _without_laws(problem, fit)
+    own = problem.tolerances.toleranced.law.deviations
+    kinds = [item.kind for item in own]
+    many = [kind for kind in dict.fromkeys(kinds) if len({item.place for item in own if item.kind == kind}) > 1]
+    return factors_of_kinds(held.T @ held, held.T @ (residual + held @ fit.x), kinds, many)
+
+
+def factors_of_kinds(normal: Array, right: Array, kinds: Sequence[str], free: Sequence[str]) -> dict[str, float]:
+    """Return the likeliest factors of the `free` kinds' tolerances where they are sure.
+
+    normal, right: J^T J (p, p) and J^T r (p,); kinds (p,) of the parameters.
+    """
+    labels = np.array(kinds)
+    variances, cost = _maximum_likelihood(normal, right, labels, free)
+    while free:
+        others = []
+        for kind in free:
+            fewer = [name for name in free if name != kind]
+            found, left = _maximum_likelihood(normal, right, labels, fewer)
+            # one part that is far off, wherever it is, needs no other tolerance for its whole kind
+            own = labels == kind
+            alone = left - _outlier_gains(normal, right, found)[own].max(initial=0.0) + 2 * np.log(max(own.sum(), 1))
+            others.append((min(left - RESCALING_COST, alone), found, left, fewer))
+        least = min(others, key=lambda each: each[0])
+        if least[0] > cost:
+            break
+        _, variances, cost, free = least
+    return {kind: float(np.sqrt(variances[labels == kind][0])) for kind in free}
+
+
+def with_rescaled(toleranced: Toleranced, factors: Mapping[str, float]) -> Toleranced:
+    """Return parameters whose tolerances are as many times as wide."""
+    sizes = np.array([factors.get(item.kind, 1.0) for item in toleranced.law.deviations])
+    return replace(toleranced, tolerances=sizes * toleranced.tolerances)
+
+
+def minus_2_log_posterior(fit: Fit, library: int, factors: Mapping[str, float] | None = None) -> float:
+    """Return -2 log of the probability of what was measured, with what findings and other tolerances cost.
+
+    One thing may be wrong with any robot; of each further one nobody knew where to look among `library` laws at places.
+    """
+    size = float(np.linalg.slogdet(np.eye(len(fit.x)) + fit.per_tolerance.T @ fit.per_tolerance)[1])
+    laws = sum(penalty(term) for term in fit.terms)
+    named = len(fit.terms) + count_beyond_tolerance(fit)
+    elsewhere = 2 * float(np.log(max(library, 1))) * max(named - 1, 0)
+    return float(fit.chi2) + size + laws + elsewhere + RESCALING_COST * len(factors or ())
+
+
+def count_beyond_tolerance(fit: Fit) -> int:
+    """Return how many parameters lie beyond their tolerances."""
+    return int((np.abs(fit.x) > beyond_tolerance(len(fit.x))).sum())
+
+
+def rescaling_remark(factors: Mapping[str, float], taken: bool) -> str:
+    """Return a sentence on tolerances that were declared too narrow."""
+    each = ", ".join(f"{kind} {number(factor, 2)} times" for kind, factor in factors.items())
+    what = (
+        "These tolerances were taken instead, for what is within them is no finding"
+        if taken
+        else "The declared ones were kept; those too narrow make findings of what is nobody's fault"
+    )
+    return f"parts are off by more than their tolerances say: {each} as far as declared. {what}"
+
+
+def _without_laws(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+    """Return the change per tolerance (m, p) and the residual (m,) without what the fit's laws may do."""
+    free, residual = problem.jacobian(fit), fit.residual.ravel()
+    size = np.linalg.norm(free, axis=0)
+    basis = np.linalg.svd(free / np.where(size > 0, size, 1.0), full_matrices=False)[0]
+    return fit.per_tolerance - basis @ (basis.T @ fit.per_tolerance), residual - basis @ (basis.T @ residual)
+
+
+def _maximum_likelihood(normal: Array, right: Array, labels: np.ndarray, free: Sequence[str]) -> tuple[Array, float]:
+    """Return the likeliest variances (p,) where only some kinds are not as declared, and -2 log L."""
+    variances = np.ones(len(labels))
+    members = [labels == kind for kind in free]
+    for _ in range(_ITERATIONS):
+        mean, known, _ = _posterior(normal, right, variances)
+        new = variances.copy()
+        for here in members:
+            size = float((mean[here] ** 2).sum()) / max(float(known[here].sum()), 1e-12)
+            new[here] = np.clip(size, 1.0, BEYOND**2)
+        moved = np.abs(np.log(new / variances)).max(initial=0.0)
+        variances = new
+        if moved < _AGREED:
+            break
+    return variances, _posterior(normal, right, variances)[2]
+
+
+def _outlier_gains(normal: Array, right: Array, variances: Array) -> Array:
+    """Return by how much -2 log L falls where one parameter alone, each in turn, may be off by any amount, (p,)."""
+    inside = normal @ np.linalg.inv(np.diag(1 / variances) + normal)
+    size = np.maximum(np.diagonal(normal - inside @ normal), 1e-300)
+    far = np.maximum((right - inside @ right) ** 2 / size, 1.0)
+    return np.asarray(far - 1 - np.log(far))
+
+
+def _posterior(normal: Array, right: Array, variances: Array) -> tuple[Array, Array, float]:
+    """Return means (p,), how much of each the data tell (p,), and -2 log L but for a constant."""
+    root = np.sqrt(variances)
+    matrix = np.eye(len(root)) + root[:, None] * normal * root
+    inverse = np.linalg.inv(matrix)
+    mean = root * (inverse @ (root * right))
+    cost = float(np.linalg.slogdet(matrix)[1] - right @ mean)
+    return mean, 1 - np.diagonal(inverse), cost

@@ -19,7 +19,6 @@ from .calibrate import (
 )
 from .candidates import Candidate
 from .criteria import (
-    DEFLECTION_SHARE,
     INDISTINCT,
     POSE_UNTOLD,
     UNSEEN,
@@ -28,27 +27,27 @@ from .criteria import (
     WORTH_SEPARATING,
 )
 from .diagnosis import Finding, FittedParameter
-from .fit import Fit, Problem, Term
-from .held_out import cross_validated
-from .selection import Selection, implausible, scale_of
-from .whiteness import compared, could_show_structure, is_white
+from .evidence import cross_validated, implausible, scale_of
+from .noise import could_show_structure, is_white
+from .problem import Fit, Problem
+from .search import Selection
 
 __all__ = [
-    "acting_anyway",
+    "always_acting",
+    "beyond_its_tolerance",
+    "chi2_without",
     "finding_of",
     "finite_deflection",
-    "growth_without",
-    "located_nowhere",
     "no_noise",
     "nothing_compared",
-    "off_beyond_tolerance",
     "parameters_of",
     "rms_of_sum",
-    "sensor_elsewhere",
-    "told_alone",
+    "sensor_displaced",
     "too_few",
     "unknown_at_robot",
     "unrecorded_load",
+    "with_neutral_values",
+    "without_place",
 ]
 
 #: What to do where there is nothing to compare.
@@ -58,7 +57,7 @@ _NOTHING_MEASURED = (
 )
 
 
-def sensor_elsewhere(
+def sensor_displaced(
     effect: Effect,
     deviation: Array,
     first: Fit,
@@ -107,7 +106,7 @@ def sensor_elsewhere(
     )
 
 
-def acting_anyway(effect: Effect, robot: Robot) -> Finding:
+def always_acting(effect: Effect, robot: Robot) -> Finding:
     """Return the finding of something without a parameter, which the calibration asked for."""
     return Finding(
         physics=effect.law.physics,
@@ -120,7 +119,7 @@ def acting_anyway(effect: Effect, robot: Robot) -> Finding:
     )
 
 
-def off_beyond_tolerance(item: CalibratedParameter, fit: Fit, held: float) -> Finding:
+def beyond_its_tolerance(item: CalibratedParameter, held: float) -> Finding:
     """Return the finding that a parameter lies beyond its tolerance."""
     reach = 1.96 * item.sd
     gain = (item.x / item.share) ** 2
@@ -146,7 +145,7 @@ def rms_of_sum(chi2: float, count: int) -> float:
     return float(np.sqrt(chi2 / count)) if count else float("nan")
 
 
-def located_nowhere(problem: Problem, fit: Fit, selection: Selection, count: int) -> Finding:
+def without_place(problem: Problem, fit: Fit, selection: Selection, count: int) -> Finding:
     """Return the finding that something is left which no part of the robot accounts for."""
     modules = len(fit.influence.rows)
     places = len({candidate.place.name for candidate in selection.library})
@@ -251,10 +250,10 @@ def unknown_at_robot(statement: str) -> Finding:
     )
 
 
-def growth_without(problem: Problem, fit: Fit, index: int) -> float:
+def chi2_without(problem: Problem, fit: Fit, index: int) -> float:
     """Return how much chi squared would grow without a term."""
     kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
-    left = problem.beyond(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
+    left = problem.without_tolerances(fit, (problem.target(fit) - problem.change(fit, kept)).ravel())
     return float((left**2).sum()) - fit.chi2
 
 
@@ -270,7 +269,7 @@ def finding_of(
     """Return the finding of a term. labels (n,): of what is held out where much was calibrated beside it."""
     term = fit.terms[index]
     if labels is None:
-        without = growth_without(problem, fit, index) + fit.chi2
+        without = chi2_without(problem, fit, index) + fit.chi2
     else:
         without = cross_validated(problem, fit, labels, less=index)
     scale = scale_of(problem, fit)  # where more than noise is left, less can be told apart
@@ -283,8 +282,6 @@ def finding_of(
         if rival.chi2 - fit.chi2 > scale * INDISTINCT or absurd:
             continue
         if rival.term.candidate.law.physics == term.candidate.law.physics:
-            if rival.term.candidate.everywhere and _beside_others(rival.term, fit, index):
-                continue
             places += dict.fromkeys((rival.term.candidate.place.name, *rival.term.candidate.parts))
         elif rival.term is not term:
             if not any(_is_richer(rival.term.candidate.name, name) for name in laws):
@@ -308,7 +305,7 @@ def _is_richer(name: str, other: str) -> bool:
     return name.startswith(f"{other.removesuffix(')')} by ")
 
 
-def told_alone(finding: Finding, robot: Robot) -> Finding:
+def with_neutral_values(finding: Finding, robot: Robot) -> Finding:
     """Return a finding in which parameters that these data do not tell change nothing, such as unmeasured rotations."""
     effect = finding.effect
     if effect is None:
@@ -332,23 +329,16 @@ def _statement(effect: Effect, parameters: Mapping[str, FittedParameter], robot:
     return effect.law.told(effect.place, effect.values, intervals, robot.mechanism)
 
 
-def _beside_others(term: Term, fit: Fit, index: int) -> bool:
-    """Return True for a law at all like places where others of its kind, at some of them, stand beside it anyway."""
-    law, parts = term.candidate.law.physics, set(term.candidate.parts)
-    others = [each.candidate for place, each in enumerate(fit.terms) if place != index]
-    return any(each.law.physics == law and parts.intersection(each.parts) for each in others)
-
-
 def parameters_of(problem: Problem, fit: Fit, index: int) -> dict[str, FittedParameter]:
     """Return values with 95 % intervals from the whole fit's covariance, widened where more than noise is left."""
     firm = np.diag(np.concatenate([each.candidate.known for each in fit.terms]))
-    jacobian = np.vstack((problem.beyond(fit, problem.jacobian(fit)), firm))
+    jacobian = np.vstack((problem.without_tolerances(fit, problem.jacobian(fit)), firm))
     scale = np.linalg.norm(jacobian, axis=0)
     unseen = scale < UNSEEN
     scale = np.where(unseen, 1.0, scale)
     scaled = jacobian / scale
     covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True) / scale / scale[:, None]
-    count = max(compared(problem, fit), 1)
+    count = max(problem.count(fit), 1)
     covariance = covariance * max(1.0, fit.chi2 / count)
     start = sum(term.candidate.size for term in fit.terms[:index])
     term = fit.terms[index]
@@ -379,7 +369,7 @@ def finite_deflection(first: Fit, last: Fit, before: Array, silent: bool = False
     with_linear = last.residual + difference
     worse = float((with_linear**2).sum())
     gained = worse - last.chi2
-    if size < WEIGHT_SHOWS or (not silent and gained < max(DEFLECTION_SHARE * size, WEIGHT_SHOWS)):
+    if size < WEIGHT_SHOWS or (not silent and gained < WEIGHT_SHOWS):
         return None
     return Finding(
         physics="finite_deflection",

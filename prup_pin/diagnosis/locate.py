@@ -1,9 +1,10 @@
-"""Where a module yields beyond the model, before any law is named, and what its deformation follows.
+"""Where does what is left sit, and what does it follow? Before any law is named, and again beside a law that is.
 
-By duality a deformation e_m beyond a module's law appears at the tool as J_m^T e_m, with the wrench Jacobian J_m that
-carries the load to the module. At every sample the part of the residual in those directions is its own estimate of
+By duality a deformation e_m of a module beyond its law appears at the tool as J_m^T e_m, with the wrench Jacobian J_m
+that carries the load to the module. At every sample the part of the residual in those directions is its own estimate of
 e_m. The place is where the residual lies in these directions at all samples; what e_m follows (the module's load, a
-position, another leg's load, time) is asked only then.
+position, another leg's load, time) is asked only then: a piecewise linear function of one variable, e = sum c_k h_k(s),
+whose coefficients follow by linear least squares.
 """
 
 from __future__ import annotations
@@ -14,12 +15,125 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..channels import Columns, Noise
+from ..laws import Effect
+from ..laws.drawn import Drawn, against_component
 from ..spatial import Array
-from .criteria import ALIKE, CHANCE_DEVIATIONS, NOT_REACHING, TREMOR
-from .fit import Beside, Fit, Problem
-from .local_curve import LocalCurve, curve_against, local_curve
+from .criteria import (
+    ALIKE,
+    CHANCE_DEVIATIONS,
+    KNOTS,
+    MOST_BINS,
+    NO_LOAD,
+    NOT_REACHING,
+    NOTHING,
+    SAMPLES_A_BIN,
+    SMOOTH,
+    TREMOR,
+)
+from .nuisance import Nuisance
+from .problem import Fit, Problem
 
-__all__ = ["LOAD", "Located", "Variable", "Yielding", "approached", "least_left", "locate", "yieldings"]
+__all__ = [
+    "LOAD",
+    "Agreement",
+    "LocalCurve",
+    "Located",
+    "Recovered",
+    "Residuals",
+    "Variable",
+    "Yielding",
+    "approached",
+    "curve_against",
+    "least_left",
+    "local_curve",
+    "locate",
+    "recovered",
+    "residuals",
+    "strongest_curve",
+    "yieldings",
+]
+
+
+# -- the curve that one motion of a module asks for --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LocalCurve:
+    """Recovered deformation of one motion of a module.
+
+    load (k,) [N or N m], deformation (k,) and its standard deviation (k,) [m or rad]; `gain`: chi squared removed.
+    """
+
+    module: str
+    component: int
+    load: Array
+    deformation: Array
+    deviation: Array
+    gain: float
+
+    @property
+    def degrees(self) -> int:
+        return len(self.load)
+
+
+def local_curve(problem: Problem, fit: Fit, module: str, component: int) -> LocalCurve | None:
+    """Return the curve of a module's motion that the residual asks for; None where its load does not vary."""
+    load = fit.influence.loads(module)[:, component]
+    return curve_against(problem, fit, module, component, load)
+
+
+def curve_against(
+    problem: Problem,
+    fit: Fit,
+    module: str,
+    component: int,
+    variable: Array,
+    factor: Array | float = 1.0,
+) -> LocalCurve | None:
+    """Return the deformation of a module's motion as factor (n,) times a curve over a variable (n,).
+
+    None where the variable does not vary or the motion does not reach the tool. The curve's `load` and `deformation`
+    are then the variable and the deformation over the factor.
+    """
+    if np.ptp(variable) < NOTHING:
+        return None
+    knots = np.unique(np.quantile(variable, np.linspace(0, 1, KNOTS)))
+    if knots[0] < 0 < knots[-1]:
+        knots[np.argmin(np.abs(knots))] = 0.0
+    knots = np.unique(knots)
+    if len(knots) < 3:
+        return None
+    direction = fit.influence.signature(module)[:, :, component]
+    white = (problem.whiteners(fit.influence) @ direction[..., None])[..., 0]
+    hats = np.array([np.interp(variable, knots, row) for row in np.eye(len(knots))]).T
+    hats = hats * np.broadcast_to(factor, len(variable))[:, None]
+    columns = (white[:, :, None] * hats[:, None, :]).reshape(-1, hats.shape[1])
+    scale = np.linalg.norm(columns, axis=0)
+    if not scale.max() > 0:
+        return None
+    # a weak preference for smooth curves keeps knots that the data do not reach from swinging
+    second = np.diff(np.eye(len(knots)), 2, axis=0) * SMOOTH * scale.max()
+    normal = columns.T @ columns + second.T @ second + 1e-12 * scale.max() ** 2 * np.eye(len(knots))
+    inverse = np.linalg.inv(normal)
+    target = fit.residual.ravel()
+    values = inverse @ (columns.T @ target)
+    gain = float(target @ target - ((target - columns @ values) ** 2).sum())
+    return LocalCurve(module, component, knots, values, np.sqrt(np.diag(inverse)), gain)
+
+
+def strongest_curve(problem: Problem, fit: Fit) -> list[LocalCurve]:
+    """Return the curves of all modules' motions, the one that removes most first."""
+    curves = []
+    for name in fit.influence.rows:
+        for component in range(fit.influence.loads(name).shape[1]):
+            curve = local_curve(problem, fit, name, component)
+            if curve is not None:
+                curves.append(curve)
+    return sorted(curves, key=lambda curve: -curve.gain)
+
+
+# -- the module --------------------------------------------------------------------------------------------------------
 
 #: What came from one direction or the other, where it is no joint.
 LOAD = "load"
@@ -90,10 +204,10 @@ def yieldings(problem: Problem, fit: Fit) -> list[Yielding]:
     return sorted(found, key=lambda item: -item.gain)
 
 
-def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside: Beside | None = None) -> float:
+def least_left(problem: Problem, fit: Fit, module: str, residual: Array, nuisance: Nuisance | None = None) -> float:
     """Return what of a whitened residual (n, 6), squared and summed, no deformation of a module can take away.
 
-    `beside`: what others may do with it. No law of that module alone leaves less, to first order.
+    `nuisance`: what others may do with it. No law of that module alone leaves less, to first order.
     """
     basis = problem.reach(fit.influence, module)
 
@@ -101,8 +215,8 @@ def least_left(problem: Problem, fit: Fit, module: str, residual: Array, beside:
         return values - basis @ (basis.mT @ values)
 
     rest = left(residual[..., None])[..., 0].ravel()
-    if beside is not None:
-        others = left(beside.basis.reshape(*residual.shape, -1)).reshape(len(rest), -1)
+    if nuisance is not None:
+        others = left(nuisance.basis.reshape(*residual.shape, -1)).reshape(len(rest), -1)
         rest = rest - others @ np.linalg.lstsq(others, rest, rcond=1e-9)[0]
     return float(rest @ rest)
 
@@ -185,3 +299,142 @@ def approached(values: Array, runs: np.ndarray) -> Array:
         last = np.maximum.accumulate(np.where(np.abs(steps) > least, np.arange(len(rows)), 0))
         out[rows] = np.sign(steps[last])
     return out
+
+
+# -- a finding, sample by sample ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recovered:
+    """A finding as the recording shows it.
+
+    x (n,): what drives it; y (n,): the deformation (torque, travel) that each sample asks for, with its standard
+    deviation (n,); law (n,): what the named law gives, or None. `knots`, `curve`, `band` (k,): means over neighbours,
+    a curve that knows no law, and their standard deviation. SI; `x_unit`, `y_unit`.
+    """
+
+    x: Array
+    y: Array
+    deviation: Array
+    law: Array | None
+    knots: Array
+    curve: Array
+    band: Array
+    x_label: str
+    y_label: str
+    x_unit: str
+    y_unit: str
+    path: bool  # what happened before matters: the law is not one line
+    blocks: np.ndarray  # (n,) labels of samples between two moves of the actuators
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Agreement:
+    """A finding that no single load drives: what the recording asks of each column (n, K), and the law's.
+
+    [m, rad]; zero where nothing was measured. columns: in groups of one unit; noise: of position and rotation.
+    """
+
+    asked: Array
+    law: Array
+    columns: tuple[Columns, ...]
+    noise: Noise
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Residuals:
+    """Residuals in multiples of the noise, (n, K), whitened; zero columns where nothing was measured."""
+
+    before: Array
+    after: Array
+    exists: np.ndarray
+    columns: tuple[Columns, ...]
+
+
+def residuals(problem: Problem, fit: Fit, before: Array, after: Array) -> Residuals:
+    """Return measured less simulated poses, (n, K) [m, rad] each, in multiples of the noise."""
+    white, exists = _whitening(problem, fit)
+    first, last = ((white @ values[..., None])[..., 0] for values in (before, after))
+    return Residuals(first, last, exists, problem.stack.groups())
+
+
+def recovered(
+    problem: Problem, fit: Fit, after: Array, effect: Effect | None, curve: LocalCurve | None
+) -> Recovered | Agreement | None:
+    """Return what the recording shows of a finding: of an effect that the fit holds, or of an unknown one's curve.
+
+    after (n, K): measured less simulated poses of the fit [m, rad]. None where neither is known.
+    """
+    influence = fit.influence
+    white, exists = _whitening(problem, fit)
+    asked, law, drawn = after, None, None
+    if effect is not None:
+        others = [term.effect for term in fit.terms if term.effect != effect]
+        law = -influence.change(problem.simulator.setup(others))
+        asked = asked + law
+        drawn = effect.law.drawn(effect.place, influence.solved)
+    elif curve is not None:
+        drawn = against_component(influence.solved, curve.module, curve.component)
+    if drawn is not None:
+        given = None if law is None else (white @ law[..., None])[..., 0]
+        blocks = problem.simulator.inputs.blocks[fit.samples]
+        made = _estimate(
+            drawn, problem.stack.seen(drawn.direction), white, (white @ asked[..., None])[..., 0], given, blocks
+        )
+        if made is not None:
+            return made
+    if law is None:
+        return None
+    columns = problem.stack.groups()
+    return Agreement(np.where(exists, asked, 0.0), np.where(exists, law, 0.0), columns, problem.noise)
+
+
+def _whitening(problem: Problem, fit: Fit) -> tuple[Array, np.ndarray]:
+    """Return W (n, K, K) at the equilibria of the fit, and what was both measured and simulated, (n, K)."""
+    exists = problem.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]
+    return problem.whiteners_at(fit.influence), exists
+
+
+def _estimate(
+    drawn: Drawn, direction: Array, white: Array, wanted: Array, given: Array | None, blocks: np.ndarray
+) -> Recovered | None:
+    """Return what each sample asks for along a direction, and means; None where they say nothing."""
+    direction = (white @ direction[..., None])[..., 0]
+    weight = (direction**2).sum(axis=1)
+    good = (weight > NOT_REACHING * weight.max(initial=0.0)) & (weight > 0)
+    if good.sum() < 3:
+        return None
+    x, along, weight = drawn.x[good], direction[good], weight[good]
+    y = (along * wanted[good]).sum(axis=1) / weight
+    law = None if given is None else (along * given[good]).sum(axis=1) / weight
+    bins = _bins(x)
+    if bins.max() < 1:
+        return None
+    total = np.bincount(bins, weight)
+    knots, curve = (np.bincount(bins, weight * values) / total for values in (x, y))
+    left = float((weight * (y - curve[bins]) ** 2).sum())
+    if not float((weight * y**2).sum()) > left:
+        return None  # a curve of means removes nothing
+    band = np.sqrt(max(1.0, left / max(len(x) - len(knots), 1)) / total)
+    labels, units = drawn.labels, drawn.units
+    return Recovered(
+        x, y, 1 / np.sqrt(weight), law, knots, curve, band, *labels, *units, drawn.path, blocks[good]
+    )  # fmt: skip
+
+
+def _bins(x: Array) -> np.ndarray:
+    """Return (n,) numbers 0, 1, … of neighbouring samples: one for no load, quantiles on both sides of it."""
+    reach = float(np.ptp(x))
+    if not reach > 1e-9 * float(np.abs(x).max()):
+        return np.zeros(len(x), int)
+    sides = np.where(np.abs(x) < NO_LOAD * reach, 0, np.sign(x)).astype(int)
+    bins, first = np.zeros(len(x), int), 0
+    for side in (-1, 0, 1):
+        rows = np.flatnonzero(sides == side)
+        if not len(rows):
+            continue
+        count = 1 if side == 0 else int(np.clip(len(rows) // SAMPLES_A_BIN, 1, MOST_BINS))
+        edges = np.quantile(x[rows], np.linspace(0, 1, count + 1)[1:-1])
+        bins[rows] = first + np.searchsorted(np.unique(edges), x[rows], side="right")
+        first = int(bins[rows].max()) + 1
+    return np.unique(bins, return_inverse=True)[1].ravel()

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..numbers import counted, number
-from ..robot import Robot
 from ..spatial import WRENCH_NAMES, Array
 from .criteria import (
     APPROACHED_FROM,
@@ -29,9 +28,9 @@ from .criteria import (
     WORTH_SEPARATING,
 )
 from .diagnosis import Finding
-from .fit import Problem, Term
-from .selection import Selection
-from .separation import Bench, Pair, Test, apart, known_of
+from .identify import Bench, Pair, SimulatedTest, information, separation
+from .problem import Problem, Term
+from .search import Selection
 
 __all__ = ["next_experiment"]
 
@@ -47,19 +46,19 @@ MOST_LISTED = 6
 _SEEN_TO = {"gravity", "temperature", "wrench"}
 
 
-def next_experiment(robot: Robot, problem: Problem, selection: Selection, unknown: Sequence[Finding]) -> dict[str, Any]:
+def next_experiment(problem: Problem, selection: Selection, unknown: Finding | None) -> dict[str, Any]:
     """Return a test plan whose samples differ most between the explanations that are left, with the reason.
 
     Where what is unknown depends on the side from which a joint came, one that comes from both.
     Where explanations were compared, `separates` and `cannot_separate` list them in pairs; the latter also parts of the
     robot to which one and the same effect can be ascribed. `weighed` says how many poses under how many loads were.
     """
-    joint = next((finding.approached for finding in unknown if finding.approached), "")
+    joint = "" if unknown is None else unknown.approached
     proposed = _proposed(problem, selection, joint)
     same = [
         {"one": _named(term), "other": {**_named(term), "location": place}, "times_noise": 0.0}
         for term in selection.last.terms
-        for place in term.candidate.law.same_places(term.candidate.place, robot.mechanism)
+        for place in term.candidate.law.same_places(term.candidate.place, problem.simulator.robot.mechanism)
         if place != term.candidate.place.name
     ]
     return {**proposed, "cannot_separate": [*proposed.get("cannot_separate", ()), *same]} if same else proposed
@@ -69,9 +68,9 @@ def _proposed(problem: Problem, selection: Selection, joint: str) -> dict[str, A
     bench = Bench.of(problem)
     if bench is None:
         return {"why": "no complete sample", "plan": {}}
-    left = _left(selection)
+    left = _indistinct_pairs(selection)
     pairs = [pair for pair in left if pair.needs <= _SEEN_TO][:MOST_PAIRS]
-    search = _Search(bench, problem, selection, pairs)
+    search = _Design(bench, problem, selection, pairs)
     if not search.begun:
         return {"why": "no pose near the recorded ones is reachable", "plan": {}}
     if joint and (chosen := search.from_both_sides(joint)):
@@ -79,26 +78,26 @@ def _proposed(problem: Problem, selection: Selection, joint: str) -> dict[str, A
             f"each posture, {joint} coming from below and from above, at rest and under load: half of the difference "
             "is what depends on the side"
         )
-        return {"why": why, "plan": _written(search, chosen, CYCLE)}
+        return {"why": why, "plan": _plan(search, chosen, CYCLE)}
     if not pairs:
         why = "the largest deflections, where anything left out shows most"
         if left:
             why += "; explanations that are left differ in motion, which no test plan describes"
-        return {"why": why, "plan": _written(search, search.largest(), CYCLE)}
+        return {"why": why, "plan": _plan(search, search.largest(), CYCLE)}
     chosen, repeated = search.planned()
-    told = _Told(search, chosen, repeated)
+    told = _Outcome(search, chosen, repeated)
     if told.most < WORTH_DOING and told.undecided:
         # what is worth a plan for all is little; what is worth it for one pair, gone through often, tells that pair
-        told = _Told(search, search.best_places(told.undecided[0]), MOST_REPEATED)
+        told = _Outcome(search, search.best_places(told.undecided[0]), MOST_REPEATED)
         repeated, chosen = told.repeated, told.chosen
     answer = {"why": told.why, "plan": {}, **told.lists, "weighed": len(search.positions)}
     if told.most >= WORTH_DOING:
         cycle = CYCLE[:-1] * (repeated - 1) + CYCLE
-        answer["plan"] = _written(search, chosen, cycle, any("temperature" in pair.needs for pair in pairs))
+        answer["plan"] = _plan(search, chosen, cycle, any("temperature" in pair.needs for pair in pairs))
     return answer
 
 
-class _Search:
+class _Design:
     """Places, each a pose under a load, weighed to first order: all pairs at first, then what is not apart yet.
 
     positions (c, a), loads (c, 6); `worth[k]` (c,) what a full load there is worth to pair k, in chi squared.
@@ -113,7 +112,7 @@ class _Search:
         self.loads = np.tile(units, (len(poses), 1))
         self.begun = bool(poses)
         self.worth = np.zeros((0, 0))
-        self.known = [known_of(problem, self.last, pair) for pair in pairs]
+        self.known = [information(problem, self.last, pair) for pair in pairs]
 
     def largest(self) -> list[int]:
         """Return the places of the largest deflections."""
@@ -179,9 +178,9 @@ class _Search:
         varied = self.bench.loads(len(beside), self.generator, self.loads[best])
         self.loads = np.concatenate((self.loads, loads, varied))
 
-    def _test(self, places: slice, cycle: Sequence[float]) -> Test:
+    def _test(self, places: slice, cycle: Sequence[float]) -> SimulatedTest:
         loads = np.array(cycle)[None, :, None] * self.loads[places, None]
-        return Test(self.bench, self.problem, self.last, self.bench.inputs(self.positions[places], loads))
+        return SimulatedTest(self.bench, self.problem, self.last, self.bench.inputs(self.positions[places], loads))
 
     def _weighed(self, which: Iterable[int], places: slice) -> Array:
         """Return what places are worth to some pairs, (pairs, places), after what may be fitted there; others zero."""
@@ -192,7 +191,7 @@ class _Search:
         found = np.zeros((len(self.pairs), len(test.problem.simulator.inputs)))
         for k in which:
             pair = self.pairs[k]
-            left = apart(test.difference(pair), test.free(pair), self.known[k])
+            left = separation(test.difference(pair), test.free(pair), self.known[k])
             found[k, test.fit.samples] = size * (np.nan_to_num(left) ** 2).sum(axis=1)
         return found.reshape(len(self.pairs), -1, len(cycle)).sum(axis=2)
 
@@ -220,16 +219,16 @@ class _Search:
         return picked
 
 
-def _deflections(test: Test) -> Array:
+def _deflections(test: SimulatedTest) -> Array:
     """Return how far the loads of a test move what is measured, (n, K), to first order."""
     wrench = test.problem.simulator.inputs.wrench[test.fit.samples]
     return (test.fit.influence.compliance @ wrench[..., None])[..., 0]
 
 
-class _Told:
+class _Outcome:
     """What a plan tells apart, pair by pair and in words: it is simulated, and what may be fitted is fitted."""
 
-    def __init__(self, search: _Search, chosen: Sequence[int], repeated: int):
+    def __init__(self, search: _Design, chosen: Sequence[int], repeated: int):
         self.search, self.chosen, self.repeated = search, list(chosen), repeated
         self.lists: dict[str, list[dict[str, Any]]] = {"separates": [], "cannot_separate": [], "undecided": []}
         self.most = 0.0
@@ -238,7 +237,7 @@ class _Told:
         alike: list[tuple[int, dict[str, Any]]] = []
         test = self._test()
         for k, pair in enumerate(search.pairs):
-            size, largest = self._apart(test, k)
+            size, largest = self._separation(test, k)
             entry = {"one": _named(pair.term), "other": _named(pair.rival), "times_noise": largest}
             kind = "separates"
             if size < INDISTINCT:
@@ -278,16 +277,18 @@ class _Told:
         more = len(told) - MOST_LISTED
         return "; ".join(sentences) + (f"; and {counted(more, 'pair')} more" if more > 0 else "")
 
-    def _test(self, times: float = 1.0, gravity: Array | None = None, chosen: Sequence[int] | None = None) -> Test:
+    def _test(
+        self, times: float = 1.0, gravity: Array | None = None, chosen: Sequence[int] | None = None
+    ) -> SimulatedTest:
         search, places = self.search, self.chosen if chosen is None else list(chosen)
         loads = np.array(CYCLE)[None, :, None] * search.loads[places, None]
         inputs = search.bench.inputs(search.positions[places], times * loads, gravity)
-        return Test(search.bench, search.problem, search.last, inputs)
+        return SimulatedTest(search.bench, search.problem, search.last, inputs)
 
-    def _apart(self, test: Test, k: int, repeated: int | None = None) -> tuple[float, float]:
+    def _separation(self, test: SimulatedTest, k: int, repeated: int | None = None) -> tuple[float, float]:
         """Return how far a repeated test tells a pair apart, in chi squared, and the most of one sample in noise."""
         pair, times = self.search.pairs[k], self.repeated if repeated is None else repeated
-        left = apart(test.simulated(pair), test.free(pair), self.search.known[k] / times)
+        left = separation(test.simulated(pair), test.free(pair), self.search.known[k] / times)
         each = (np.nan_to_num(left) ** 2).sum(axis=1)
         return times * float(each.sum()), float(np.sqrt(each.max(initial=0.0)))
 
@@ -297,7 +298,7 @@ class _Told:
         if MOST_REPEATED * search.worth[k, search.best_places(k)].sum() < INDISTINCT:
             return True
         # What the first recording says of the parameters counts once, not in each place.
-        return self._apart(self._test(chosen=search.best_places(k)), k, MOST_REPEATED)[0] < INDISTINCT
+        return self._separation(self._test(chosen=search.best_places(k)), k, MOST_REPEATED)[0] < INDISTINCT
 
     def _beyond_reach(self, alike: Sequence[tuple[int, dict[str, Any]]]) -> str:
         """Return what would tell apart what this bench does not: larger loads, a base tilted against gravity."""
@@ -312,7 +313,7 @@ class _Told:
         for what, key, times, tilted in ways:
             test, told = self._test(times, tilted), list[tuple[Pair, float | None]]()
             for k, entry in alike:
-                size, entry[key] = self._apart(test, k)
+                size, entry[key] = self._separation(test, k)
                 if size >= INDISTINCT:
                     told.append((pairs[k], entry[key]))
             if told:
@@ -327,7 +328,7 @@ def _tilted(gravity: Array) -> Array:
     return gravity * np.cos(TILTED_BASE) + np.cross(axis, gravity) * np.sin(TILTED_BASE)
 
 
-def _written(search: _Search, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
+def _plan(search: _Design, chosen: Sequence[int], cycle: Sequence[float], warm: bool = False) -> dict[str, Any]:
     """Return a plan as `read_plan` reads it."""
     bench = search.bench
     names = bench.robot.mechanism.actuated
@@ -367,7 +368,7 @@ def _listed(words: Sequence[str]) -> str:
     return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
-def _left(selection: Selection) -> list[Pair]:
+def _indistinct_pairs(selection: Selection) -> list[Pair]:
     """Return pairs of terms (ours, rival) that the data leave together."""
     pairs = []
     for term, rivals in zip(selection.last.terms, selection.rivals, strict=True):

@@ -1,58 +1,40 @@
-"""Is a log of poses written as it says? Other ways to write it compete, before any physics does.
+"""Are the positions, orientations and joints of a log written as it says? Other ways compete before any physics does.
 
-Two questions, each with what every bench leaves open freed. Where the tool is: measured poses of few postures against
-the drawn rigid ones, with the tracker's and the target's frames. How loads move it: what changes while the actuators
-stand still, against the drawn compliance with each module as soft as suits best. A convention is told where it leaves
-a third of what the log leaves as it is written, on postures that were held out too.
+Measured poses of few postures against the drawn rigid ones, with the tracker's and the target's frames freed, which
+every bench leaves open. A convention is told where it leaves a third of what the log leaves as it is written, on
+postures that were held out too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise, permutations, product
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, permutations
 
 import numpy as np
 
 from ..errors import PrupPinError
 from ..kinematics import ClosedPose
-from ..laws import Inputs
 from ..mechanism import Mechanism
-from ..recordings import WORDS, Convention, Drawn, Recording, read_as
+from ..recordings import WORDS, Convention, Recording, read_as
+from ..recordings.conventions import AXES, GEARS, POSITION_UNITS, Evidence, exchanged
 from ..robot import Robot
-from ..simulation import Simulator, drawn_for
-from ..spatial import Array, cross, rotation_exp, turn_between
+from ..simulation import drawn_for
+from ..spatial import Array, rigid_motion, rotation_exp, turn_between
 from .criteria import (
-    CHANCE_DEVIATIONS,
-    COARSE,
     CONVENTION_AS_GOOD,
     CONVENTION_FINE,
     CONVENTION_LEAVES,
     CONVENTION_NEAR,
-    CONVENTION_SHOWN,
-    CONVENTION_SOFTER,
-    CONVENTION_SOFTEST,
     LEAST_REACH,
 )
-from .evidence import GEARS, POSITION_UNITS, Evidence, exchanged
 
-__all__ = ["conventions_of_loads", "conventions_of_poses"]
+__all__ = ["conventions_of_poses"]
 
-#: Postures that are looked at, of robots with loops, which take longer to close, and of others; conventions at most.
-_POSTURES, _OF_TREES, _MOST = 12, 40, 6
+#: Postures that are looked at, of robots with loops, which take longer to close, and of others.
+_POSTURES, _OF_TREES = 12, 40
 #: Rounds in which frames that depend on one another are fitted in turn.
 _ROUNDS = 8
-#: Samples by which loads are judged, and the fewest that tell anything.
-_SAMPLES, _FEWEST = 400, 12
-#: Axes that x, y, z of a log may stand for, but for themselves.
-_AXES = [
-    tuple(f"{'-' if sign < 0 else ''}{axis}" for axis, sign in zip(order, signs, strict=True))
-    for order in permutations("xyz")
-    for signs in product((1, -1), repeat=3)
-][1:]
-
-
-# -- where the tool is ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,10 +192,7 @@ def _positions(
             own = [at[:, :3, 3] + at[:, :3, :3] @ aside for (at, _), aside in zip(points, shifts, strict=True)]
             drawn = np.concatenate([a[rows] for a, rows in zip(own, good, strict=True)])
             aim = np.concatenate([seen[rows] for (_, seen), rows in zip(points, good, strict=True)])
-            middle, centre = drawn.mean(axis=0), aim.mean(axis=0)
-            left, _, right = np.linalg.svd((aim - centre).T @ (drawn - middle))
-            turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-            shift = centre - turn @ middle
+            turn, shift = rigid_motion(drawn, aim, np.ones(len(aim))) or (turn, shift)
             for index, ((at, seen), rows) in enumerate(zip(points, good, strict=True)):
                 if rows.any():
                     rest = (seen[rows] - shift) @ turn - at[rows, :3, 3]
@@ -315,7 +294,7 @@ def _forward(
     taken: list[Convention] = []
     read, now = written, start
     others: list[tuple[Convention, ...]] = []
-    while len(taken) < _MOST:
+    while True:
         tried: list[tuple[float, int, Convention, Recording, _Misfit]] = []
         # what was measured is cheap to read otherwise, and joints are where that does not do
         for readings in (_of_measured(read), _of_joints(postures.mechanism, read)):
@@ -346,12 +325,12 @@ def _of_measured(recording: Recording) -> Iterator[Convention]:
         for word in WORDS:
             if "p" in word.groups and not word.takes and word.name != "reversed":
                 yield Convention("p", word.name)
-        yield from (Convention("p", "axes", item) for item in _AXES)
+        yield from (Convention("p", "axes", item) for item in AXES)
     if recording.rotation is not None or recording.marker_rotations:
         for word in WORDS:
             if "r" in word.groups and not word.takes:
                 yield Convention("r", word.name)
-        for item in _AXES:
+        for item in AXES:
             yield Convention("r", "axes", item)
             if np.prod([-1 if text[0] == "-" else 1 for text in item]) * _parity(item) > 0:
                 yield Convention("r", "base_axes", item)
@@ -395,225 +374,3 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     for places in range(1, len(names)):
         yield (*names[places:], *names[:places])
     yield from exchanged(names)
-
-
-# -- how loads move it ---------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class _Loaded:
-    """Samples (n) of a loaded tool: what moves it, by module, and how it moved (n, 6) while the actuators stood still.
-
-    parts (m, n, 6, 6): compliance of each module; free: takes away what stands still, or what frames could do; noise:
-    squares of what is moved that declared noise makes.
-    """
-
-    parts: Array
-    moved: Array
-    wrench: Array
-    tool: Array
-    blocks: np.ndarray
-    free: Callable[[Array], Array]
-    noise: float
-
-    @property
-    def shown(self) -> float:
-        """Squares beyond the noise below which nothing shows: by chance, or where no noise is declared."""
-        if self.noise:
-            return CHANCE_DEVIATIONS * float(np.sqrt(2 / self.moved.size)) * self.noise
-        return CONVENTION_SHOWN**2 * float((self.free(self.moved) ** 2).sum())
-
-    def select(self, rows: np.ndarray) -> _Loaded:
-        return replace(
-            self, parts=self.parts[:, rows], moved=self.moved[rows], wrench=self.wrench[rows], tool=self.tool[rows],
-            blocks=self.blocks[rows], free=_freed(self.blocks[rows]),
-            noise=self.noise * len(self.wrench[rows]) / len(self.wrench),
-        )  # fmt: skip
-
-    def by_module(self, wrench: Array) -> Array:
-        """Return how far each module moves the tool (6 n, m) under wrenches (n, 6)."""
-        moved = self.free((self.parts @ wrench[None, :, :, None])[..., 0].transpose(1, 2, 0))
-        return moved.reshape(-1, len(self.parts))
-
-
-def conventions_of_loads(robot: Robot, recording: Recording) -> Evidence | None:
-    """Return other ways in which the wrench seems to be written; None where none does far better.
-
-    recording: whose other columns are in the format's own conventions.
-    """
-    loaded = _loaded(robot, recording)
-    if loaded is None:
-        return None
-    target = loaded.free(loaded.moved).ravel()
-    if not target.any():
-        return None
-    drawn = Drawn(tool=lambda _: loaded.tool)
-    now = Recording(time=np.arange(len(loaded.wrench), dtype=float), wrench=loaded.wrench)
-    size = float(target @ target)
-    first = least = _softened(loaded, loaded.wrench)
-    shown = loaded.shown
-    if first < shown:
-        return None
-    alike = shown / CHANCE_DEVIATIONS if loaded.noise else shown
-    taken: list[Convention] = []
-    others: list[tuple[Convention, ...]] = []
-    while len(taken) < 4:
-        tried = []
-        for readings in (_of_wrench(), _of_wrench_axes(), _of_wrench_point(loaded, now.wrench)):
-            for convention in readings:
-                other = read_as(now, [convention], drawn)
-                tried.append((_softened(loaded, other.wrench), convention, other))
-            if min(item[0] for item in tried) < alike:
-                break
-        # what is nearly as good is told by the commoner word
-        near = max(1.2 * min(item[0] for item in tried), alike)
-        left, convention, other = next(item for item in tried if item[0] <= near)
-        if not left < CONVENTION_LEAVES * least:
-            break
-        others = [
-            (*taken, item[1])
-            for item in tried
-            if item[0] <= max(CONVENTION_AS_GOOD**2 * left, alike)
-            and item[1] is not convention
-            and not item[1].argument
-        ]
-        taken, now, least = [*taken, convention], other, left
-    if not taken:
-        return None
-    half = np.unique(loaded.blocks, return_inverse=True)[1] % 2 == 0
-    if half.all() or (~half).sum() < _FEWEST or half.sum() < _FEWEST:
-        half = np.arange(len(half)) % 2 == 0
-    held = [_softened(loaded, item, half) for item in (loaded.wrench, now.wrench)]
-    if not held[1] < CONVENTION_LEAVES * held[0]:
-        return None
-    return Evidence(
-        tuple(taken), "what loads move", "", float(np.sqrt(first / size)), float(np.sqrt(least / size)),
-        1 - held[1] / held[0], tuple(others),
-    )  # fmt: skip
-
-
-def _loaded(robot: Robot, recording: Recording) -> _Loaded | None:
-    mechanism = robot.mechanism
-    if mechanism.tool is None or not mechanism.modules or not recording.has_wrench:
-        return None
-    actuators = recording.actuator_positions(mechanism.actuated)
-    good = np.isfinite(actuators).all(axis=1) & np.isfinite(recording.wrench).all(axis=1)
-    position = np.full((len(recording), 3), np.nan) if recording.position is None else recording.position
-    vector = np.full((len(recording), 3), np.nan) if recording.rotation is None else recording.rotation
-    seen = [np.isfinite(each).sum(axis=1) == 3 for each in (position, vector)]
-    good &= seen[0] | seen[1]
-    blocks = recording.blocks()
-    sizes = np.bincount(blocks)
-    good &= sizes[blocks] > 2  # what stands still is told from what loads move
-    if good.sum() < _FEWEST:
-        return None
-    several = np.unique(blocks[good])
-    chosen = several[np.unique(np.linspace(0, len(several) - 1, 2 * _POSTURES).astype(int))]
-    rows = np.flatnonzero(good & np.isin(blocks, chosen))
-    rows = rows[:: max(1, len(rows) // _SAMPLES)]
-    inputs = Inputs(recording.time[rows], actuators[rows], recording.wrench[rows], blocks[rows])
-    simulator = Simulator(robot, inputs)
-    geometry, run = simulator.geometry({}), simulator.run(())
-    there = np.flatnonzero(geometry.reachable)
-    if len(there) < _FEWEST:
-        return None
-    rows, at = rows[there], geometry.rows[there]
-    used, which = np.unique(at, return_inverse=True)
-    each = [robot.compliance(geometry.poses[pose]) for pose in used]
-    names = [name for name in each[0].parts if any(np.abs(item.parts[name]).max() > 0 for item in each)]
-    if not names:
-        return None
-    parts = np.array([[item.parts[name] for item in each] for name in names])[:, which]
-    tool = np.array([geometry.poses[pose].base_from_tool for pose in used])[which]
-    wrench = recording.wrench[rows]
-    exists = np.repeat(np.column_stack([item[rows] for item in seen]), 3, axis=1)
-    weight = np.where(exists, 1 / np.array(COARSE), 0.0)
-    moved = _moved(tool, position[rows], rotation_exp(np.nan_to_num(vector[rows])))
-    bent = _moved(tool, run.position[there], run.rotation[there]) - (parts.sum(axis=0) @ wrench[..., None])[..., 0]
-    parts = parts * weight[None, :, :, None]
-    noise = _noise_of(recording, parts.sum(axis=0), weight, exists) * (1 - len(np.unique(blocks[rows])) / len(rows))
-    moved, bent = (np.where(exists, values, 0.0) * weight for values in (moved, np.nan_to_num(bent)))
-    loaded = _Loaded(parts, moved, wrench, tool, blocks[rows], _freed(blocks[rows]), noise)
-    # what large deflections add to C w is much the same however the wrench is read, unless it is read far too large
-    other = replace(loaded, moved=moved - bent)
-    return min(loaded, other, key=lambda item: _softened(item, wrench))
-
-
-def _moved(tool: Array, position: Array, rotation: Array) -> Array:
-    """Return how far poses (n, 3), (n, 3, 3) lie from the drawn ones (n, 4, 4), positions and turns (n, 6)."""
-    return np.concatenate((position - tool[:, :3, 3], turn_between(tool[:, :3, :3], rotation)), axis=1)
-
-
-def _noise_of(recording: Recording, whole: Array, weight: Array, exists: np.ndarray) -> float:
-    """Return the squares that declared noise of poses and wrench gives weighted motions (n, 6); 0: undeclared."""
-    noise = recording.noise
-    if not (noise.position and noise.rotation):
-        return 0.0
-    poses = weight**2 * np.where(exists, np.repeat([noise.position, noise.rotation], 3) ** 2, 0.0)
-    loads = whole**2 @ np.repeat([noise.force or 0.0, noise.moment or 0.0], 3) ** 2
-    return float((poses + loads).sum())
-
-
-def _freed(blocks: np.ndarray) -> Callable[[Array], Array]:
-    """Return what takes away the mean of each block of values (n, ...)."""
-    labels = np.unique(blocks, return_inverse=True)[1].ravel()
-    mean = (labels == np.arange(labels.max(initial=0) + 1)[:, None]).astype(float)
-    mean /= mean.sum(axis=1, keepdims=True)
-
-    def free(values: Array) -> Array:
-        return values - (mean @ values.reshape(len(values), -1))[labels].reshape(values.shape)
-
-    return free
-
-
-def _softened(loaded: _Loaded, wrench: Array, fitted: np.ndarray | None = None) -> float:
-    """Return the squares beyond noise that the drawn modules leave, each as much softer or stiffer as suits.
-
-    fitted (n,): samples by which that is found; the squares are then those of the others.
-    """
-    if fitted is None:
-        fit, judged = loaded, loaded
-        load, other = wrench, wrench
-    else:
-        fit, judged = loaded.select(fitted), loaded.select(~fitted)
-        load, other = wrench[fitted], wrench[~fitted]
-    columns, target = fit.by_module(load), fit.free(fit.moved).ravel()
-    size = len(columns[0])
-    scale = np.ones(size)
-    for _ in range(3):
-        rest = target - columns @ scale
-        noise2 = max(float(rest @ rest) / len(target), 1e-6)
-        matrix = columns.T @ columns / noise2 + np.eye(size) / CONVENTION_SOFTER**2
-        scale = 1 + np.linalg.solve(matrix, columns.T @ (target - columns.sum(axis=1)) / noise2)
-        scale = np.clip(scale, 1 / CONVENTION_SOFTEST, CONVENTION_SOFTEST)
-    rest = judged.free(judged.moved).ravel() - judged.by_module(other) @ scale
-    return max(float(rest @ rest) - judged.noise, 0.0)
-
-
-def _of_wrench() -> Iterator[Convention]:
-    yield Convention("wrench", "reaction")
-    yield Convention("wrench", "tool_frame")
-    yield Convention("wrench", "about_base")
-    for group in ("force", "moment"):
-        for word in WORDS:
-            if group in word.groups:
-                yield Convention(group, word.name)
-
-
-def _of_wrench_axes() -> Iterator[Convention]:
-    yield from (Convention("wrench", "axes", item) for item in _AXES if item != ("-x", "-y", "-z"))  # a reaction
-
-
-def _of_wrench_point(loaded: _Loaded, wrench: Array) -> Iterator[Convention]:
-    """Yield that moments are about the point that fits best, in the tool's axes from the tool point [m]."""
-    whole = loaded.parts.sum(axis=0)
-    target = loaded.free(loaded.moved - (whole @ wrench[..., None])[..., 0]).ravel()
-    columns = []
-    for axis in np.eye(3):
-        moment = np.zeros_like(wrench)
-        moment[:, 3:] = cross(loaded.tool[:, :3, :3] @ axis, wrench[:, :3])
-        columns.append(loaded.free((whole @ moment[..., None])[..., 0]).ravel())
-    table = np.column_stack(columns)
-    if np.linalg.norm(table) > 0:
-        point = np.linalg.lstsq(table, target, rcond=1e-6)[0]
-        yield Convention("wrench", "about", tuple(float(round(value, 5)) for value in point))

@@ -90,7 +90,7 @@ def registered(
 ) -> Registered:
     """Return what was measured with every pose sensor's frame put where the robot's base is.
 
-    allowed: how far markers may be off anyway, as `plausible.beside_allowed` says.
+    allowed: how far markers may be off anyway, as `prepare.allowed_of_markers` says.
 
     One whose frame has a wide tolerance stands wherever it fits. One without is moved only where it is worlds apart and
     a single rigid motion explains that: then it is a finding. Of stations of their own for each run neither is told.

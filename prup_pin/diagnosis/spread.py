@@ -56,8 +56,8 @@ from .criteria import (
     SPREAD_SETTLED,
     trusted,
 )
-from .fit import Problem
 from .influence import Influence
+from .problem import Problem
 from .unrecorded_load import reaches, unrecorded_force
 
 __all__ = ["Outlier", "Spread", "spread_of"]

@@ -6,8 +6,8 @@ import pytest
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack
 from prup_pin.diagnosis.calibrate import Toleranced, calibrate, changes_per_tolerance
-from prup_pin.diagnosis.fit import Problem
 from prup_pin.diagnosis.influence import Influence
+from prup_pin.diagnosis.problem import Problem
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.simulation import Simulator, effect_named, inputs_of
 from prup_pin.spatial import rotation_exp, rotation_log

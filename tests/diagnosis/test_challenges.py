@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from prup_pin.diagnosis import contest
+from prup_pin.diagnosis import search
 
 
 def test_after_a_term_was_replaced_the_next_one_is_asked_before_it_is_asked_again(monkeypatch):
@@ -13,10 +13,10 @@ def test_after_a_term_was_replaced_the_next_one_is_asked_before_it_is_asked_agai
         (("weight", "drive"), 1): ("weight", "joint"),
     }
 
-    def judged_rivals(search, fit, index, library):
+    def simulated_alternatives(search, fit, index, library):
         terms = better.get((fit.terms, index))
         return [fit.terms[index]], terms and SimpleNamespace(terms=terms)
 
-    monkeypatch.setattr(contest, "judged_rivals", judged_rivals)
-    found, _ = contest.challenge_each(SimpleNamespace(over=False), SimpleNamespace(terms=("bias", "drive")), ())
+    monkeypatch.setattr(search, "simulated_alternatives", simulated_alternatives)
+    found, _ = search.swapped(SimpleNamespace(over=False), SimpleNamespace(terms=("bias", "drive")), ())
     assert found.terms == ("weight", "joint")

@@ -9,9 +9,9 @@ from prup_pin.channels import Noise, PoseChannel, Stack
 from prup_pin.diagnosis.calibrate import Toleranced, calibrate
 from prup_pin.diagnosis.candidates import candidates
 from prup_pin.diagnosis.criteria import FALSE_ALARM
-from prup_pin.diagnosis.detectable import not_detectable
-from prup_pin.diagnosis.fit import Problem
-from prup_pin.diagnosis.selection import Selection
+from prup_pin.diagnosis.identify import not_detectable
+from prup_pin.diagnosis.problem import Problem
+from prup_pin.diagnosis.search import Selection
 from prup_pin.laws.deviations import deviations_of
 from prup_pin.simulation import Simulator, inputs_of
 

@@ -11,8 +11,8 @@ from scipy.linalg import eigh
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.before import prospects
 from prup_pin.diagnosis.efforts.band import Spectra, _cutoffs, coherent_band
+from prup_pin.diagnosis.prospects import prospects
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.dynamics.inertial import BODIES_OFF, SOME_BODY, near_body, pseudo_inertia, some_body
 from prup_pin.laws import Effect, Place

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from prup_pin import load
-from prup_pin.diagnosis.conventions import logs_read
+from prup_pin.diagnosis.conventions import read_logs
 from prup_pin.diagnosis.efforts.conventions import conventions_of_efforts
 from prup_pin.diagnosis.efforts.plausible import check_efforts
 from prup_pin.dynamics import InMotion, motion_of
@@ -131,7 +131,7 @@ def test_friction_takes_energy_and_so_tells_the_sign_of_an_effort(ur5, recording
 def test_of_friction_alone_nobody_can_tell_whether_effort_or_position_is_turned_round(ur5):
     log = slow_log(ur5, "wrist_3_joint", friction=3.0)
     with pytest.raises(InputError, match="Two readings are as good") as told_so:
-        logs_read(load("ur5"), log)
+        read_logs(load("ur5"), log)
     assert all(f"--convention {group}.wrist_3_joint=reversed" in str(told_so.value) for group in ("q", "tau"))
 
 
@@ -147,7 +147,7 @@ def test_nearly_equal_gains_of_all_drives_are_a_unit(ur5, recording):
 
 
 def test_how_far_it_is_off_is_told_with_how_to_declare_it(recording):
-    logs = logs_read(load("ur5"), written(recording, "tau.elbow_joint=reversed"))
+    logs = read_logs(load("ur5"), written(recording, "tau.elbow_joint=reversed"))
     (finding,) = logs.findings()
     assert (finding.physics, finding.location) == ("log_convention", "elbow_joint")
     assert "--convention tau.elbow_joint=reversed" in finding.statement
@@ -160,7 +160,7 @@ def test_how_far_it_is_off_is_told_with_how_to_declare_it(recording):
 def test_what_is_declared_is_told_no_more(recording):
     log = written(recording, "tau=reversed")
     declared = replace(log, conventions=(convention_of("tau", "reversed", joints_of(log)),))
-    logs = logs_read(load("ur5"), declared)
+    logs = read_logs(load("ur5"), declared)
     assert logs.findings() == ()
     np.testing.assert_allclose(logs.recordings[0].efforts["elbow_joint"], recording.efforts["elbow_joint"])
 

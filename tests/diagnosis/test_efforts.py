@@ -10,7 +10,7 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.before import prospects
+from prup_pin.diagnosis.prospects import prospects
 from prup_pin.dynamics import INERTIAL
 from prup_pin.errors import InputError
 from prup_pin.laws import Effect, Place

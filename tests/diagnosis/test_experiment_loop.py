@@ -9,7 +9,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.separation import Bench, apart
+from prup_pin.diagnosis.identify import Bench, separation
 from prup_pin.recordings import add_noise, read_plan, read_recording
 from prup_pin.simulation import effect_named, simulate
 
@@ -104,13 +104,13 @@ def test_an_explanation_that_holds_the_other_one_is_not_apart_from_it():
     free, other = rng.normal(size=(20, 6, 2)), rng.normal(size=(20, 6))
     follows = free @ np.array([0.3, -0.2])
     nothing = np.zeros((2, 2))
-    assert np.abs(apart(follows, free, nothing)).max() < 1e-12
-    left = apart(follows + other, free, nothing)
+    assert np.abs(separation(follows, free, nothing)).max() < 1e-12
+    left = separation(follows + other, free, nothing)
     flat = free.reshape(120, 2)
     assert np.abs(flat.T @ left.ravel()).max() < 1e-10 * np.linalg.norm(flat)
-    assert left == pytest.approx(apart(other, free, nothing), abs=1e-12)
+    assert left == pytest.approx(separation(other, free, nothing), abs=1e-12)
     # a recording that knows the parameters as well as this one would leaves half of it
-    assert apart(follows, free, flat.T @ flat) == pytest.approx(0.5 * follows, rel=1e-9)
+    assert separation(follows, free, flat.T @ flat) == pytest.approx(0.5 * follows, rel=1e-9)
 
 
 def test_poses_and_loads_that_are_varied_stay_near_and_within_reach():

@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import prup_pin
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.criteria import clean_bound
+from prup_pin.diagnosis.findings import finite_deflection
 from prup_pin.recordings import Noise, Recording, add_noise, read_recording
 from prup_pin.spatial import rotation_exp, rotation_log
 from prup_pin.views.report.as_json import diagnosis_as_json
@@ -241,3 +243,14 @@ def test_of_few_samples_without_declared_noise_nothing_can_be_said(bench, rows):
     assert found.verdict == "unexplained"
     assert verdict_text(found).startswith("Nothing can be said: the noise is not declared")
     assert np.isnan(found.after["heldout"])
+
+
+def test_the_deformed_position_is_told_where_it_gains_more_than_chance():
+    """Beside what else is left, a third of its own effect is enough where that is thirty of chi squared."""
+    effect, against = np.full((25, 4), 1.0), np.full((25, 4), -0.35)
+    drawn = SimpleNamespace(residual=np.zeros((25, 4)))
+    last = SimpleNamespace(residual=against, chi2=float((against**2).sum()))
+    found = finite_deflection(drawn, last, effect)
+    assert found is not None
+    assert found.heldout_gain == pytest.approx(30 / 42.25)
+    assert finite_deflection(drawn, last, 0.5 * effect) is None  # it gains less than nothing there

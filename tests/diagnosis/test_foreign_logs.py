@@ -5,9 +5,9 @@ import pinocchio as pin
 import pytest
 
 import prup_pin
-from prup_pin.diagnosis.before import prospects
 from prup_pin.diagnosis.efforts.unknown import foreign_unknown
 from prup_pin.diagnosis.efforts.verdict import _is_foreign
+from prup_pin.diagnosis.prospects import prospects
 from prup_pin.recordings import read_recording
 
 

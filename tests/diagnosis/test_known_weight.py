@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import prup_pin
-from prup_pin.diagnosis import contest, selection
+from prup_pin.diagnosis import search as searching
 from prup_pin.diagnosis.calibrate import Toleranced, within_tolerances
 from prup_pin.diagnosis.candidates import candidates
-from prup_pin.diagnosis.compete import select
-from prup_pin.diagnosis.selection import penalty
+from prup_pin.diagnosis.evidence import penalty
+from prup_pin.diagnosis.search import select
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import LoadProgramme, RandomPoses, TestPlan
 from prup_pin.simulation import Simulator, effect_named, inputs_of
@@ -65,10 +65,10 @@ def test_a_payload_of_any_mass_gives_way_to_the_weight_that_acts(bench):
     simulator, library = bench
     problem = measured(simulator)
     wrong = problem.refine([library[PAYLOAD].term(library[PAYLOAD].starts()[0])], problem.first)
-    search = selection.Search(problem)
-    assert values(contest.rearranged(search, wrong, list(library.values()))).keys() == {WEIGHT}
+    search = searching.Search(problem)
+    assert values(searching.rearranged(search, wrong, list(library.values()))).keys() == {WEIGHT}
     right = problem.refine([library["stiffness_changed at leg1/drive"].term(np.zeros(1))], problem.first)
-    assert contest.rearranged(search, right, list(library.values())) is right
+    assert searching.rearranged(search, right, list(library.values())) is right
 
 
 def test_weight_costs_no_parameter_and_has_no_rival_but_weight(bench):
@@ -86,8 +86,8 @@ def test_what_is_known_of_the_weight_is_part_of_chi_squared(bench):
     slope = -(problem.jacobian(fit)[:, 0] @ fit.residual.ravel()) + known**2 * np.log(scale)
     assert abs(slope) < 0.02 * known**2 * np.log(scale)
     # beside a term that is known, what that may do is put back and held: nothing is left to be gained at the fit
-    beside = problem.beside(fit, (0,))
-    left = beside.without(fit.residual.ravel() + beside.back)
+    nuisance = problem.nuisance(fit, (0,))
+    left = nuisance.without(fit.residual.ravel() + nuisance.offset)
     assert left @ left == pytest.approx(fit.chi2, rel=1e-3)
 
 

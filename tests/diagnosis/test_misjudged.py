@@ -9,9 +9,9 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.compete import _relieves, strain_of
 from prup_pin.diagnosis.criteria import BEYOND
-from prup_pin.diagnosis.misjudged import factors_of_kinds
+from prup_pin.diagnosis.evidence import factors_of_kinds
+from prup_pin.diagnosis.search import _relieves_strain, strain_of
 from prup_pin.recordings import read_recording
 
 from ..reference.concealed.scattered import draw_scattered, write
@@ -88,10 +88,10 @@ def test_a_law_enters_for_the_strain_that_it_takes_from_many_parameters():
     held = np.vstack((100 * np.eye(60), np.zeros((20, 60))))
 
     def fit(size):
-        return SimpleNamespace(x=np.full(60, size), held=held)
+        return SimpleNamespace(x=np.full(60, size), per_tolerance=held)
 
-    assert _relieves(fit(1.2), fit(1.0), 20.0)  # 26.4 saved
-    assert not _relieves(fit(1.2), fit(1.0), 27.0)
-    assert not _relieves(fit(2.1), fit(2.0), 20.0)  # 24.6 saved, but what is off is so by twice what is declared
+    assert _relieves_strain(fit(1.2), fit(1.0), 20.0)  # 26.4 saved
+    assert not _relieves_strain(fit(1.2), fit(1.0), 27.0)
+    assert not _relieves_strain(fit(2.1), fit(2.0), 20.0)  # 24.6 saved, but what is off is so by twice what is declared
     assert strain_of(fit(2.0)) == pytest.approx(4.0, rel=1e-3)
     assert strain_of(fit(0.5)) == 1.0

@@ -26,7 +26,9 @@ def drawn(tmp_path, *given, **options):
 
 def asked(robot, recording):
     with threadpool_limits(1, user_api="blas"):
-        return importlib.import_module("prup_pin.diagnosis.asked").asked(robot, recording, lambda stage, share: None)
+        return importlib.import_module("prup_pin.diagnosis.prepare").prepare(
+            robot, recording, lambda stage, share: None
+        )
 
 
 def test_steps_that_lead_astray_are_shortened(tmp_path):

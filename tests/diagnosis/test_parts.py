@@ -8,10 +8,10 @@ import pytest
 import prup_pin
 from prup_pin.channels import Noise, PoseChannel, Stack, channels_of, whitening
 from prup_pin.diagnosis.candidates import Candidate, candidates, under_load
-from prup_pin.diagnosis.fit import Problem, Term
 from prup_pin.diagnosis.influence import Influence
 from prup_pin.diagnosis.locate import least_left, locate, yieldings
-from prup_pin.diagnosis.whiteness import is_white, noise_of_the_rest
+from prup_pin.diagnosis.noise import is_white, noise_of_the_rest
+from prup_pin.diagnosis.problem import Problem, Term
 from prup_pin.laws import Inputs
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, effect_named, inputs_of
@@ -64,7 +64,7 @@ def test_a_fit_may_start_where_the_effect_is_nothing(simulator, library, monkeyp
     problem = problem_of(simulator, [truth.effect])
     first = problem.fit_at(())
     monkeypatch.setattr(Candidate, "scan", lambda self: [np.zeros(1)])
-    chi2, found, _ = problem.quick(first, (), truth.candidate)
+    chi2, found, _ = problem.first_order_fit(first, (), truth.candidate)
     assert found.effect.values["factor"] == pytest.approx(0.9, abs=0.01)
     assert chi2 < 1.2 * first.residual.size < 0.5 * first.chi2
 
@@ -75,14 +75,14 @@ def test_a_candidate_is_fitted_together_with_what_is_there(simulator, library):
     turn = term(library, "pose_sensor_misalignment at pose_sensor", 5e-5, 2e-5, 4e-5, 1e-5, 0, 5e-6)
     problem = problem_of(simulator, [bias.effect, turn.effect])
     start = problem.fit_at(())
-    fit = problem.refine([problem.quick(start, (), bias.candidate)[1]], start)
-    beside = problem.beside(fit, [0])
-    alone, _, _ = problem.quick(fit, fit.terms, turn.candidate)
-    together, found, change = problem.quick(fit, fit.terms, turn.candidate, beside=beside)
+    fit = problem.refine([problem.first_order_fit(start, (), bias.candidate)[1]], start)
+    nuisance = problem.nuisance(fit, [0])
+    alone, _, _ = problem.first_order_fit(fit, fit.terms, turn.candidate)
+    together, found, change = problem.first_order_fit(fit, fit.terms, turn.candidate, nuisance=nuisance)
     whole = problem.refine([*fit.terms, found], fit)
     assert together == pytest.approx(whole.chi2, rel=0.02)
     assert together < 0.9 * alone
-    assert np.abs(beside.basis.T @ change.ravel()).max() < 1e-9 * np.linalg.norm(change)
+    assert np.abs(nuisance.basis.T @ change.ravel()).max() < 1e-9 * np.linalg.norm(change)
 
 
 def test_no_law_of_a_module_beats_its_bound(simulator, library):
@@ -93,7 +93,7 @@ def test_no_law_of_a_module_beats_its_bound(simulator, library):
     assert len(bounded) > 60
     for candidate in bounded[::7]:
         bound = least_left(problem, first, candidate.only_module, first.residual)
-        chi2, _, _ = problem.quick(first, (), candidate)
+        chi2, _, _ = problem.first_order_fit(first, (), candidate)
         assert chi2 >= bound * (1 - 1e-9)
     # ... and the bound is worth something: a law elsewhere cannot do what the true one does
     own = least_left(problem, first, "leg2/ball_nut", first.residual)
@@ -118,7 +118,7 @@ def test_a_gap_may_close_at_twice_the_load_that_its_module_sees(simulator, libra
     ):
         assert seen[f"backlash at {name}"].quantities[-1].upper == pytest.approx(2 * load, rel=1e-9)
     candidate = seen["backlash at leg2/ball_nut"]
-    _, found, _ = problem.quick(problem.fit_at(()), (), candidate)
+    _, found, _ = problem.first_order_fit(problem.fit_at(()), (), candidate)
     assert found.effect.values["closing_load"] == pytest.approx(20.0, rel=0.1)
     assert found.effect.values["half_gap"] == pytest.approx(3e-5, rel=0.1)
 

@@ -1,17 +1,21 @@
 """Logs of poses that are written otherwise than they say are told so, before any physics, and others are not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import conventions
-from prup_pin.diagnosis.conventions import logs_read
-from prup_pin.diagnosis.evidence import Evidence
+from prup_pin.diagnosis.conventions import read_logs
+from prup_pin.diagnosis.load_conventions import conventions_of_loads
 from prup_pin.errors import InputError
 from prup_pin.recordings import Convention, read_recording
+from prup_pin.recordings.conventions import Evidence
 from tests.reference.concealed import draw, misread
+from tests.reference.concealed.scattered import draw_scattered
+from tests.reference.concealed.scattered import write as write_scattered
 
 SLIDES = draw.SLIDES
 WAYS = {way.name: way for way in misread.of_poses(SLIDES, slide=True, tree=False)}
@@ -41,9 +45,17 @@ def rewritten(bench, folder, *names):
 
 
 def test_a_log_that_is_written_as_it_says_is_left_alone(robot, bench):
-    logs = logs_read(robot, read_recording(bench))
+    logs = read_logs(robot, read_recording(bench))
     assert logs.findings() == ()
     assert logs.conventions == ((),)
+
+
+def test_a_leg_that_is_soft_is_no_other_unit_of_force(tmp_path):
+    """Beside scatter: forces in pounds-force leave a third of the squares, not of the root mean square."""
+    file = str(Path(__file__).parents[1] / "robots" / "six_ups" / "six_ups.urdf")
+    drawn = draw_scattered(9100, "six_ups", ["stiffness_changed"], sensors=1.316857008588989)
+    write_scattered(drawn, tmp_path, tmp_path / "sealed", "device", file)
+    assert conventions_of_loads(load(file), read_recording(tmp_path / "device.csv")) is None
 
 
 @pytest.mark.parametrize(
@@ -67,7 +79,7 @@ def test_a_log_that_is_written_as_it_says_is_left_alone(robot, bench):
 )
 def test_what_is_written_otherwise_is_told_and_read_so(robot, bench, tmp_path, name):
     true, log = read_recording(bench), rewritten(bench, tmp_path, name)
-    logs = logs_read(robot, log)
+    logs = read_logs(robot, log)
     assert " + ".join(map(str, logs.conventions[0])) == WAYS[name].said
     (read,) = logs.recordings
     np.testing.assert_allclose(read.position, true.position, atol=1e-9)
@@ -80,7 +92,7 @@ def test_what_is_written_otherwise_is_told_and_read_so(robot, bench, tmp_path, n
 
 
 def test_the_point_of_a_sensor_is_found(robot, bench, tmp_path):
-    logs = logs_read(robot, rewritten(bench, tmp_path, "moments about a sensor's point"))
+    logs = read_logs(robot, rewritten(bench, tmp_path, "moments about a sensor's point"))
     ((convention,),) = logs.conventions
     assert (convention.columns, convention.word) == ("wrench", "about")
     np.testing.assert_allclose(convention.argument, [0.03, -0.01, 0.11], atol=5e-3)
@@ -91,7 +103,7 @@ def test_two_readings_that_are_as_good_are_refused_with_both(robot, bench, monke
     found = Evidence((first,), "positions", "m", 0.2, 1e-3, 0.9, ((second,),))
     monkeypatch.setattr(conventions, "_of_poses", lambda *_: found)
     with pytest.raises(InputError) as caught:
-        logs_read(robot, read_recording(bench))
+        read_logs(robot, read_recording(bench))
     told = str(caught.value)
     assert "--convention q.leg1_slide=reversed or --convention q.leg2_slide=reversed" in told
     assert "200 mm apart as it is written, and 1 mm as it is read so" in told
@@ -100,6 +112,6 @@ def test_two_readings_that_are_as_good_are_refused_with_both(robot, bench, monke
 def test_recordings_that_are_written_alike_are_told_once(robot, bench, tmp_path):
     log = rewritten(bench, tmp_path, "reaction")
     half = len(log) // 2
-    logs = logs_read(robot, [log.select(slice(0, half)), replace(log.select(slice(half, None)), path="b.csv")])
+    logs = read_logs(robot, [log.select(slice(0, half)), replace(log.select(slice(half, None)), path="b.csv")])
     assert len(logs.findings()) == 1
     assert [str(item) for own in logs.conventions for item in own] == ["wrench=reaction", "wrench=reaction"]

@@ -8,8 +8,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis.candidates import candidates
-from prup_pin.diagnosis.local_curve import local_curve
-from prup_pin.diagnosis.recovered import Agreement, Recovered, recovered
+from prup_pin.diagnosis.locate import Agreement, Recovered, local_curve, recovered
 from prup_pin.simulation import Simulator, inputs_of
 
 from ..simulation.bench import inputs

@@ -10,10 +10,10 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import prup_pin
-from prup_pin.diagnosis import compete, diagnose
+from prup_pin.diagnosis import diagnose, search
 from prup_pin.diagnosis.candidates import candidates
-from prup_pin.diagnosis.compete import select
 from prup_pin.diagnosis.criteria import MOST_FITS
+from prup_pin.diagnosis.search import select
 from prup_pin.recordings import read_recording
 from prup_pin.simulation import Simulator, inputs_of
 from prup_pin.views.report.as_json import diagnosis_as_json
@@ -54,7 +54,7 @@ def test_clocks_and_threads_decide_nothing(diagnosed_strange, strange_bench, hur
 
 
 def test_no_clock_is_read():
-    folder = Path(compete.__file__).parent
+    folder = Path(search.__file__).parent
     for path in folder.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []

@@ -26,7 +26,7 @@ EXCHANGED = 20, ("left_ball", "right_ball")
 
 def asked(recording):
     with threadpool_limits(1, user_api="blas"):
-        return importlib.import_module("prup_pin.diagnosis.asked").asked(
+        return importlib.import_module("prup_pin.diagnosis.prepare").prepare(
             prup_pin.load(TORSO), recording, lambda stage, share: None
         )
 

@@ -38,7 +38,7 @@ def stationed(recording: Recording, apart: float, seed: int = 5) -> Recording:
 
 def asked(recording):
     with threadpool_limits(1, user_api="blas"):
-        return importlib.import_module("prup_pin.diagnosis.asked").asked(
+        return importlib.import_module("prup_pin.diagnosis.prepare").prepare(
             prup_pin.load(TORSO), recording, lambda stage, share: None
         )
 

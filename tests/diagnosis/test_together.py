@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.channels import Noise as Sensed
 from prup_pin.cli import app
-from prup_pin.diagnosis.asked import asked
 from prup_pin.diagnosis.calibrate import toleranced_of
 from prup_pin.diagnosis.calibration import calibrated
-from prup_pin.diagnosis.diagnose import _fold_labels
+from prup_pin.diagnosis.evidence import fold_labels
 from prup_pin.diagnosis.influence import Influence
+from prup_pin.diagnosis.prepare import prepare
 from prup_pin.errors import InputError, RecordingFileError
 from prup_pin.laws import Effect
 from prup_pin.laws.in_recording import in_groups, lasting
@@ -298,12 +298,20 @@ def test_what_laws_remember_starts_anew_with_each_recording(arm):
 @pytest.mark.parametrize("count", [2, 3])
 def test_no_fold_holds_samples_of_two_recordings(arm, count):
     """Also where there are fewer standstills than folds, and the actuators never move."""
-    given = asked(arm, [measured(arm, standing(arm, ONE_POSE), seed=seed) for seed in range(count)], lambda *_: None)
-    labels, which = _fold_labels(given), given.together.which
+    given = prepare(arm, [measured(arm, standing(arm, ONE_POSE), seed=seed) for seed in range(count)], lambda *_: None)
+    labels, which = fold_labels(given.inputs.blocks), given.together.which
     assert len(np.unique(labels)) >= 5
     for label in np.unique(labels):
         assert len(np.unique(which[labels == label])) == 1
     assert len(np.unique(given.inputs.blocks)) == count
+
+
+def test_no_fold_holds_samples_of_two_standstills():
+    """Also of one recording with fewer standstills than folds: each is cut."""
+    blocks = np.repeat([0, 1, 2], 7)
+    labels = fold_labels(blocks)
+    assert len(np.unique(labels)) == 21
+    np.testing.assert_array_equal(fold_labels(np.arange(5)), np.arange(5))
 
 
 def test_columns_may_differ(arm):

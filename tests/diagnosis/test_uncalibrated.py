@@ -32,7 +32,9 @@ def read(drawn, folder):
 
 def asked(robot, recording):
     with threadpool_limits(1, user_api="blas"):
-        return importlib.import_module("prup_pin.diagnosis.asked").asked(robot, recording, lambda stage, share: None)
+        return importlib.import_module("prup_pin.diagnosis.prepare").prepare(
+            robot, recording, lambda stage, share: None
+        )
 
 
 def left(drawn, robot, heldout, effects) -> float:

@@ -9,7 +9,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.asked import asked
+from prup_pin.diagnosis.prepare import prepare
 from prup_pin.diagnosis.unrecorded_load import unrecorded_force
 from prup_pin.recordings import Noise, Recording
 from prup_pin.simulation import effect_named, simulate
@@ -43,7 +43,7 @@ def remarks(pushed: float, astray: float, rotation: bool, slipped: float = 0.0, 
         rotation=seen.rotation + 5e-5 * draw.normal(size=(COUNT, 3)) if rotation else None,
         noise=Noise(position=2e-5, rotation=5e-5),
     )
-    return tuple(text for text in asked(robot, recording, lambda *_: None).remarks if text.startswith("left out"))
+    return tuple(text for text in prepare(robot, recording, lambda *_: None).remarks if text.startswith("left out"))
 
 
 @pytest.mark.parametrize("rotation", [False, True])

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 import prup_pin
 from prup_pin.cli import app
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.asked import asked
 from prup_pin.diagnosis.calibrate import Toleranced
 from prup_pin.diagnosis.criteria import beyond_tolerance
+from prup_pin.diagnosis.prepare import prepare
 from prup_pin.errors import InputError
 from prup_pin.laws.deviations import amounts_of, deviations_of
 from prup_pin.recordings import Noise, Tolerances, add_noise, read_recording, write_recording
@@ -79,7 +79,7 @@ def test_weight_acts_beside_a_fault_many_times_as_large(robot, sensor, shift, el
     """A target or a tracker that is 20 to 50 tolerances elsewhere leaves a hundred times more than weight does."""
     values = dict(zip((*shift, "rx", "ry", "rz"), elsewhere, strict=True))
     fault = effect_named(f"{sensor}_misalignment", sensor, "", values, robot.mechanism)
-    given = asked(robot, bench(robot, 1, fault, poses=4), lambda stage, share: None)
+    given = prepare(robot, bench(robot, 1, fault, poses=4), lambda stage, share: None)
     problem = given.within_tolerances(given.problem, beyond_tolerance(len(given.toleranced)))
     assert problem.first.chi2 > 1e4 * problem.first.residual.size
     assert [effect.law.physics for effect in problem.tolerances.effects] == ["self_weight"]

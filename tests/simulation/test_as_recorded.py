@@ -11,7 +11,7 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.before import prospects
+from prup_pin.diagnosis.prospects import prospects
 from prup_pin.errors import InputError, UnknownNameError
 from prup_pin.laws import Place, law_at
 from prup_pin.loading import Reading

@@ -7,9 +7,9 @@ import pytest
 
 import prup_pin
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.asked import _not_simulated
-from prup_pin.diagnosis.before import prospects
 from prup_pin.diagnosis.diagnosis import Finding, FittedParameter
+from prup_pin.diagnosis.prepare import _not_simulated
+from prup_pin.diagnosis.prospects import prospects
 from prup_pin.errors import InputError
 from prup_pin.imports.columns import wrench_lines
 from prup_pin.imports.log import Log, Stream

@@ -18,6 +18,7 @@ from ...dynamics import InMotion, Motion, could_be_gravity, motion_of
 from ...errors import InputError, PrupPinError
 from ...mechanism import Mechanism
 from ...recordings import WORDS, Convention, Drawn, Recording, read_as
+from ...recordings.conventions import GEARS, POSITION_UNITS, Evidence, exchanged, merged
 from ...spatial import Array
 from ..criteria import (
     CONVENTION_AS_GOOD,
@@ -34,7 +35,6 @@ from ..criteria import (
     EFFORT_UNIT,
     EFFORT_UNIT_SHARE,
 )
-from ..evidence import GEARS, POSITION_UNITS, Evidence, exchanged, merged
 from .noise import noise_of
 
 __all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of_efforts", "sampled"]

@@ -11,7 +11,7 @@ from ...channels import Noise
 from ...mechanism import Mechanism
 from ...recordings import Recording, Together, suspicions
 from ..diagnosis import VERDICTS, Diagnosis, Finding
-from ..plausible import unused_columns
+from ..prepare import unused_columns
 from .diagnosis import EffortDiagnosis
 
 __all__ = [

@@ -9,7 +9,7 @@ from textwrap import wrap
 import numpy as np
 
 from ...diagnosis import Diagnosis, Finding
-from ...diagnosis.recovered import Agreement, Recovered, Residuals
+from ...diagnosis.locate import Agreement, Recovered, Residuals
 from ...kinematics import ClosedPose
 from ...modules import DriveModule
 from ...numbers import readable_unit

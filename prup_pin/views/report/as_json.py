@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from ...diagnosis import Diagnosis, Finding
-from ...diagnosis.by_recording import ByRecording
 from ...diagnosis.calibrate import CalibratedParameter
+from ...diagnosis.diagnosis import ByRecording
 from ...diagnosis.efforts import EffortCurve, EffortDiagnosis, effort_curve_of
-from ...diagnosis.local_curve import LocalCurve
+from ...diagnosis.locate import LocalCurve
 from ...errors import PrupPinError
 from ...laws.drawn import load_units
 from ...mechanism.tolerances import value_tolerances

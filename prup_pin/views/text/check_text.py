@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...diagnosis.before import Prospects
+from ...diagnosis.prospects import Prospects
 from ...errors import MissingExtraError, NoStiffnessError, PrupPinError
 from ...mechanism.second_reader import second_opinion
 from ...modules import WrenchModule

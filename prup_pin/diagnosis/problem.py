@@ -1,4 +1,10 @@
-"""Fitting laws: quickly, through first-order influences; finally, through the whole simulation."""
+"""The problem: what was measured less what is simulated, whitened, and its Jacobians by every change of the simulation.
+
+A `Problem` is a recording against a simulator. A `Fit` is one simulation with fitted laws and parameters: its residual,
+its Jacobian by the laws' coordinates and by the toleranced parameters. Laws compete by what they do to first order
+about a fit, at the cost of a few small products; only what wins is fitted through the whole simulation, by Gauss-Newton
+steps.
+"""
 
 from __future__ import annotations
 
@@ -13,22 +19,23 @@ from ..channels import Noise, Stack
 from ..laws import Effect
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .calibrate import Calibrated, Toleranced, changes_per_tolerance, least_within, settled
+from .calibrate import Calibrated, Toleranced, changes_per_tolerance, settled
 from .candidates import Candidate, Term
 from .criteria import STALE
 from .influence import Influence
+from .nuisance import Nuisance, least_step, without
 
-__all__ = ["Beside", "Fit", "Problem", "Term", "with_priors", "without"]
+__all__ = ["Fit", "Problem", "Term"]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A simulation with fitted terms: its run, influences, whitened residual (n, K) and chi squared.
+    """A simulation with fitted laws (`terms`) and parameters: its run, whitened residual (n, K) and chi squared.
 
-    x (p,): toleranced parameters in multiples of their tolerances, fitted with the terms; their squares are part of
-    `chi2`, as are those of coordinates that are known (`Candidate.known`). held (K n, p): the whitened change per
-    tolerance, taken at this fit or at one near by: what is a little stale is no error of the residual, only of what a
-    further step of a parameter does. p = 0 where the robot file is taken at its word.
+    x (p,): toleranced parameters in multiples of their tolerances; p = 0 where the robot file is taken at its word.
+    chi2: squares of the residual, of x, and of coordinates with a prior about zero (`Candidate.known`).
+    per_tolerance (K n, p): whitened change per tolerance, taken at this fit or at one near by, which bends the next
+    step of a parameter a little and no residual.
     """
 
     terms: tuple[Term, ...]
@@ -37,7 +44,7 @@ class Fit:
     residual: Array
     chi2: float
     x: Array
-    held: Array
+    per_tolerance: Array
 
     @property
     def samples(self) -> np.ndarray:
@@ -45,15 +52,15 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Tolerable:
-    """Parameters that may be off, calibrated once: where all fits begin. `effects` act whatever else does."""
+class TolerancePrior:
+    """Parameters with a prior, calibrated once: where all fits begin. `effects`, the weight, act beside any law."""
 
     toleranced: Toleranced
     effects: tuple[Effect, ...]
     start: Calibrated
 
     @classmethod
-    def of(cls, problem: Problem, begin: Calibrated) -> Tolerable:
+    def of(cls, problem: Problem, begin: Calibrated) -> TolerancePrior:
         """Return what may be off; a calibration that has begun is brought to its end."""
         start = settled(problem, begin)
         return cls(start.toleranced, start.effects, start)
@@ -65,11 +72,11 @@ class Tolerable:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What a recording measured against a simulator: N samples of K columns.
+    """A recording against a simulator: N samples of K columns, the noise, and the nominal run.
 
-    The metric is that of noise alone, taken at the robot as its file has it, so that all laws are compared alike.
-    `freed_module` deforms at every sample as it likes: what that does to the columns is projected out of all residuals
-    and changes.
+    Residuals are whitened by the noise alone, at the robot as its file has it, so that all laws are compared alike.
+    `freed_module`: one that deforms at every sample as it likes, at the loads of `freed_at`; what that does to the
+    columns is projected out of all residuals and changes. `tolerances`: parameters that are fitted within a prior.
     """
 
     simulator: Simulator
@@ -78,7 +85,7 @@ class Problem:
     nominal: Influence
     freed_module: str | None = None
     freed_at: Influence | None = None
-    tolerances: Tolerable | None = None
+    tolerances: TolerancePrior | None = None
 
     @classmethod
     def of(cls, simulator: Simulator, stack: Stack, noise: Noise, nominal: Run | None = None) -> Problem:
@@ -119,7 +126,7 @@ class Problem:
 
     def within(self, begin: Calibrated) -> Problem:
         """Return the same problem with parameters that may be off; the calibration's effects act whatever else does."""
-        return replace(self, tolerances=Tolerable.of(replace(self, tolerances=None), begin))
+        return replace(self, tolerances=TolerancePrior.of(replace(self, tolerances=None), begin))
 
     # -- residuals -----------------------------------------------------------------------------------------------------
 
@@ -165,15 +172,15 @@ class Problem:
         run = self.simulator.run_setup(self.simulator.setup([term.effect for term in terms], begin), start)
         influence = Influence(self.simulator, run, self.stack)
         influence.first.once(_begin_key(x), lambda: begin)
-        return self._fit(terms, influence, x, like.held)
+        return self._fit(terms, influence, x, like.per_tolerance)
 
     def relinearised(self, fit: Fit) -> Fit:
         """Return a fit with the change per tolerance taken at it."""
         if self.tolerances is None:
             return fit
-        beside = [*self.tolerances.effects, *(term.effect for term in fit.terms)]
-        changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, beside)
-        return replace(fit, held=self.whitened_changes(fit.influence, changes))
+        effects = [*self.tolerances.effects, *(term.effect for term in fit.terms)]
+        changes = changes_per_tolerance(self.simulator, fit.influence, self.tolerances.toleranced, fit.x, effects)
+        return replace(fit, per_tolerance=self.whitened_changes(fit.influence, changes))
 
     def _effects(self, x: Array, effects: Sequence[Effect]) -> list[Effect]:
         return [*effects] if self.tolerances is None else [*self.tolerances.at(x), *effects]
@@ -186,11 +193,15 @@ class Problem:
             chi2 = np.inf  # samples that these values leave without an answer must not count as a good fit
         return Fit(tuple(terms), run, influence, residual, chi2, x, held)
 
+    def count(self, fit: Fit) -> int:
+        """Return how many numbers of a fit's residual were both measured and simulated."""
+        return int((self.stack.exists[fit.samples] & fit.run.solved[fit.samples, None]).sum())
+
     def target(self, fit: Fit) -> Array:
         """Return the whitened residual (n, K) of a fit with what its toleranced parameters do put back, first order."""
         if self.tolerances is None:
             return fit.residual
-        return fit.residual + (fit.held @ fit.x).reshape(fit.residual.shape)
+        return fit.residual + (fit.per_tolerance @ fit.x).reshape(fit.residual.shape)
 
     def whitened(self, influence: Influence, values: Array) -> Array:
         """Return values (n, K) of the columns in multiples of the noise."""
@@ -205,28 +216,28 @@ class Problem:
         )
         return self.whitened(fit.influence, fit.influence.change(self.simulator.setup(effects, begin)))
 
-    def beyond(self, fit: Fit, values: Array) -> Array:
+    def without_tolerances(self, fit: Fit, values: Array) -> Array:
         """Return whitened values (K n, ...) less what the toleranced parameters of a fit may take of them."""
-        return without(values, self.beside(fit, ()))
+        return without(values, self.nuisance(fit, ()))
 
     # -- fits ----------------------------------------------------------------------------------------------------------
 
-    def quick(
+    def first_order_fit(
         self,
         fit: Fit,
         kept: Sequence[Term],
         candidate: Candidate,
-        beside: Beside | None = None,
+        nuisance: Nuisance | None = None,
     ) -> tuple[float, Term, Array]:
         """Return (chi squared, fitted term, change (n, K)) of a candidate on top of `kept`, to first order about `fit`.
 
-        `beside`: what the kept terms and the toleranced parameters may do with it, which are so fitted together with
+        `nuisance`: what the kept terms and the toleranced parameters may do with it, which are so fitted together with
         the candidate; the change returned is what they cannot do. What these data do not tell stays near what is usual.
         """
         effects = [term.effect for term in kept]
         target = self.target(fit)
-        if beside is not None and beside.back is not None:
-            target = target + beside.back.reshape(target.shape)
+        if nuisance is not None and nuisance.offset is not None:
+            target = target + nuisance.offset.reshape(target.shape)
         measured = self.stack.exists.any(axis=0)  # the other columns are zero once whitened
         low, high = candidate.bounds
         firm = candidate.known > 0
@@ -239,9 +250,9 @@ class Problem:
                 changed = self.change(fit, [*effects, candidate.effect(coordinates)])
                 with np.errstate(invalid="ignore"):
                     rest = np.nan_to_num((target - changed).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
-                rest = without(rest, beside).reshape(target.shape)[:, measured].ravel()
+                rest = without(rest, nuisance).reshape(target.shape)[:, measured].ravel()
                 off = candidate.known[firm] * coordinates[firm]
-                known[key] = changed, np.concatenate((rest, candidate.unusual(coordinates), off))
+                known[key] = changed, np.concatenate((rest, candidate.prior_residuals(coordinates), off))
             return known[key]
 
         def left(coordinates: Array) -> Array:
@@ -274,27 +285,27 @@ class Problem:
         )
         term = Term(candidate, found.x)
         change = tried(found.x)[0]
-        chi2 = 2 * float(found.cost) - float((candidate.unusual(found.x) ** 2).sum())
-        return chi2, term, without(change.ravel(), beside).reshape(change.shape)
+        chi2 = 2 * float(found.cost) - float((candidate.prior_residuals(found.x) ** 2).sum())
+        return chi2, term, without(change.ravel(), nuisance).reshape(change.shape)
 
-    def beside(self, fit: Fit, kept: Sequence[int]) -> Beside | None:
+    def nuisance(self, fit: Fit, kept: Sequence[int]) -> Nuisance | None:
         """Return what some of a fit's terms, given by their places, and the toleranced parameters may do together."""
         sizes = np.cumsum([0, *(term.candidate.size for term in fit.terms)])
         columns = [column for place in kept for column in range(sizes[place], sizes[place + 1])]
         free = self.jacobian(fit)[:, columns] if columns else np.zeros((fit.residual.size, 0))
         known = np.concatenate([np.zeros(0), *(fit.terms[place].candidate.known for place in kept)])
-        firm, back = known > 0, None
+        firm, offset = known > 0, None
         held, free = free[:, firm] / known[firm], free[:, ~firm]
         if firm.any():
-            back = held @ np.concatenate([fit.terms[place].off for place in kept])[firm]
+            offset = held @ np.concatenate([fit.terms[place].off for place in kept])[firm]
         if self.tolerances is not None:
             # What is kept holds the array by whose identity it is found: no other one can come to have it.
-            key = ("beside", self, id(fit.held), tuple(kept))
-            every = np.concatenate((held, fit.held), axis=1)
-            return fit.influence.first.once(key, lambda: (fit.held, Beside.within(free, every, back)))[1]
+            key = ("nuisance", self, id(fit.per_tolerance), tuple(kept))
+            every = np.concatenate((held, fit.per_tolerance), axis=1)
+            return fit.influence.first.once(key, lambda: (fit.per_tolerance, Nuisance.within(free, every, offset)))[1]
         if firm.any():
-            return Beside.within(free, held, back)
-        return Beside.free(free) if columns else None
+            return Nuisance.within(free, held, offset)
+        return Nuisance.free(free) if columns else None
 
     @property
     def farthest(self) -> float:
@@ -331,13 +342,13 @@ class Problem:
                     trial.append(Term(term.candidate, np.clip(term.coordinates + moved, low, high)))
                     place += size
                 attempt = self.fit_at(trial, fit.run, fit, fit.x + share * step[place:])
-                if attempt.chi2 + _unusual(attempt) < fit.chi2 + _unusual(fit):
+                if attempt.chi2 + _prior_cost(attempt) < fit.chi2 + _prior_cost(fit):
                     better = attempt
                     break
                 share /= 3
             if better is None:
                 return fit
-            gained = fit.chi2 + _unusual(fit) - better.chi2 - _unusual(better)
+            gained = fit.chi2 + _prior_cost(fit) - better.chi2 - _prior_cost(better)
             fit = better
             if gained < max(0.02, 1e-5 * fit.chi2):
                 return fit
@@ -349,15 +360,15 @@ class Problem:
         Coordinates that it would take beyond their bounds go to these, and the others do what is best then. A logarithm
         is trusted for less than that.
         """
-        jacobian, residual, held = self._with_usual(fit)
+        jacobian, residual, held = self._with_priors(fit)
         bounds = [(term.coordinates, *term.candidate.bounds, term.candidate.logarithmic) for term in fit.terms]
         if not bounds:
-            return _least_step(jacobian, residual, held, fit.x, reach)
+            return least_step(jacobian, residual, held, fit.x, reach)
         here, low, high, logarithmic = (np.concatenate(parts) for parts in zip(*bounds, strict=True))
         step, open_ = np.zeros(len(here)), np.ones(len(here), bool)
         while True:
             left = residual - jacobian[:, ~open_] @ step[~open_]
-            found = _least_step(jacobian[:, open_], left, held, fit.x, reach)
+            found = least_step(jacobian[:, open_], left, held, fit.x, reach)
             step[open_] = found[: open_.sum()]
             within = np.clip(here + step, low, high) - here
             beyond = open_ & ~logarithmic & (np.abs(step - within) > _ROUNDING * np.abs(within))
@@ -366,15 +377,16 @@ class Problem:
             step[beyond] = within[beyond]
             open_ &= ~beyond
 
-    def _with_usual(self, fit: Fit) -> tuple[Array, Array, Array]:
-        """Return jacobian, residual and `held` with a row for each coordinate of the terms that may be unusual."""
+    def _with_priors(self, fit: Fit) -> tuple[Array, Array, Array]:
+        """Return Jacobian, residual and change per tolerance with a row for the prior of each coordinate of a term."""
         if not fit.terms:
-            return self.jacobian(fit), fit.residual.ravel(), fit.held
+            return self.jacobian(fit), fit.residual.ravel(), fit.per_tolerance
         own = [(term.candidate, term.coordinates) for term in fit.terms]
-        rows = np.concatenate([candidate.unusual_slopes(here) + candidate.known for candidate, here in own])
-        off = np.concatenate([term.candidate.unusual(term.coordinates) + term.off for term in fit.terms])
+        rows = np.concatenate([candidate.prior_slopes(here) + candidate.known for candidate, here in own])
+        off = np.concatenate([term.candidate.prior_residuals(term.coordinates) + term.off for term in fit.terms])
         jacobian = np.vstack((self.jacobian(fit), np.diag(rows)))
-        return jacobian, np.append(fit.residual, -off), np.vstack((fit.held, np.zeros((len(rows), len(fit.x)))))
+        per_tolerance = np.vstack((fit.per_tolerance, np.zeros((len(rows), len(fit.x)))))
+        return jacobian, np.append(fit.residual, -off), per_tolerance
 
     def jacobian(self, fit: Fit) -> Array:
         """Return d(whitened columns)/d(coordinates of all terms), (K n, p), by differences of first-order changes."""
@@ -397,9 +409,9 @@ class Problem:
         return np.array(columns).T if columns else np.zeros((fit.residual.size, 0))
 
 
-def _unusual(fit: Fit) -> float:
+def _prior_cost(fit: Fit) -> float:
     """Return what the terms of a fit cost by values far from what is usual, of those that are no logarithms."""
-    return sum(float((term.candidate.unusual(term.coordinates) ** 2).sum()) for term in fit.terms)
+    return sum(float((term.candidate.prior_residuals(term.coordinates) ** 2).sum()) for term in fit.terms)
 
 
 def _stepped(
@@ -433,92 +445,7 @@ def _basis(directions: Array) -> Array:
     return basis * (sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))[:, None, :]
 
 
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """What other parameters may do to the whitened columns: orthonormal changes (K n, p), and how freely, (p,).
-
-    Fitting them too takes the share `ease` of a residual's part along each: all of it, or less where a tolerance holds
-    them. Numbers v of variance 1 plus what the tolerances scatter become numbers of variance 1 (`without`): the metric
-    of noise plus tolerances, of low rank. back (K n,): what terms do by which they are off what is known of them, to be
-    put back into a residual that has them.
-    """
-
-    basis: Array
-    ease: Array
-    back: Array | None = None
-
-    @classmethod
-    def free(cls, jacobian: Array) -> Beside:
-        """Return what parameters may do that nothing holds, by their changes (K n, p)."""
-        left, size = _spanned(_scaled(jacobian))
-        basis = left[:, size > 1e-6]
-        return cls(basis, np.ones(basis.shape[1]))
-
-    @classmethod
-    def within(cls, jacobian: Array, held: Array, back: Array | None = None) -> Beside:
-        """Return the same beside parameters that are held by their tolerances, by their changes per tolerance."""
-        left, size = _spanned(np.concatenate((_FREE * _scaled(jacobian), held), axis=1))
-        kept = size > 1e-6
-        return cls(left[:, kept], 1 - 1 / np.sqrt(1 + size[kept] ** 2), back)
-
-    def without(self, values: Array) -> Array:
-        """Return values (K n, ...) less what these parameters take of them."""
-        rows, basis = self._reached
-        own, out = values[rows], values.copy()
-        out[rows] = own - basis @ ((self.ease * (basis.T @ own).T).T)
-        return out
-
-    @cached_property
-    def _reached(self) -> tuple[np.ndarray, Array]:
-        """Rows that these parameters change at all, and what they do there: what was not measured takes no time."""
-        rows = np.flatnonzero(self.basis.any(axis=1))
-        return rows, np.ascontiguousarray(self.basis[rows])
-
-
 #: Share of a step that adding and taking away may change.
 _ROUNDING = 1e-6
 #: Share of the reach at which a parameter stands at its end.
 _AT_REACH = 0.999
-#: Multiple of the noise by which a parameter may change the columns that nothing holds.
-_FREE = 1e6
-
-
-def _spanned(matrix: Array) -> tuple[Array, Array]:
-    """Return left singular vectors (m, r) and values (r,) of a matrix (m, p), zero in rows that are zero."""
-    rows = np.flatnonzero(matrix.any(axis=1))
-    own, size, _ = np.linalg.svd(matrix[rows], full_matrices=False)
-    left = np.zeros((len(matrix), len(size)))
-    left[rows] = own
-    return left, size
-
-
-def _scaled(jacobian: Array) -> Array:
-    return jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-
-
-def without(values: Array, beside: Beside | None) -> Array:
-    """Return values (m,) less what parameters beside them take."""
-    return values if beside is None else beside.without(values)
-
-
-def _least_step(jacobian: Array, residual: Array, held: Array, x: Array, reach: float) -> Array:
-    """Return the Gauss-Newton step of free parameters and of those held by tolerances, which stand at x."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    if not len(x):
-        return np.linalg.lstsq(jacobian / scale, residual, rcond=1e-8)[0] / scale
-    count = jacobian.shape[1]
-    matrix, right = with_priors(jacobian / scale, held, residual, x)
-    step = np.linalg.lstsq(matrix, right, rcond=1e-10)[0]
-    if np.abs(x + step[count:]).max() > reach:
-        turned, root = np.linalg.qr(matrix)
-        here = np.concatenate((np.zeros(count), x))
-        ends = np.concatenate((np.full(count, np.inf), np.full(len(x), reach)))
-        step = least_within(root, turned.T @ right + root @ here, ends) - here
-    return np.concatenate((step[:count] / scale, step[count:]))
-
-
-def with_priors(free: Array, held: Array, residual: Array, x: Array) -> tuple[Array, Array]:
-    """Return matrix and right side of least squares with a row for the prior of each held parameter."""
-    priors = np.concatenate((np.zeros((len(x), free.shape[1])), np.eye(len(x))), axis=1)
-    return np.vstack((np.concatenate((free, held), axis=1), priors)), np.concatenate((residual, -x))

@@ -7,21 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..errors import limits_heard
 from ..recordings import Recording, suspicions
 from ..robot import Robot
 from ..simulation import as_recorded
-from .asked import asked
-from .conventions import logs_read
-from .detectable import not_detectable
+from .conventions import read_logs
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
 from .efforts.gather import Efforts
 from .efforts.merged import has_efforts, has_poses, unused_by_efforts
 from .efforts.plausible import check_efforts
 from .efforts.search import pulls
-from .limits import limits_heard
-from .plausible import unused_columns
-from .selection import Selection
+from .identify import not_detectable
+from .prepare import prepare, unused_columns
+from .search import Selection
 
 __all__ = ["Excitation", "Prospects", "prospects"]
 
@@ -59,7 +58,7 @@ class Prospects:
 def prospects(robot: Robot, recording: Recording) -> Prospects:
     """Return what a recording of a robot could show. Raises as `diagnose` does where it cannot be read that way."""
     with threadpool_limits(1, user_api="blas"), limits_heard() as beyond:
-        logs = logs_read(robot, recording)
+        logs = read_logs(robot, recording)
         (recording,) = logs.recordings
         drawn, adapted = robot, as_recorded(robot, recording)
         robot = adapted.robot
@@ -70,7 +69,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         hidden: list[Detectable] = []
         alike: list[tuple[str, str]] = []
         if poses:
-            given = asked(drawn, recording, lambda stage, share: None)
+            given = prepare(drawn, recording, lambda stage, share: None)
             remarks += given.remarks
             problem = given.within_tolerances(given.problem)
             hidden += not_detectable(problem, problem.first, Selection.nothing(problem.first, given.library))
@@ -83,7 +82,7 @@ def prospects(robot: Robot, recording: Recording) -> Prospects:
         if not (efforts or poses):
             remarks.append("neither a pose, nor a marker, nor an effort was measured: nothing can be compared")
         remarks += [*told, *beyond]
-    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.told)
+    return Prospects(joints, tuple(hidden), tuple(alike), unused, tuple(dict.fromkeys(remarks)), logs.statements)
 
 
 def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, ...], list[tuple[str, str]], list[str]]:

@@ -1,4 +1,4 @@
-"""How far two explanations are apart in a pose under a load, once all that may be fitted has been fitted.
+"""What these data could not have shown, and how far two explanations are apart at any other pose under any other load.
 
 Where the simulation with one explanation is measured and the other one's parameters are fitted to it, with those of
 what stands beside them and all that is within tolerance, what the fit leaves is
@@ -11,7 +11,7 @@ parameters already. An explanation that another one holds as a special case is s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -20,15 +20,131 @@ import numpy as np
 
 from ..channels import PoseChannel, Stack
 from ..errors import PrupPinError
-from ..laws import Inputs
+from ..laws import LAWS, Inputs
 from ..mechanism import Frame
 from ..robot import Robot
 from ..simulation import Run, Simulator
 from ..spatial import Array
-from .criteria import LEAST_FORCE, LEAST_MOMENT, LEAST_WIDER, WIDER
-from .fit import Fit, Problem, Term
+from .candidates import Candidate
+from .chances import chi2_isf
+from .criteria import FALSE_ALARM, LEAST_FORCE, LEAST_MOMENT, LEAST_WARMING, LEAST_WIDER, MOST_PARAMETERS_TOLD, WIDER
+from .diagnosis import Detectable
+from .problem import Fit, Problem, Term
+from .search import Selection
 
-__all__ = ["Bench", "Pair", "Test", "apart", "known_of"]
+__all__ = ["Bench", "Pair", "SimulatedTest", "information", "not_detectable", "separation"]
+
+
+# -- what could not be seen --------------------------------------------------------------------------------------------
+
+
+#: Steps to the size that would have been seen, the first of them as the law tells, and how well its chi squared is met.
+_ROUNDS, _EXTRAPOLATIONS, _MET = 24, 4, 0.02
+
+
+def not_detectable(problem: Problem, fit: Fit, selection: Selection) -> Iterator[Detectable]:
+    """Yield every law and place that stays below the threshold at a strong size, and what the data lack for others.
+
+    Its effect counts by what toleranced parameters cannot do in its place.
+    """
+    least = chi2_isf(FALSE_ALARM / len(selection.library), 1)
+    present = {term.candidate.name for term in fit.terms}
+    effects = [term.effect for term in fit.terms]
+
+    def changed(candidate: Candidate, coordinates: Array) -> Array:
+        return problem.change(fit, [*effects, candidate.effect(coordinates)]).ravel()
+
+    for candidate in selection.library:
+        if candidate.name in present or candidate.size > MOST_PARAMETERS_TOLD or candidate.everywhere:
+            continue
+
+        def share(coordinates: Array, candidate: Candidate = candidate) -> float:
+            """Return the chi squared of a law, as a share of what is seen."""
+            return float((problem.without_tolerances(fit, changed(candidate, coordinates)) ** 2).sum()) / least
+
+        strong = _strong(candidate)
+        seen = share(strong)
+        if seen < 1:
+            shows = float((changed(candidate, strong) ** 2).sum()) >= least
+            yield _not_seen(candidate, strong, seen, share, shows)
+    inputs = problem.simulator.inputs
+    if inputs.temperature is None:
+        yield from _without("temperature", "no temperature was recorded")
+    elif np.ptp(np.nan_to_num(inputs.warming)) <= LEAST_WARMING:
+        yield from _without("temperature", "the temperature hardly changed")
+    if inputs.speeds is None and inputs.motion is None:
+        yield from _without("speed", "no motion and no speeds (qd columns) were recorded")
+
+
+def _without(need: str, reason: str) -> Iterator[Detectable]:
+    """Yield the laws that cannot act without what a recording lacks, each word once."""
+    for law in {law.physics: law for law in reversed(LAWS) if need in law.needs}.values():
+        first = law.quantities[0]
+        yield Detectable(law.physics, "", first.name, None, first.unit, reason)
+
+
+def _strong(candidate: Candidate) -> Array:
+    """Return the coordinates (p,) of a law where it is strong."""
+    coordinates = candidate.starts()[0].copy()
+    if candidate.law.strong is not None:
+        values = candidate.values_of(coordinates)
+        values[0] = candidate.law.strong
+        coordinates = candidate.coordinates_of(values)
+    return np.clip(coordinates, *candidate.bounds)
+
+
+def _not_seen(
+    candidate: Candidate, strong: Array, seen: float, share: Callable[[Array], float], shows: bool
+) -> Detectable:
+    """Return what is told of a law that stays hidden where it is strong, at a share `seen` of what is seen.
+
+    `shows`: it would be seen if nothing else were a little off.
+    """
+    law, quantity = candidate.law, candidate.quantities[0]
+    value = float(candidate.values_of(strong)[0])
+    needed, reason = None, "these loads do not reach it"
+    if seen > 0:
+        needed = _smallest_seen(candidate, strong, seen, share)
+        small = "too small an effect on the measured pose under these loads"
+        if shows:
+            small = "these tolerances could hide it"
+        reason = "not visible at any size" if needed is None else small
+    below = law.magnified(value, 2.0) < value
+    return Detectable(law.physics, str(candidate.place), quantity.name, needed, quantity.unit, reason, below)
+
+
+def _smallest_seen(candidate: Candidate, at: Array, seen: float, share: Callable[[Array], float]) -> float | None:
+    """Return the value of a law's first parameter at which it is just seen; None where that lies beyond its bounds."""
+
+    def share_at(coordinate: float) -> float:
+        return share(np.array([coordinate, *at[1:]]))
+
+    def value_at(coordinate: float) -> float:
+        return float(candidate.values_of(np.array([coordinate, *at[1:]]))[0])
+
+    law, near = candidate.law, float(at[0])
+    low, high = (float(bound[0]) for bound in candidate.bounds)
+    far = low if law.magnified(value_at(near), 2.0) < value_at(near) else high
+    if share_at(far) < 1:
+        return None
+    for index in range(_ROUNDS):
+        # As the law tells; what saturates takes halving besides.
+        more = law.magnified(value_at(near), float(np.sqrt(1 / seen)))
+        guess = float(candidate.coordinates_of(np.array([more, *candidate.values_of(at)[1:]]))[0])
+        if index >= _EXTRAPOLATIONS or not min(near, far) < guess < max(near, far):
+            guess = (near + far) / 2
+        found = share_at(guess)
+        if abs(found - 1) < _MET:
+            return value_at(guess)
+        if found < 1:
+            near, seen = guess, found
+        else:
+            far = guess
+    return value_at(far)
+
+
+# -- what could be told apart, and where -------------------------------------------------------------------------------
+
 
 #: Draws in which a pose within reach is looked for, for each that is wanted.
 _DRAWS = 10
@@ -169,10 +285,10 @@ def _warmest(inputs: Inputs) -> float | None:
     )
 
 
-class Test:
+class SimulatedTest:
     """Samples that a bench could record, with what their simulation says of explanations, in multiples of the noise."""
 
-    __test__ = False  # pytest takes classes named Test… for tests
+    __test__ = False  # pytest takes classes named SimulatedTest… for tests
 
     def __init__(self, bench: Bench, problem: Problem, last: Fit, inputs: Inputs):
         self.bench, self.last = bench, last
@@ -205,7 +321,7 @@ class Test:
         one, other = (
             self.problem.change(self.fit, [item.effect for item in terms]) for terms in (self.last.terms, rivals)
         )
-        return one - other + (self.fit.held @ (self.last.x - x)).reshape(one.shape)
+        return one - other + (self.fit.per_tolerance @ (self.last.x - x)).reshape(one.shape)
 
     def simulated(self, pair: Pair) -> Array:
         """Return the same by the whole simulation; zero where either has no answer."""
@@ -222,12 +338,12 @@ class Test:
         return self._runs[key]
 
     def free(self, pair: Pair) -> Array:
-        """Return the whitened changes (n, K, p) per parameter of the rival and of all beside it, as in `known_of`."""
+        """Return the whitened changes (n, K, p) per parameter of the rival and of all others, as in `information`."""
         found = _free(self.problem, self.fit, pair.other(self.last)[0])
         return found.reshape(self.count, -1, found.shape[1])
 
 
-def known_of(problem: Problem, last: Fit, pair: Pair) -> Array:
+def information(problem: Problem, last: Fit, pair: Pair) -> Array:
     """Return what a recording and tolerances say of the parameters of a pair's rival and of all beside it, (p, p)."""
     columns = _free(problem, last, pair.other(last)[0])
     held = len(last.x)
@@ -238,10 +354,10 @@ def known_of(problem: Problem, last: Fit, pair: Pair) -> Array:
 
 def _free(problem: Problem, fit: Fit, terms: tuple[Term, ...]) -> Array:
     """Return the whitened changes per coordinate of terms and per tolerance, (K n, p)."""
-    return np.nan_to_num(np.concatenate((problem.jacobian(replace(fit, terms=terms)), fit.held), axis=1))
+    return np.nan_to_num(np.concatenate((problem.jacobian(replace(fit, terms=terms)), fit.per_tolerance), axis=1))
 
 
-def apart(difference: Array, free: Array, known: Array) -> Array:
+def separation(difference: Array, free: Array, known: Array) -> Array:
     """Return what fitting leaves of a difference (n, K): residuals (n, K) by which two explanations are apart."""
     flat, columns = difference.ravel(), free.reshape(difference.size, -1)
     normal = known + columns.T @ columns

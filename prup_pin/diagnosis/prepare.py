@@ -1,0 +1,485 @@
+"""From recordings to a problem: checked, placed, thinned, with its noise, its laws and what may be off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..channels import Linear, Noise, PoseChannel, Stack, channels_of
+from ..errors import InputError
+from ..laws import Inputs, Trajectory
+from ..laws.deviations import without_effect
+from ..mechanism import Mechanism
+from ..numbers import number, quantity
+from ..recordings import Recording, Together, Tolerances, suspicions
+from ..recordings.columns import AXES, MARKER_GROUPS
+from ..robot import Robot
+from ..simulation import Run, Simulator, as_recorded, inputs_of, trajectory_of
+from ..spatial import Array, turn_between
+from .calibrate import (
+    Toleranced,
+    toleranced_of,
+    within_tolerances,
+)
+from .candidates import Candidate, candidates, under_load
+from .criteria import (
+    ALLOWED_TOLERANCES,
+    FAR,
+    FEWEST_STATIONS,
+    FOLDS,
+    LEAST_REACH,
+    MOST_SAMPLES,
+    MUCH_LARGER,
+    NOTHING,
+    TURNED,
+    UPSIDE_DOWN,
+)
+from .noise import estimate_noise, scatter_of_repeats
+from .problem import Problem
+from .registration import OWN_STATIONS, Registered, own_frames, registered
+from .spread import Spread, spread_of
+
+__all__ = ["Prepared", "Tell", "allowed_of_markers", "check_belongs", "prepare", "unused_columns", "what_is_missing"]
+
+
+Tell = Callable[[str, float], None]
+#: Rows of a table that a remark lists.
+_ROWS_TOLD = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Recordings as a problem, checked and thinned, with the laws that may compete and the parameters that may be off.
+
+    raw_linear (n, K) [m, rad]: what is left of the simulation that a user starts from; raw_registered: the same with
+    sensors where they stand. `placed`: what was measured, and where its sensors stand; `spread`: which kinds are off
+    everywhere, where that was asked; `noise_unknown`: only the residual tells the noise. `remarks` are added to later.
+    """
+
+    together: Together
+    problem: Problem
+    inputs: Inputs
+    raw_linear: Array
+    raw_registered: Array
+    library: Sequence[Candidate]
+    toleranced: Toleranced
+    unused: tuple[str, ...]
+    remarks: list[str]
+    placed: Registered
+    spread: Spread | None = None
+    noise_unknown: bool = False
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of parameters that are off all over by more than anything declares."""
+        return () if self.spread is None else tuple(self.spread.kinds)
+
+    def within_tolerances(self, problem: Problem, reach: float = np.inf) -> Problem:
+        """Return a problem with the toleranced parameters calibrated, where there are any and anything to compare.
+
+        `reach`: tolerances beyond which none is taken to be off.
+        """
+        rigid = any(item.of_rigid_joint for item in self.library)
+        if not (len(self.toleranced) or rigid) or not problem.count(problem.drawn):
+            return problem
+        return within_tolerances(problem, self.toleranced, self.library, reach)
+
+
+def prepare(
+    robot: Robot,
+    recordings: Recording | Sequence[Recording],
+    tell: Tell,
+    with_outliers: bool = False,
+    all_over: bool = False,
+) -> Prepared:
+    """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does.
+
+    all_over: what a few laws could explain as well is off all over.
+    """
+    adapted = as_recorded(robot, recordings)
+    robot = adapted.robot
+    together = Together.of(adapted.recordings, robot.mechanism.actuated, robot.mechanism.gravity)
+    unused, remarks = _columns_told(together, robot.mechanism)
+    remarks = [*adapted.remarks, *remarks]
+    motion = trajectory_of(together.recording, robot)  # before rows are left out
+    seen = _seen(robot, _thinned(together, remarks), motion)
+    remarks += [*what_is_missing(seen.inputs, seen.measured, robot.mechanism), *seen.placed.remarks]
+    try:
+        _check_each(seen)
+    except InputError as error:
+        # what the recording leaves open may be why
+        raise InputError(". ".join((str(error), *adapted.remarks))) from error
+    tell("the nominal simulation", 0.0)
+    nominal = seen.simulator.run()
+    noise = _noise_of_each(seen, nominal, remarks)
+    together, stack = seen.together, seen.placed.stack
+    problem = Problem.of(seen.simulator, stack, noise, nominal)
+    library = _library(together, problem)
+    tell("what is off all over", 0.01)
+    spread = _off_everywhere(problem, together, library)
+    noise_unknown = spread is not None and noise.source == "assumed"
+    if spread is not None:
+        spread = spread.with_all(problem.stack.exists) if with_outliers else spread
+        spread = spread.all_over() if all_over else spread
+        remarks += spread.told(together, noise)
+        stack, noise = spread.stack(stack), spread.noise(noise)
+        stack = spread.placed(stack, noise, together.recording.run)
+        if spread.stations is not None and not together.stations:
+            together = together.with_runs_of("pose_sensor")
+            library = _library(together, problem)
+            remarks.append(_stations_remark(spread.stations))
+        together, library = spread.widened(together), spread.among(library)
+    if noise.source == "assumed":
+        noise = replace(noise, source="estimated")
+    if noise is not problem.noise or stack is not problem.stack:
+        problem = Problem.of(seen.simulator, stack, noise, nominal)
+    recording, samples = together.recording, problem.first.samples
+    remarks += without_effect(recording.tolerances.declared)
+    return Prepared(
+        together=together,
+        problem=problem,
+        inputs=seen.inputs,
+        raw_linear=(seen.measured if seen.placed.found else stack).residual_of_start(seen.linear)[samples],
+        raw_registered=stack.residual_of_start(seen.linear)[samples],
+        library=library,
+        toleranced=toleranced_of(seen.placed.open(recording), robot.mechanism, together.groups, seen.inputs.moves),
+        unused=unused,
+        remarks=remarks,
+        placed=seen.placed,
+        spread=spread,
+        noise_unknown=noise_unknown,
+    )
+
+
+def _columns_told(together: Together, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
+    """Return the columns without a part in the diagnosis, and what is told of columns and numbers."""
+    unused: list[str] = []
+    remarks = [*together.recording.remarks] if together.several else []
+    for source in together.sources:
+        names, told = unused_columns(source.recording, mechanism)
+        unused += names
+        each = (*source.recording.remarks, *suspicions(source.recording), *told)
+        remarks += [together.told(source, text) for text in each]
+    return tuple(dict.fromkeys(unused)), remarks
+
+
+class _Seen(NamedTuple):
+    """Recordings, what was put in and measured, and the measured poses with each sensor where it stands."""
+
+    together: Together
+    inputs: Inputs
+    simulator: Simulator
+    linear: Linear
+    measured: Stack
+    placed: Registered
+    allowed: tuple[float, float]  # how far markers may be off, as `allowed_of_markers` says
+
+
+def _seen(robot: Robot, together: Together, motion: Trajectory | None) -> _Seen:
+    """Return what was seen, each sensor where it stands; with frames of their own where one does not fit all."""
+    mechanism, inputs = robot.mechanism, _inputs(robot, together, motion)
+    measured, simulator = Stack(channels_of(together.recording, mechanism)), Simulator(robot, inputs)
+    linear, allowed = Linear.of(simulator), allowed_of_markers(together.recording.tolerances, mechanism)
+    placed = registered(measured, linear, together, mechanism, allowed)
+    apart = own_frames(measured, placed, linear, together, mechanism, allowed)
+    if apart is not None:
+        together, placed = apart
+        inputs = _inputs(robot, together, motion)
+        simulator = Simulator(robot, inputs)
+    return _Seen(together, inputs, simulator, linear, measured, placed, (allowed[0] + placed.beside, allowed[1]))
+
+
+def _check_each(seen: _Seen) -> None:
+    """Raise InputError where a recording and the robot are worlds apart."""
+    for source, here in seen.together.each():
+        try:
+            check_belongs(seen.placed.stack, seen.linear, seen.inputs, here, seen.together.rows, seen.allowed)
+        except InputError as error:
+            raise InputError(seen.together.told(source, str(error))) from error
+
+
+def _noise_of_each(seen: _Seen, nominal: Run, remarks: list[str]) -> Noise:
+    """Return the noise of all recordings; tell rows that could not be simulated, and noise declared too large."""
+    together, stack, noises = seen.together, seen.placed.stack, []
+    for source, here in together.each():
+        lost = together.rows[here & stack.exists.any(axis=1) & ~nominal.solved]
+        if len(lost):
+            remarks.append(together.told(source, _not_simulated(lost, int(here.sum()))))
+    for source, here in together.each():
+        noises.append(estimate_noise(source.recording, stack, seen.linear, seen.inputs, here))
+        told = _noise_declared_too_large(source.recording, stack, seen.linear, seen.inputs, here)
+        remarks += [together.told(source, text) for text in told]
+    return Noise.of_several(noises, together.which)
+
+
+def _library(together: Together, problem: Problem) -> list[Candidate]:
+    """Return every law at every place that the recordings could show."""
+    mechanism, inputs = problem.simulator.robot.mechanism, problem.simulator.inputs
+    found = candidates(mechanism, inputs, together.recording.marker_names, together.groups, together.alone)
+    return under_load(found, problem.nominal)
+
+
+def _off_everywhere(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
+    """Return what is off all over a robot that is seen by a pose sensor and that nothing loads but its weight."""
+    if not problem.simulator.inputs.weight_alone:
+        return None
+    heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
+    weight = [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
+    # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
+    own = bool(together.stations) or "pose_sensor" not in together.groups
+    several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_STATIONS)
+    found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, weight, several)
+    if not several or found is None or found.stations is not None:
+        return found
+    return spread_of(problem, together, weight, False)
+
+
+def _stations_remark(stations: tuple[float, float]) -> str:
+    turn, shift = stations
+    return (
+        f"the pose sensor stands elsewhere in each run, turned by {quantity(turn, 'rad')} and shifted by "
+        f"{quantity(shift, 'm')} (one standard deviation), which is left out of all that is compared; {OWN_STATIONS}"
+    )
+
+
+def _inputs(robot: Robot, together: Together, motion: Trajectory | None) -> Inputs:
+    """Return the inputs of which `motion` is known; speeds only where they were recorded for every actuator."""
+    inputs = inputs_of(together.recording, robot, motion)
+    every = all(name in together.recording.velocities for name in robot.mechanism.actuated)
+    inputs = replace(inputs, speeds=inputs.speeds if every else None)
+    inputs = replace(inputs, sources=together.setups if together.several or together.by_run else None)
+    if not together.several:
+        return inputs
+    began = np.array([inputs.time[here].min(initial=np.inf) for _, here in together.each()])
+    return replace(inputs, began=began[together.which])
+
+
+def _thinned(together: Together, remarks: list[str]) -> Together:
+    """Return at most MOST_SAMPLES samples: whole blocks, evenly chosen; pieces of blocks where there are few."""
+    recording = together.recording
+    n = len(recording)
+    if n <= MOST_SAMPLES:
+        return together
+    blocks = recording.blocks()
+    starts = np.flatnonzero(np.diff(blocks, prepend=-1))
+    count = len(starts)
+    typical = n / count
+    if typical <= MOST_SAMPLES / FOLDS:
+        chosen = np.unique(np.linspace(0, count - 1, int(MOST_SAMPLES / typical)).astype(int))
+        keep = np.isin(np.searchsorted(starts, np.arange(n), side="right") - 1, chosen)
+    else:
+        keep = np.zeros(n, bool)
+        keep[:: int(np.ceil(n / MOST_SAMPLES))] = True
+    rows = np.flatnonzero(keep)[:MOST_SAMPLES]
+    remarks.append(f"{n} samples are more than are needed: {len(rows)} of them, evenly chosen, were used")
+    return together.select(rows)
+
+
+def _noise_declared_too_large(
+    recording: Recording, stack: Stack, linear: Linear, inputs: Inputs, here: np.ndarray
+) -> list[str]:
+    """Return sentences on declared noise that is much larger than the scatter of repeats."""
+    remarks = []
+    seen = scatter_of_repeats(stack, linear, inputs, here)
+    for name, unit, found in (("position", "µm", seen[0]), ("rotation", "µrad", seen[1])):
+        declared = getattr(recording.noise, name)
+        if declared is not None and found is not None and declared > MUCH_LARGER * found:
+            remarks.append(
+                f"{name}_noise is declared as {number(1e6 * declared, 3)} {unit}, but repeats of a load scatter by "
+                f"{number(1e6 * found, 3)} {unit} only: if it is declared too large, effects are overlooked"
+            )
+    return remarks
+
+
+def _not_simulated(rows: np.ndarray, count: int) -> str:
+    """Return that samples of a table, by their places from 0, could not be simulated; line 1 holds its names."""
+    listed = ", ".join(str(row + 2) for row in rows[:_ROWS_TOLD]) + (", …" if len(rows) > _ROWS_TOLD else "")
+    which = f"line{'s' if len(rows) > 1 else ''} {listed}"
+    return f"{len(rows)} of {count} samples could not be simulated ({which}), and say nothing here"
+
+
+# -- does the recording belong to the robot, and what does it lack? ----------------------------------------------------
+
+
+def what_is_missing(inputs: Inputs, stack: Stack, mechanism: Mechanism) -> list[str]:
+    """Return sentences on what a recording lacks."""
+    remarks = []
+    measured = {unit for _, unit, where in stack.groups() if stack.exists[:, where].any()}
+    if not measured:
+        remarks.append("no pose was measured (columns p.x … r.z): this recording cannot be compared with a simulation")
+    elif "rad" not in measured:
+        remarks.append("no rotation was measured: moments and tilts are judged by the position alone")
+    elif "m" not in measured:
+        remarks.append("no position was measured: forces are judged by the rotation alone")
+    force = np.nan_to_num(np.abs(inputs.wrench)).max(initial=0.0)
+    heavy = mechanism.model.njoints > 1 and sum(float(body.mass) for body in mechanism.model.inertias) > 0
+    gravity = mechanism.gravity if inputs.gravity is None else np.nan_to_num(inputs.gravity)
+    if force < NOTHING and not (heavy and np.abs(gravity).max(initial=0.0) > NOTHING):
+        remarks.append("no load was applied: nothing can be said about stiffness, play or friction")
+    elif force < NOTHING:
+        remarks.append("no load was applied but the robot's own weight: what it does not load does not show")
+    if inputs.motion is not None and mechanism.loops:
+        remarks.append(
+            "the robot moves, and its loops are loaded by weight and wrench alone: what its bodies' inertia bends is "
+            "not told from what is wrong with it"
+        )
+    if inputs.gravity is not None and _points_up(inputs.gravity, mechanism.gravity):
+        remarks.append(
+            "g.x g.y g.z point against the robot file's gravity: an accelerometer at rest reports the opposite of free "
+            "fall, which is what is expected"
+        )
+    if len(np.unique(inputs.blocks)) < 2:
+        remarks.append("one pose only: effects of geometry and stiffness look alike")
+    return remarks
+
+
+def _points_up(measured: Array, drawn: Array) -> bool:
+    """Return True where gravity is, in the median, the opposite of the robot file's."""
+    sizes = np.linalg.norm(measured, axis=1) * np.linalg.norm(drawn)
+    known = sizes > 0
+    return bool(known.any() and np.median((measured @ drawn)[known] / sizes[known]) < UPSIDE_DOWN)
+
+
+#: Kinds of columns that are not compared, and what they are.
+_NOT_COMPARED = {
+    "efforts": "efforts are predicted, but not compared",
+    "markers": "the robot file has no frame of that name",
+    "accelerations": "accelerations are not used",
+    "velocities": "speeds are used where every actuator has them, and no others",
+    "positions": "only the positions of actuators are inputs",
+    "pose": "an orientation is one where all of r.x r.y r.z are measured",
+    "ignored": "",  # the reader has told
+}
+
+
+def unused_columns(recording: Recording, mechanism: Mechanism) -> tuple[tuple[str, ...], list[str]]:
+    """Return the columns that hold numbers and have no part in the diagnosis, and sentences that tell them."""
+    found: dict[str, list[str]] = {kind: [] for kind in _NOT_COMPARED}
+
+    def take(kind: str, name: str, values: Array) -> None:
+        if np.isfinite(values).any():
+            found[kind].append(name)
+
+    for joint, values in recording.efforts.items():
+        take("efforts", f"tau.{joint}", values)
+    turns: dict[str, Array] = {} if recording.rotation is None else {"r": recording.rotation}
+    for prefix, group in MARKER_GROUPS.items():
+        for marker, values in getattr(recording, group).items():
+            if marker not in mechanism.frame_names:
+                for column, axis in enumerate(AXES):
+                    take("markers", f"{prefix}.{marker}.{axis}", values[:, column])
+            elif prefix == "r":
+                turns[f"r.{marker}"] = values
+    for joint, values in recording.accelerations.items():
+        take("accelerations", f"qdd.{joint}", values)
+    all_speeds = set(mechanism.actuated) <= set(recording.velocities)
+    for joint, values in recording.velocities.items():
+        if not (all_speeds and joint in mechanism.actuated):
+            take("velocities", f"qd.{joint}", values)
+    for joint, values in recording.positions.items():
+        if joint not in mechanism.actuated:
+            take("positions", f"q.{joint}", values)
+    for prefix, values in turns.items():
+        if not np.isfinite(values).all(axis=1).any():
+            for column, axis in enumerate(AXES):
+                take("pose", f"{prefix}.{axis}", values[:, column])
+    found["ignored"] += recording.ignored
+    told = [f"not used: {', '.join(found[kind])} ({why})" for kind, why in _NOT_COMPARED.items() if why and found[kind]]
+    return tuple(name for names in found.values() for name in names), told
+
+
+def allowed_of_markers(declared: Tolerances, mechanism: Mechanism) -> tuple[float, float]:
+    """Return how far tolerances let a marker be off: a length [m], and a share of its distance from the base."""
+    joints = float(np.sqrt(len(mechanism.actuated)))
+    length = (declared.target_position or 0.0) + joints * (declared.position or 0.0)
+    turn = joints * ((declared.encoder_offset or 0.0) + (declared.direction or 0.0))
+    return ALLOWED_TOLERANCES * length, FAR + ALLOWED_TOLERANCES * turn
+
+
+def check_belongs(
+    stack: Stack,
+    linear: Linear,
+    inputs: Inputs,
+    here: np.ndarray,
+    rows: np.ndarray,
+    allowed: tuple[float, float] = (0.0, FAR),
+) -> None:
+    """Raise InputError where recording and robot are worlds apart, with the likely reason.
+
+    here (N,): the samples of the recording that is asked; rows (N,): where each stands in its table, from 0; `allowed`:
+    what `allowed_of_markers` says.
+    """
+    for name, values in (("q", inputs.actuators[here]), ("w", inputs.wrench[here])):
+        if len(values) and np.isnan(values).all(axis=0).any():
+            raise InputError(
+                f"a column {name}.… is empty in every row: without all positions of the actuators [m, rad] and all "
+                "components of the load [N, N m] nothing can be simulated. Write 0 for a load that was not applied"
+            )
+    if not linear.samples[here].any():
+        lost = next(((rows[row], text) for row, text in sorted(linear.geometry.reasons.items()) if here[row]), None)
+        why = "" if lost is None else f": row {lost[0] + 2}: {lost[1]}"
+        raise InputError(
+            "the robot reaches none of the recording's poses, or none of its samples is complete"
+            f"{why}. Check --robot, the q columns' names and units [m, rad]; no other way to write them would do"
+        )
+    for measured in stack.channels:
+        if isinstance(measured, PoseChannel):
+            _check_channel(measured, linear, here, rows, allowed)
+
+
+def _check_channel(
+    measured: PoseChannel, linear: Linear, here: np.ndarray, rows: np.ndarray, allowed: tuple[float, float]
+) -> None:
+    """Raise InputError where a frame is measured worlds apart from where it is simulated."""
+    placed = here & linear.samples & measured.exists[:, :3].all(axis=1)
+    turned = here & linear.samples & measured.exists[:, 3:].all(axis=1)
+    of, column = "", ""
+    if measured.name != "pose":
+        of, column = f" of {measured.name}", f".{measured.frame.name}"
+    if placed.any():
+        rigid, loaded = linear.rigid(measured.frame)[0], linear.pose_of(measured.frame)[0]
+        near = measured.position[placed], rigid[placed], loaded[placed]
+        _check_positions(*near, rows[placed], of or " of the tool", column, allowed)
+    if turned.any():
+        _check_rotations(measured.rotation[turned], linear.rigid(measured.frame)[1][turned], of, column)
+
+
+def _check_rotations(measured: Array, rigid: Array, of: str, column: str) -> None:
+    apart = float(np.median(np.linalg.norm(turn_between(rigid, measured), axis=1)))
+    if apart > TURNED:
+        raise InputError(
+            f"measured and simulated orientations{of} are {number(apart, 3)} rad apart: expected r{column}.x "
+            f"r{column}.y "
+            f"r{column}.z as a rotation vector in rad, in the base frame of the robot file, and no other way to write "
+            "them would do: is it another robot?"
+        )
+
+
+def _check_positions(
+    measured: Array,
+    rigid: Array,
+    loaded: Array,
+    rows: np.ndarray,
+    of: str,
+    column: str,
+    allowed: tuple[float, float],
+) -> None:
+    apart = np.linalg.norm(measured - rigid, axis=1)
+    distance = float(np.median(apart))
+    size = float(np.median(np.linalg.norm(rigid, axis=1)))
+    reach = max(size, LEAST_REACH)
+    near = allowed[0] + allowed[1] * reach
+    if distance < near or float(np.median(np.linalg.norm(measured - loaded, axis=1))) < near:
+        return
+    usual = int(np.argmin(np.abs(apart - distance)))
+    seen, drawn = (" ".join(number(float(v), 3) for v in values[usual]) for values in (measured, rigid))
+    columns = " ".join(f"p{column}.{axis}" for axis in AXES)
+    raise InputError(
+        f"measured and simulated positions{of} are {number(distance, 3)} m apart, in the median: in line "
+        f"{rows[usual] + 2} it was measured at {seen}, and the robot file puts it at {drawn} m with that row's joint "
+        f"positions: this is another robot, another frame, or other units. Check --robot, {columns} (expected in "
+        "metres, in the base frame of the robot file), and signs, zeros and order of the q columns"
+    )

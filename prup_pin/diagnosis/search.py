@@ -1,0 +1,445 @@
+"""Which set of laws does a recording ask for? Forward selection, with every earlier choice tried again.
+
+A law enters where the chi squared that it removes passes a threshold for the whole library (chance, and the same
+residual with the signs of its blocks flipped), where it removes more than 1 % on blocks that were not used to fit it,
+and where the whole simulation confirms it. After each step every law that is in is challenged by every other one, and
+one law is tried for two, several for one, and one less.
+
+How far it is searched is a matter of fits counted, not of a clock: the same recording gets the same answer everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from ..spatial import Array
+from .candidates import Candidate
+from .criteria import (
+    BEYOND,
+    CURVATURE,
+    INDISTINCT,
+    LEAD,
+    LEAST_GAIN,
+    MOST_FITS,
+    MOST_SIMULATED,
+    MOST_TERMS,
+    PARALLEL,
+    WORTH_SEPARATING,
+    beyond_tolerance,
+)
+from .evidence import Rival, cost_of, cross_validated, is_clean, penalty, scale_of, threshold
+from .locate import least_left
+from .nuisance import Nuisance, without
+from .problem import Fit, Problem, Term
+
+__all__ = [
+    "Bound",
+    "Search",
+    "Selection",
+    "alternatives_to",
+    "dropped",
+    "dropped_by_folds",
+    "rearranged",
+    "screen",
+    "select",
+    "simulated_alternatives",
+    "strain_of",
+    "swapped",
+]
+
+
+class Search:
+    """A problem that is asked for fits through the whole simulation, and counts them. What is begun is ended."""
+
+    def __init__(self, problem: Problem, most: int = MOST_FITS):
+        self.problem, self.most, self.fits = problem, most, 0
+
+    @property
+    def over(self) -> bool:
+        """True where no further law is looked for."""
+        return self.fits > self.most
+
+    def refine(self, terms: Sequence[Term], start: Fit, reach: float | None = None) -> Fit:
+        """Return what `Problem.refine` does."""
+        self.fits += 1
+        return self.problem.refine(terms, start, reach)
+
+    def released(self, fit: Fit) -> Fit:
+        """Return a fit with its toleranced parameters as far off as they would go."""
+        if not self.problem.is_held_back(fit):
+            return fit
+        free = self.refine(fit.terms, fit, reach=np.inf)
+        return free if free.chi2 < fit.chi2 else fit
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The outcome: the fits before any law and of all laws found, rivals of every term, and what competed."""
+
+    first: Fit
+    last: Fit
+    rivals: tuple[tuple[Rival, ...], ...]
+    library: Sequence[Candidate]
+    fits: int = 0  # that the search took, through the whole simulation
+
+    @classmethod
+    def nothing(cls, first: Fit, library: Sequence[Candidate]) -> Selection:
+        """Return what is selected where there is nothing to compare."""
+        return cls(first, first, (), library)
+
+
+# -- law by law --------------------------------------------------------------------------------------------------------
+
+
+def select(
+    problem: Problem,
+    library: Sequence[Candidate],
+    blocks: np.ndarray,
+    first: Fit,
+    tell: Callable[[str, float], None] = lambda stage, share: None,
+    most: int = MOST_FITS,
+) -> Selection:
+    """Return the selection of laws that the recording asks for."""
+    acting = {effect.law.physics for effect in problem.acting}  # a second time it would add to itself
+    library = [candidate for candidate in library if candidate.law.physics not in acting]
+    search = Search(problem, most)
+    fit, rivals = _added(search, library, blocks, first, tell)
+    if len(rivals) != len(fit.terms):
+        rivals = [alternatives_to(problem, fit, index, library) for index in range(len(fit.terms))]
+    told = tuple(_not_less_expected(each, term) for each, term in zip(rivals, fit.terms, strict=True))
+    return Selection(first, fit, told, library, search.fits)
+
+
+def _not_less_expected(rivals: Sequence[Rival], term: Term) -> tuple[Rival, ...]:
+    """Return the rivals of a term: of one that acts on every robot, as weight does, only others that do.
+
+    Weight within its prior is not in doubt because something else could be fitted as well.
+    """
+    if not term.candidate.known.all() or np.abs(term.off).max() > BEYOND:
+        return tuple(rivals)
+    return tuple(rival for rival in rivals if rival.term.candidate.known.all())
+
+
+def dropped_by_folds(problem: Problem, selection: Selection, blocks: np.ndarray) -> Selection:
+    """Return the selection without laws that blocks left out do not ask for, beside kinds that are off everywhere."""
+    search = Search(problem)
+    fit, rivals = selection.last, list(selection.rivals)
+    while fit.terms:
+        labels = blocks[fit.samples]
+        held = cross_validated(problem, fit, labels)
+        gains = [cross_validated(problem, fit, labels, less=index) - held for index in range(len(fit.terms))]
+        least = int(np.argmin(gains))
+        if gains[least] > LEAST_GAIN * held:
+            break
+        smaller = search.refine([term for index, term in enumerate(fit.terms) if index != least], fit)
+        if is_clean(problem, fit) and not is_clean(problem, smaller):
+            break  # what would take its place lies farther off than parts are
+        fit = smaller
+        rivals = rivals[:least] + rivals[least + 1 :]
+    return replace(selection, last=fit, rivals=tuple(rivals))
+
+
+def _share(step: int, part: float) -> float:
+    """Return how far the search is; how many rounds there will be is not known."""
+    return 0.9 * (1 - 0.5 ** (step + part))
+
+
+def _added(
+    search: Search,
+    library: Sequence[Candidate],
+    blocks: np.ndarray,
+    first: Fit,
+    tell: Callable[[str, float], None],
+) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit of the laws that the recording asks for, and the rivals of each, as they were looked at last."""
+    problem, fit = search.problem, first
+    rivals: list[list[Rival]] = []
+    for step in range(MOST_TERMS):
+        if search.over:
+            break
+        labels = blocks[fit.samples]
+
+        def progress(share: float, step: int = step) -> None:
+            tell(f"laws, round {step + 1}", _share(step, 0.5 * share))
+
+        screened = screen(problem, fit, library, progress)
+        # What parameters explain that are off by more than their tolerance is no merit of a law beside them.
+        rest = search.released(fit)
+        left = problem.without_tolerances(rest, problem.target(rest).ravel()).reshape(rest.residual.shape)
+        least = threshold(len(library), left, labels, screened)
+        before = cross_validated(problem, rest, labels)
+        taken = None
+        for rival in screened[:MOST_SIMULATED]:
+            gain = least(rival.term.candidate.size)
+            if fit.chi2 - rival.chi2 < gain:
+                continue
+            tell("the whole simulation", _share(step, 0.6))
+            trial = search.released(search.refine([*fit.terms, rival.term], fit))
+            helps = before - cross_validated(problem, trial, labels) > LEAST_GAIN * before
+            if rest.chi2 - trial.chi2 >= gain and (helps or _relieves_strain(rest, trial, gain)):
+                taken = search.refine(trial.terms, trial)  # a second law would make up for what has not come to its end
+                break
+        if taken is None:
+            break
+        tell("earlier choices again", _share(step, 0.8))
+        fit, rivals = swapped(search, taken, library)
+        other = dropped(search, rearranged(search, fit, library), least)
+        if other is not fit:
+            fit, rivals = swapped(search, other, library)
+    return search.released(fit), rivals
+
+
+def _relieves_strain(fit: Fit, trial: Fit, least: float) -> bool:
+    """Return True where a law takes a strain from parameters that took its place: held-out samples cannot tell them.
+
+    One culprit, its own tolerance lifted, is weighed against many that hide it. Where none of them was driven beyond
+    tolerance, by how far off parameters are beside the law: what is off by more than declared is so by chance as well.
+    """
+    saved = float(fit.x @ fit.x - trial.x @ trial.x)
+    beyond = np.abs(fit.x).max(initial=0.0) > beyond_tolerance(len(fit.x))
+    return saved >= (least if beyond else least * strain_of(trial))
+
+
+def strain_of(fit: Fit) -> float:
+    """Return the mean square by which toleranced parameters are off, in tolerances, as far as data tell; at least 1."""
+    told = np.linalg.eigvalsh(fit.per_tolerance.T @ fit.per_tolerance)
+    count = float((told / (1 + told)).sum())
+    return max(float(fit.x @ fit.x) / max(count, 1.0), 1.0)
+
+
+# -- all candidates, to first order ------------------------------------------------------------------------------------
+
+
+def screen(
+    problem: Problem, fit: Fit, library: Sequence[Candidate], tell: Callable[[float], None] = lambda share: None
+) -> list[Rival]:
+    """Return all candidates fitted on top of a fit's terms and together with them, to first order, best first.
+
+    Those that cannot remove what the best one does are left out.
+    """
+    rivals = []
+    kept = fit.terms
+    present = {term.candidate.name for term in kept}
+    nuisance = problem.nuisance(fit, range(len(kept)))
+    bound = Bound(problem, fit, problem.target(fit), nuisance)
+    best = fit.chi2
+    for index, candidate in enumerate(sorted(library, key=bound)):
+        tell(index / len(library))
+        if candidate.name in present or bound(candidate) > best:
+            continue
+        chi2, term, change = problem.first_order_fit(fit, kept, candidate, nuisance=nuisance)
+        rivals.append(Rival(term, chi2, change))
+        best = min(best, chi2)
+    return sorted(rivals, key=lambda rival: rival.score)
+
+
+class Bound:
+    """A chi squared that candidates on top of kept terms cannot go below, to first order; zero where none is known.
+
+    By the module through whose deformation alone a candidate acts.
+    """
+
+    def __init__(self, problem: Problem, fit: Fit, residual: Array, nuisance: Nuisance | None):
+        self.problem, self.fit, self.nuisance = problem, fit, nuisance
+        if nuisance is not None and nuisance.offset is not None:
+            residual = residual + nuisance.offset.reshape(residual.shape)
+        self.residual, self.left = residual, without(residual.ravel(), nuisance)
+        self.known: dict[str, float] = {}
+
+    def __call__(self, candidate: Candidate) -> float:
+        module = candidate.only_module
+        if module is None or module not in self.fit.influence.rows:
+            return 0.0
+        if module not in self.known:
+            self.known[module] = least_left(self.problem, self.fit, module, self.residual, self.nuisance)
+        return self.known[module]
+
+
+# -- the laws that were taken, against their rivals --------------------------------------------------------------------
+
+
+def alternatives_to(problem: Problem, fit: Fit, index: int, library: Sequence[Candidate]) -> list[Rival]:
+    """Return what could stand in the place of term `index`, the term itself included, best first.
+
+    To first order about the fit; about the simulation without the term where else nothing yields.
+    """
+    own, scale = fit.terms[index], scale_of(problem, fit)
+    others = [place for place in range(len(fit.terms)) if place != index]
+    kept = [fit.terms[place] for place in others]
+    about, places = fit, others
+    if _yields_alone(problem, own):
+        about, places = problem.fit_at(kept, like=fit), list(range(len(kept)))
+    nuisance, effects = problem.nuisance(about, places), [term.effect for term in kept]
+    removed = problem.change(about, effects)
+
+    def beyond(change: Array) -> Array:
+        return without(change.ravel(), nuisance).reshape(change.shape)
+
+    bound = Bound(problem, about, problem.target(about) - removed, nuisance)
+    worst = fit.chi2 + max(WORTH_SEPARATING * scale * INDISTINCT, _first_order_error(problem, fit, index))
+    rivals = [Rival(own, fit.chi2, beyond(problem.change(about, [*effects, own.effect]) - removed), scale)]
+    present = {term.candidate.name for term in fit.terms}
+    for candidate in library:
+        if candidate.name not in present and bound(candidate) <= worst:
+            chi2, term, change = problem.first_order_fit(about, kept, candidate, nuisance=nuisance)
+            rivals += [Rival(term, chi2, change - beyond(removed), scale)] if chi2 <= worst else []
+    return sorted(rivals, key=lambda rival: rival.score)
+
+
+def _yields_alone(problem: Problem, term: Term) -> bool:
+    """Return True for weight where no wrench acts, and for a joint that is else rigid: what yields does so by it."""
+    if term.candidate.of_rigid_joint:
+        return True
+    return "gravity" in term.candidate.law.needs and not np.any(np.nan_to_num(problem.simulator.inputs.wrench))
+
+
+def _first_order_error(problem: Problem, fit: Fit, index: int) -> float:
+    """Return by how much first order may misjudge chi squared in the place of a term.
+
+    It grows with all that the term moves, be it that parameters within tolerance could move most of it as well.
+    """
+    kept = [term.effect for place, term in enumerate(fit.terms) if place != index]
+    return CURVATURE * float((problem.change(fit, kept) ** 2).sum())
+
+
+def simulated_alternatives(
+    search: Search, fit: Fit, index: int, library: Sequence[Candidate]
+) -> tuple[list[Rival], Fit | None]:
+    """Return what could stand in the place of a term, best first, and the first fit that is better by it.
+
+    First-order changes of a large effect are a little off; a rival that comes close is simulated before it is judged.
+    """
+    found = alternatives_to(search.problem, fit, index, library)
+    own = fit.chi2 + scale_of(search.problem, fit) * penalty(fit.terms[index])
+    reach = _first_order_error(search.problem, fit, index)
+    judged: list[Rival] = []
+    simulated = 0
+    for rival in found:
+        twin = any(_parallel(rival, other) for other in judged)
+        if rival.term is fit.terms[index] or rival.score >= own + reach or twin or simulated == MOST_SIMULATED:
+            judged.append(rival)
+            continue
+        simulated += 1
+        terms = (*fit.terms[:index], rival.term, *fit.terms[index + 1 :])
+        trial = search.refine(terms, fit)
+        judged.append(replace(rival, term=trial.terms[index], chi2=trial.chi2, whole=(trial.terms, trial.x)))
+        if judged[-1].score < own - LEAD:
+            return judged, trial
+    return sorted(judged, key=lambda rival: rival.score), None
+
+
+def swapped(search: Search, fit: Fit, library: Sequence[Candidate]) -> tuple[Fit, list[list[Rival]]]:
+    """Return the fit with every term replaced by whatever explains the data better in its place, and all rivals.
+
+    After a term was replaced the next one is asked, and not the first one again: what came second may have come for
+    what was wrong with the first.
+    """
+    rivals: dict[int, list[Rival]] = {}
+    index = 0
+    while len(rivals) < len(fit.terms):
+        if search.over:
+            return fit, []
+        judged, better = simulated_alternatives(search, fit, index, library)
+        if better is None:
+            rivals[index] = judged
+        else:
+            fit, rivals = better, {}
+        index = (index + 1) % len(fit.terms)
+    return fit, [rivals[place] for place in range(len(fit.terms))]
+
+
+def rearranged(search: Search, fit: Fit, library: Sequence[Candidate]) -> Fit:
+    """Return the fit with one law for two, several for one, or the robot's own weight, where that costs less."""
+    for proposed in (_merged, _split, _weight_added):
+        scale = scale_of(search.problem, fit)
+        trials = (search.refine(terms, fit) for terms in proposed(search.problem, fit, library))
+        fit = next((trial for trial in trials if cost_of(trial, scale) < cost_of(fit, scale) - LEAD), fit)
+    return fit
+
+
+def _merged(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with one law in the place of two that act on the same part, the best first."""
+    for pair in combinations(range(len(fit.terms)), 2):
+        parts = fit.terms[pair[0]].candidate.parts
+        if fit.terms[pair[1]].candidate.parts != parts:
+            continue
+        places = [index for index in range(len(fit.terms)) if index not in pair]
+        kept, nuisance = [fit.terms[index] for index in places], problem.nuisance(fit, places)
+        own = [candidate for candidate in library if candidate.parts == parts]
+        rivals = [problem.first_order_fit(fit, kept, candidate, nuisance=nuisance) for candidate in own]
+        rivals.sort(key=lambda rival: rival[0] + penalty(rival[1]))
+        yield from ([*kept, term] for _, term, _ in rivals[:MOST_SIMULATED])
+
+
+def _split(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with laws at the places that are sure in the place of one at all of them."""
+    single = {(candidate.law.physics, candidate.place): candidate for candidate in library if candidate.size == 1}
+    for index, term in enumerate(fit.terms):
+        law, names = term.candidate.law, [quantity.name for quantity in term.candidate.quantities]
+        places = law.apart(term.candidate.place, term.candidate.mechanism)
+        if not all(name in places and (law.physics, places[name]) in single for name in names):
+            continue
+        sure = _standard_scores(problem, fit, index)
+        terms = [other for place, other in enumerate(fit.terms) if place != index]
+        for place in np.argsort(-sure):
+            if sure[place] > 1.96:
+                candidate, name = single[law.physics, places[names[place]]], names[place]
+                terms.append(candidate.term(candidate.coordinates_of(np.array([term.effect.values[name]]))))
+        if len(fit.terms) <= len(terms) <= MOST_TERMS:
+            yield terms
+
+
+def _weight_added(problem: Problem, fit: Fit, library: Sequence[Candidate]) -> Iterator[list[Term]]:
+    """Yield terms with the robot's own weight in the place of what hangs on it, or beside.
+
+    Weight has nothing to be fitted, and where something else weighs it is no news: it need not pass what a law must
+    that nobody expects. Alone, a payload of any mass takes the place of both.
+    """
+    heavy = [term.candidate for term in fit.terms if "gravity" in term.candidate.law.needs]
+    if not heavy or any(candidate.known.any() for candidate in heavy):
+        return
+    others = [term for term in fit.terms if term.candidate not in heavy]
+    for candidate in library:
+        if "gravity" in candidate.law.needs and candidate.known.any():
+            own = candidate.term(candidate.starts()[0])
+            yield [*others, own]
+            yield [*fit.terms, own]
+
+
+def _standard_scores(problem: Problem, fit: Fit, index: int) -> Array:
+    """Return by how many standard deviations the coordinates of a term differ from zero, (p,)."""
+    jacobian = problem.without_tolerances(fit, problem.jacobian(fit))
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    covariance = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12, hermitian=True)
+    begin = sum(term.candidate.size for term in fit.terms[:index])
+    own = slice(begin, begin + fit.terms[index].candidate.size)
+    return fit.terms[index].coordinates * size[own] / np.sqrt(np.maximum(np.diag(covariance)[own], 1e-300))
+
+
+def _parallel(one: Rival, other: Rival) -> bool:
+    """Return True where two rivals change the pose in the same way, so that one need not be tried after the other."""
+    a, b = one.change.ravel(), other.change.ravel()
+    return float(a @ b) > (1 - PARALLEL) * float(np.sqrt((a @ a) * (b @ b))) and abs(one.chi2 - other.chi2) < LEAD
+
+
+def dropped(search: Search, fit: Fit, least: Callable[[int], float]) -> Fit:
+    """Return the fit without terms that the others have made needless."""
+    problem = search.problem
+    while len(fit.terms) > 1:
+        for index, term in enumerate(fit.terms):
+            others = [place for place in range(len(fit.terms)) if place != index]
+            kept = [fit.terms[place] for place in others]
+            changed = problem.change(fit, [other.effect for other in kept]).ravel()
+            if float((without(changed, problem.nuisance(fit, others)) ** 2).sum()) > least(term.candidate.size):
+                continue
+            smaller = search.refine(kept, fit)
+            if smaller.chi2 - fit.chi2 < least(term.candidate.size):
+                fit = smaller
+                break
+        else:
+            return fit
+    return fit

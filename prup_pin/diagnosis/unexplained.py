@@ -1,0 +1,156 @@
+"""What does no law explain, and which laws stand beside it? The final state, of which the verdict is made.
+
+A law that takes most of the residual and leaves a shape behind is an imitation. Beside what is unknown a law stands
+that leaves noise where the unknown's place may deform as it likes; else only what far outweighs the rest. Laws in a row
+that together still miss are nobody's faults.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .criteria import IMITATED, ROUGH, ROUGH_SHARE, clean_bound
+from .diagnosis import Finding
+from .evidence import cross_validated
+from .findings import chi2_without, finding_of, nothing_compared, parameters_of, rms_of_sum, without_place
+from .locate import LOAD, Located, locate
+from .prepare import Prepared, Tell
+from .problem import Fit, Problem
+from .search import Selection, select
+
+__all__ = ["Final", "final_state"]
+
+
+@dataclass(frozen=True)
+class Final:
+    """What stands in the end: a fit, findings of its laws, and what no law explains.
+
+    held_out: chi squared of blocks that were left out in turn; count: numbers that were compared; in_doubt: what would
+    be said in multiples of the noise says nothing.
+    """
+
+    fit: Fit
+    laws: tuple[Finding, ...]
+    unknown: Finding | None
+    held_out: float
+    count: int
+    in_doubt: bool = False
+
+
+def final_state(
+    problem: Problem, selection: Selection, prepared: Prepared, blocks: np.ndarray, tell: Tell, doubt: Finding | None
+) -> Final:
+    """Return what stands of a selection. blocks (N,): samples held out together; doubt: why nothing can be said."""
+    last, robot = selection.last, problem.simulator.robot
+    count, labels = problem.count(last), blocks[last.samples]
+    held = cross_validated(problem, last, labels) if count else float("nan")
+    alone = labels if prepared.kinds else None
+    laws = [finding_of(problem, last, index, selection, robot, held, alone) for index in range(len(last.terms))]
+    if not count:
+        return Final(last, tuple(laws), nothing_compared(problem, prepared.unused), held, count)
+    if doubt is not None:
+        return Final(last, tuple(laws), doubt, held, count, in_doubt=True)
+    if not _unexplained(_without_laws(problem, selection.first, last), last, count, bool(laws)):
+        return Final(last, tuple(laws), None, held, count)
+    laws, unknown, fit = _beside_unknown(laws, problem, selection, blocks, tell)
+    held = cross_validated(problem, fit, labels)
+    return Final(fit, tuple(laws), unknown or without_place(problem, fit, selection, count), held, count)
+
+
+def _without_laws(problem: Problem, first: Fit, last: Fit) -> float:
+    """Return the chi squared that the laws began with: toleranced parameters held, which else take a part of it."""
+    if problem.tolerances is None:
+        return first.chi2
+    return last.chi2 + float((problem.change(last, ()) ** 2).sum())
+
+
+def _unexplained(start: float, last: Fit, count: int, named: bool) -> bool:
+    """Return True where structure is left over that no law takes away; `start` is the chi squared without any."""
+    rms, began = rms_of_sum(last.chi2, count), rms_of_sum(start, count)
+    rough = named and rms <= ROUGH and (rms**2 - 1) <= ROUGH_SHARE * (began**2 - 1)
+    return rms > clean_bound(count) and not rough
+
+
+def _beside_unknown(
+    laws: list[Finding], problem: Problem, selection: Selection, labels: np.ndarray, tell: Tell
+) -> tuple[list[Finding], Finding | None, Fit]:
+    """Return the findings that stand, what no law explains (None where it has no place), and the fit that stands."""
+    kept, found, fit = _outweighing(laws, selection.last, problem, selection.first)
+    if found is None:
+        return kept, None, fit
+    # what else there is, whatever happens at that place
+    freed = problem.freed(fit.influence, found.module)
+    begin = freed.fit_at((), selection.first.run)
+    again = select(freed, selection.library, labels, begin, tell)
+    beside = problem.fit_at(again.last.terms, again.last.run)
+    # else what was freed has taken what the others explain, or they explain what it alone did
+    if _leaves_noise(problem, again.last, found.module) and _no_worse(problem, selection.first, beside, labels):
+        around = cross_validated(freed, again.last, labels[again.last.samples])
+        robot = problem.simulator.robot
+        kept = [finding_of(freed, again.last, index, again, robot, around) for index in range(len(again.last.terms))]
+        fit, found = beside, locate(problem, beside) or found
+    # how it is counted: one number for each sample against one curve for all
+    share, what, came = found.curve.gain / fit.chi2, "its load", ""
+    if found.follows is not None:
+        (what, _, _, came), share = found.follows
+    statement = (
+        "structure is left over that no law of the library takes away. Of its square, a deformation of "
+        f"{found.module}, whatever it is at each sample, would take away {100 * found.share:.0f} %, and one that "
+        f"follows {what} {100 * share:.0f} %"
+    )
+    advice = ""
+    if came:
+        sides = "to each load from both sides" if came == LOAD else f"to each posture from both sides of {came}"
+        statement += ": that is hysteresis, as friction or play leaves, and friction of a drive has no law at rest"
+        advice = f"come {sides}: the mean of the two is free of the hysteresis, half of their difference is its size"
+    unknown = Finding(
+        physics="unknown",
+        location=found.module,
+        candidates=found.candidates,
+        parameters={},
+        heldout_gain=float(share),
+        statement=statement,
+        curve=found.curve,
+        advice=advice,
+        approached="" if came == LOAD else came,
+    )
+    return kept, unknown, fit
+
+
+def _outweighing(
+    kept: list[Finding], fit: Fit, problem: Problem, first: Fit
+) -> tuple[list[Finding], Located | None, Fit]:
+    """Return the findings that each take `IMITATED` times what is left, where that sits, and their fit."""
+    count, mechanism = problem.count(fit), problem.simulator.robot.mechanism
+    while True:
+        least = IMITATED * max(fit.chi2 - count, 0.0)
+        gains = [chi2_without(problem, fit, index) for index in range(len(kept))]
+        if min(gains, default=np.inf) >= least:
+            return kept, locate(problem, fit), fit
+        kept.pop(int(np.argmin(gains)))
+        terms = [term for term in fit.terms if any(term.effect == finding.effect for finding in kept)]
+        fit = problem.refine(terms, first) if terms else first
+        kept = [
+            replace(
+                finding,
+                effect=term.effect,
+                parameters=parameters_of(problem, fit, index),
+                statement=term.effect.statement(mechanism),
+            )
+            for index, (finding, term) in enumerate(zip(kept, fit.terms, strict=True))
+        ]
+
+
+def _leaves_noise(problem: Problem, fit: Fit, module: str) -> bool:
+    """Return True where a fit leaves noise while a module deforms as it likes, which takes numbers away."""
+    free = np.linalg.norm(problem.reach(fit.influence, module), axis=1) > 0.5
+    count = max(problem.count(fit) - int(free[fit.run.solved[fit.samples]].sum()), 1)
+    return fit.chi2 <= clean_bound(count) ** 2 * count
+
+
+def _no_worse(problem: Problem, first: Fit, fit: Fit, labels: np.ndarray) -> bool:
+    """Return True where the laws of a fit do not raise the residual: neither the whole nor that of blocks left out."""
+    held = [cross_validated(problem, each, labels[each.samples]) for each in (first, fit)]
+    return fit.chi2 <= first.chi2 and held[1] <= held[0]
