@@ -127,7 +127,8 @@ def sampled(at: InMotion) -> tuple[np.ndarray, Motion, Array]:
 class _Search:
     """Samples of a motion, written as a recording, so that conventions read them like any other.
 
-    Its last row is not one of them: its efforts are their noise, which is read like them.
+    Its last rows are none of them: each is one effort's noise, which is read like it; what several add up to in a
+    column adds in squares.
     """
 
     def __init__(self, at: InMotion, recording: Recording):
@@ -140,13 +141,14 @@ class _Search:
         columns = {name: at.motion.names.index(name) for name in table}
         driven = {name: at.driven.index(name) for name in recording.efforts if name in at.driven}
         self.all_driven = len(driven) == len(recording.efforts)
-        motion, noise = self.motion, self._noise()
+        motion, noise = self.motion, np.diag(self._noise())
+        still = np.zeros(len(noise))
         self.written = Recording(
-            time=np.arange(len(motion) + 1, dtype=float),
-            positions={name: np.append(motion.position[:, k], 0.0) for name, k in columns.items()},
-            velocities={name: np.append(motion.speed[:, k], 0.0) for name, k in columns.items()},
-            accelerations={name: np.append(motion.acceleration[:, k], 0.0) for name, k in columns.items()},
-            efforts={name: np.append(self.efforts[:, k], noise[k]) for name, k in driven.items()},
+            time=np.arange(len(motion) + len(noise), dtype=float),
+            positions={name: np.append(motion.position[:, k], still) for name, k in columns.items()},
+            velocities={name: np.append(motion.speed[:, k], still) for name, k in columns.items()},
+            accelerations={name: np.append(motion.acceleration[:, k], still) for name, k in columns.items()},
+            efforts={name: np.append(self.efforts[:, k], noise[:, k]) for name, k in driven.items()},
         )
 
     def _noise(self) -> Array:
@@ -238,10 +240,10 @@ class _Search:
         together may be one motor that drives both: there most of all joints must speak for it.
         """
         before, hung = self.shares(written), self._hung(written)
-        after = self.shares(read_as(written, taken, self.drawn), written if _mixes(taken) else None)
+        after = self.shares(read_as(written, taken, self.drawn))
         if _rms(after) < min(_limit(_rms(before)), _rms(hung)):
             return True
-        if _mixes(taken):
+        if any(item.word in _TOGETHER for item in taken):
             return False
         changed = (np.minimum(before, after) < _SAME * np.maximum(before, after)) & np.isfinite(before)
         if not changed.any():
@@ -250,25 +252,17 @@ class _Search:
         several = changed.sum() > 1 or left > 1
         return bool(several and _rms(after[changed]) < min(CONVENTION_LEAVES * min(left, 1.0), _rms(hung[changed])))
 
-    def left(self, recording: Recording, mixed: Recording | None = None) -> float:
+    def left(self, recording: Recording) -> float:
         """Return what rigid efforts and friction leave of the efforts but noise: a share, RMS of the joints."""
-        return _rms(self.shares(recording, mixed))
+        return _rms(self.shares(recording))
 
-    def shares(self, recording: Recording, mixed: Recording | None = None) -> Array:
-        """Return the same of the squares of each joint's effort (k,).
-
-        mixed: from which efforts were added to others; a large one added makes what is left no smaller.
-        """
+    def shares(self, recording: Recording) -> Array:
+        """Return the same of the squares of each joint's effort (k,)."""
         motion, efforts, noise = self.read(recording)
         try:
-            shares = _shares(motion, efforts, self.at.rigid_of(motion), noise)
+            return _shares(motion, efforts, self.at.rigid_of(motion), noise)
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
-        if mixed is None:
-            return shares
-        sizes, others = ((values**2).sum(axis=0) for values in (efforts, self.read(mixed)[1]))
-        grown = np.where((others > 0) & (sizes > others), sizes / np.where(others > 0, others, 1.0), 1.0)
-        return np.minimum(shares * grown, 100.0)
 
     def _left_by_friction(self, recording: Recording) -> float:
         """Return what is left where no joint needs more for its rigid body than it helps: a share, RMS of the joints.
@@ -287,7 +281,8 @@ class _Search:
             for columns in (recording.positions, recording.velocities, recording.accelerations)
         ]
         efforts = np.column_stack([recording.efforts[name] for name in self.motion.driven])
-        return self.motion.select(rows).with_motion(*moved), efforts[rows], np.abs(efforts[-1])
+        noise = np.linalg.norm(efforts[len(self.motion) :], axis=0)
+        return self.motion.select(rows).with_motion(*moved), efforts[rows], noise
 
     def _forward(
         self, begin: Recording, first: float
@@ -304,7 +299,7 @@ class _Search:
             tried = []
             for step in self._readings(now):
                 read = read_as(now, step, self.drawn)
-                tried.append((self.left(read, now if _mixes(step) else None), step, read))
+                tried.append((self.left(read), step, read))
             tried = [item for item in tried if item[0] < np.inf]
             if not tried:
                 break
@@ -435,11 +430,6 @@ class _Search:
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return never
         return _shares(motion, efforts, self.rigid + pulled @ more, noise)
-
-
-def _mixes(conventions: Sequence[Convention]) -> bool:
-    """Return whether axes are read as counting together."""
-    return any(item.word in _TOGETHER for item in conventions)
 
 
 def _limit(written: float) -> float:
