@@ -358,13 +358,19 @@ def test_laws_of_another_robot(run):
 
 @pytest.mark.parametrize(
     ("word", "name"),
-    [("play", "backlash"), ("Backlash", "backlash"), ("torque ripple", "cogging"), ("a hose", "external_spring"),
+    [("Backlash", "backlash"), ("torque ripple", "cogging"), ("a hose", "external_spring"),
      ("stribeck friction", "stribeck_friction"), ("sticks and slips", "coulomb_friction")],
 )  # fmt: skip
 def test_a_law_is_found_by_the_word_that_verdicts_and_people_use(run, word, name):
     text = run("laws", word).stdout
     assert text.startswith(name)
     assert "parameter" in text
+
+
+def test_a_word_of_two_laws_lists_both(run):
+    text = run("laws", "play").stdout
+    assert "backlash: play" in text
+    assert "guide_play" in text
 
 
 def test_a_word_of_several_laws_lists_them(run):
