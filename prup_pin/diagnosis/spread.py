@@ -332,7 +332,8 @@ _STEP, _SMALL_CLIP = 1e-3, 1e-9
 _FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "direction", "position", f"{_YIELDS}{OWN}")
 
 
-#: What a robot that nobody has calibrated is usually off by: one standard deviation a kind.
+#: How far a drawing can be off, and what a robot that nobody has calibrated usually is: one standard deviation a kind.
+_LARGEST = {kind.name: kind.largest for kind in KINDS_OF_TOLERANCE}
 USUAL: Mapping[str, float] = {**{kind: size for kind, size in ARM.declared.items() if kind != "mass"}, "bending": 0.05}
 
 
@@ -519,15 +520,14 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     if drawn is None or data.left(fit.mean) > float((drawn.residual**2).sum()):
         return None  # steps have led astray: the drawing leaves less than the fit calls noise
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
+    while beyond := [name for name in np.unique(labels) if _size(fit, labels, name) > _LARGEST.get(name, np.inf)]:
+        # further off than a drawing can be: it stands for something else
+        labels = np.where(np.isin(labels, beyond), "", labels)
+        fit = _fitted(data, fit.variances, fit.noise, labels, seen.floors, seen.least, _unusual)
     names = list(map(str, np.unique(labels[labels != ""])))
     kinds = {}
     if _explains(data, fit, seen):
-        for name in names:
-            if name in USUAL:
-                kinds[name] = float(np.sqrt(fit.variances[labels == name][0])) * USUAL[name]
-        # further off than a drawing can be: it is something else, for the laws to name
-        if any(kinds.get(kind.name, 0.0) > kind.largest for kind in KINDS_OF_TOLERANCE):
-            kinds = {}
+        kinds = {name: _size(fit, labels, name) for name in names if name in USUAL}
     yielding = tuple(name.removeprefix(_YIELDS) for name in names if _gives_way(fit, labels, name))
     own = seen.parameters.toleranced.law.deviations
     silent = frozenset(item.physics for item in own) - {item.physics for item in own if item.kind in names}
@@ -551,6 +551,11 @@ def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array
     off = stack.exists[samples] & ~_less(stack.exists, outliers, stack)[samples]
     by_force, *by_strains = (reach[places] * white[..., None] for reach in reaches(first.influence))
     return unrecorded_force(np.nan_to_num(rest[samples]), by_force, by_strains, white > 0, off)
+
+
+def _size(fit: _Fit, labels: np.ndarray, kind: str) -> float:
+    """Return the standard deviation of a kind that a drawing may be off by, in its unit; 0 of another label."""
+    return float(np.sqrt(fit.variances[labels == kind][0])) * USUAL[kind] if kind in USUAL else 0.0
 
 
 def _explains(data: _Linear, fit: _Fit, seen: _Seen) -> bool:

@@ -326,7 +326,8 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
     if "time" not in header and "time" not in wanted_names:
         close = [name for name in header if name.lower() in ("t", "timestamp", "zeit", "tiem", "tmie")]
         hint = f" Is it column '{close[0]}'?" if close else ""
-        remedy = "" if hint else " Number poses at rest 1, 2, 3 …; of rows at an even rate `prup-pin import` makes it."
+        other = " `prup-pin import` makes a recording of a log whose columns are called otherwise."
+        remedy = other if hint else " Number poses at rest 1, 2, 3 …; of rows at an even rate `prup-pin import` makes it."
         message = f"is missing: the seconds at which each row was measured.{hint}{remedy} The header has: {there}"
         problems.add(TableProblem(message, 1, column="time"))
     stated = any(name in form.coordinates for name in header)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from prup_pin import load
+from prup_pin import diagnose, load
 from prup_pin.diagnosis.efforts.gains import gains_of, in_newtons
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Effect, Place
 from prup_pin.laws.efforts.effort_sensor import EffortUnit
-from prup_pin.recordings import Recording
+from prup_pin.recordings import Recording, Tolerances
 from prup_pin.simulation.moving_efforts import efforts_in_motion
 
 from .test_efforts import device
@@ -93,3 +93,16 @@ def test_a_prediction_is_in_the_drives_own_units(robot, moving):
     plain, own = (efforts_in_motion(robot, recording, which)[0] for which in ((), effects))
     for name, gain in zip(motion.driven, GAINS, strict=True):
         assert own[name] == pytest.approx(gain * plain[name], rel=1e-9)
+
+
+def test_gains_that_are_told_leave_none_that_are_declared_to_be_anything(robot, moving):
+    """Two gains of one drive were solved for, and the corrected model predicted its own log with 14 times its effort."""
+    motion = moving.motion
+    recording = Recording(
+        time=motion.time,
+        positions=dict(zip(motion.names, motion.position.T, strict=True)),
+        efforts=dict(zip(motion.driven, (motion.efforts * GAINS).T, strict=True)),
+        tolerances=Tolerances(effort_gain=1.0),
+    )
+    gains = [effect.place.name for effect in diagnose(robot, recording).effects if "gain" in effect.values]
+    assert sorted(gains) == sorted(motion.driven)

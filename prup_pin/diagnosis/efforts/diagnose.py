@@ -28,7 +28,7 @@ from .beside import Beside
 from .chosen import Chosen, fit
 from .columns import EffortCandidate, Gathered
 from .diagnosis import EffortDiagnosis
-from .gains import Gains, gains_of, in_newtons
+from .gains import Gains, gains_of, in_newtons, law_of_gains
 from .gather import Efforts
 from .likelier import likelier
 from .noise import EffortNoise, noise_of
@@ -96,7 +96,8 @@ def _outcome(
         doubts = check_efforts(at, scale)
         efforts = plainly
         if gains is not None:
-            efforts = Efforts(in_newtons(at, scale), tolerances, declared / scale if declared else None, plainly.below)
+            others = {kind: size for kind, size in tolerances.items() if kind != law_of_gains().physics}
+            efforts = Efforts(in_newtons(at, scale), others, declared / scale if declared else None, plainly.below)
         first, last = share
         return doubts, *_laws(efforts, gains is not None, partial(_between, partial(tell, _LAWS), first, last))
 
