@@ -327,7 +327,8 @@ def _header(content: bytes, problems: Problems, form: _Form) -> list[str]:
         close = [name for name in header if name.lower() in ("t", "timestamp", "zeit", "tiem", "tmie")]
         hint = f" Is it column '{close[0]}'?" if close else ""
         other = " `prup-pin import` makes a recording of a log whose columns are called otherwise."
-        remedy = other if hint else " Number poses at rest 1, 2, 3 …; of rows at an even rate `prup-pin import` makes it."
+        count = " Number poses at rest 1, 2, 3 …; of rows at an even rate `prup-pin import` makes it."
+        remedy = other if hint else count
         message = f"is missing: the seconds at which each row was measured.{hint}{remedy} The header has: {there}"
         problems.add(TableProblem(message, 1, column="time"))
     stated = any(name in form.coordinates for name in header)
