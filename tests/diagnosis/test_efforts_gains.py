@@ -96,7 +96,7 @@ def test_a_prediction_is_in_the_drives_own_units(robot, moving):
 
 
 def test_gains_that_are_told_leave_none_that_are_declared_to_be_anything(robot, moving):
-    """Two gains of one drive were solved for, and the corrected model predicted its own log with 14 times its effort."""
+    """Two gains of one drive were solved for, and the corrected model predicted its own log 14 times too large."""
     motion = moving.motion
     recording = Recording(
         time=motion.time,
