@@ -1,5 +1,7 @@
 """A log of another robot altogether is told as such, and never "explained" by links that weigh nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -53,6 +55,13 @@ def test_a_log_that_hardly_fits_the_drawing_is_told_before(robot, tmp_path):
     assert "Check --robot" in told[0]
     own = prospects(robot, log_of(robot, tmp_path / "y.csv", True)).remarks
     assert not any("hardly fits" in text for text in own)
+
+
+def test_a_log_of_which_half_the_drives_follow_is_that_of_the_robot(robot, tmp_path):
+    log = log_of(robot, tmp_path / "z.csv", True)
+    balanced = log.efforts | {"j1": 0.01 * log.efforts["j1"]}
+    told = prospects(robot, replace(log, efforts=balanced)).remarks
+    assert not any("hardly fits" in text for text in told)
 
 
 def test_links_that_weigh_nothing_explain_no_log():

@@ -37,7 +37,14 @@ from ..criteria import (
 )
 from .noise import noise_of
 
-__all__ = ["conventions_of_efforts", "gains_apart", "gains_of_efforts", "left_of_efforts", "sampled"]
+__all__ = [
+    "conventions_of_efforts",
+    "gains_apart",
+    "gains_of_efforts",
+    "left_of_efforts",
+    "sampled",
+    "shares_of_efforts",
+]
 
 #: Samples that are looked at, and of a scan of many ratios.
 _SAMPLES, _SCANNED = 600, 80
@@ -184,7 +191,7 @@ class _Search:
         that follow the rigid robot.
         """
         motion, efforts, noise = self.read(self.written)
-        both = [_shares(motion, sign * efforts, self.rigid, noise) for sign in (1, -1)]
+        both = [shares_of_efforts(motion, sign * efforts, self.rigid, noise) for sign in (1, -1)]
         which = [
             name
             for name, written, read in zip(motion.driven, *both, strict=True)
@@ -211,7 +218,7 @@ class _Search:
             return False
         convention = Convention(f"q.{name}", "reversed")
         motion, efforts, noise = self.read(read_as(self.written, [convention], self.drawn))
-        shares = _shares(motion, efforts, self.at.rigid_of(motion), noise)
+        shares = shares_of_efforts(motion, efforts, self.at.rigid_of(motion), noise)
         return bool(shares[motion.driven.index(name)] < CONVENTION_AS_GOOD**2 * left)
 
     def _found(self, start: tuple[Convention, ...], begin: Recording) -> Evidence:
@@ -260,7 +267,7 @@ class _Search:
         """Return the same of the squares of each joint's effort (k,)."""
         motion, efforts, noise = self.read(recording)
         try:
-            return _shares(motion, efforts, self.at.rigid_of(motion), noise)
+            return shares_of_efforts(motion, efforts, self.at.rigid_of(motion), noise)
         except InputError:  # loops that do not close
             return np.full(efforts.shape[1], np.inf)
 
@@ -271,7 +278,9 @@ class _Search:
         """
         motion, efforts, noise = self.read(recording)
         rigid = self.at.rigid_of(motion)
-        return _rms(np.minimum(*(_shares(motion, efforts, own, noise) for own in (rigid, np.zeros_like(rigid)))))
+        return _rms(
+            np.minimum(*(shares_of_efforts(motion, efforts, own, noise) for own in (rigid, np.zeros_like(rigid))))
+        )
 
     def read(self, recording: Recording, rows: np.ndarray | None = None) -> tuple[Motion, Array, Array]:
         """Return motion, efforts (n, k) and their noise (k,) of samples, or of some rows, as a recording has them."""
@@ -325,7 +334,7 @@ class _Search:
         motion, efforts, noise = self.read(recording)
         rigid = self.at.rigid_of(motion)
         driven, names = list(recording.efforts), list(recording.positions)
-        written, read = (_shares(motion, sign * efforts, rigid, noise) for sign in (1, -1))
+        written, read = (shares_of_efforts(motion, sign * efforts, rigid, noise) for sign in (1, -1))
         turned = read < EFFORT_MEANT * written
         which = [name for name, other in zip(motion.driven, turned, strict=True) if other]
         if len(driven) > 1:
@@ -429,7 +438,7 @@ class _Search:
         more = np.linalg.lstsq(np.concatenate(table), np.concatenate(values), rcond=1e-8)[0]
         if not could_be_gravity(self.mechanism.gravity + more, self.mechanism):
             return never
-        return _shares(motion, efforts, self.rigid + pulled @ more, noise)
+        return shares_of_efforts(motion, efforts, self.rigid + pulled @ more, noise)
 
 
 def _limit(written: float) -> float:
@@ -458,7 +467,7 @@ def left_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array |
 
     noise (k,): of a sample of each, which is not counted: a wrist whose efforts are hardly more tells nothing.
     """
-    return _rms(_shares(motion, efforts, rigid, noise))
+    return _rms(shares_of_efforts(motion, efforts, rigid, noise))
 
 
 def _rms(shares: Array) -> float:
@@ -467,7 +476,7 @@ def _rms(shares: Array) -> float:
     return float(np.sqrt(known.mean())) if len(known) else 0.0
 
 
-def _shares(motion: Motion, efforts: Array, rigid: Array, noise: Array | float) -> Array:
+def shares_of_efforts(motion: Motion, efforts: Array, rigid: Array, noise: Array | float = 0.0) -> Array:
     """Return the same of the squares of each joint (k,); NaN of one without efforts."""
     shares = np.full(len(motion.driven), np.nan)
     alone = np.broadcast_to(noise, shares.shape) ** 2 * len(efforts)

@@ -10,7 +10,7 @@ from ...numbers import number
 from ...recordings.columns import LARGEST_NUMBER
 from ...spatial import Array
 from ..criteria import EFFORT_FEWEST, EFFORT_STRANGE, FAR_BEYOND
-from .conventions import gains_apart, gains_of_efforts, left_of_efforts, sampled
+from .conventions import gains_apart, gains_of_efforts, left_of_efforts, sampled, shares_of_efforts
 
 __all__ = ["CHECK_ROBOT", "check_efforts"]
 
@@ -43,7 +43,9 @@ def check_efforts(at: InMotion, known: Array | None = None) -> list[str]:
             "the efforts follow the rigid robot's, but are other multiples of them at each joint "
             f"({told}): are they in per cent or A? Expected N m or N"
         ]
-    if first > 1.0:  # no robot at all would leave less
+    shares = shares_of_efforts(motion, efforts / scale, rigid)
+    # no robot at all would leave less, and of most drives: a few report next to nothing, or are counterbalanced
+    if first > 1.0 and 2 * np.sum(shares < 1) < np.isfinite(shares).sum():
         return [
             f"this log hardly fits this robot at all: the robot file leaves {number(100 * first, 3)} % of the recorded "
             "efforts, more than they are, and no other way to read the columns makes sense of them. Is it another "
