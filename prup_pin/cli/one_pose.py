@@ -139,10 +139,10 @@ def report(
 def _serve(shown: View | Explorer, open_browser: bool) -> None:
     """Serve a view or an explorer until Ctrl-C."""
     url = shown.serve()
-    typer.echo(f"Serving {url} on this machine; Ctrl-C stops it")
-    if open_browser:
-        webbrowser.open(url)
     try:
+        typer.echo(f"Serving {url} on this machine; Ctrl-C stops it")
+        if open_browser:
+            webbrowser.open(url)
         while True:
             time.sleep(3600)
     except KeyboardInterrupt:
