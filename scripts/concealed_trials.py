@@ -421,77 +421,53 @@ def main() -> None:
     jobs = {("", start + first + index): (trial, start + first + index)
             for start, count in counts.items() for index in range(count)}  # fmt: skip
     pages: dict[str, str] = {}
-    if jobs:
-        done = run(jobs, options.out / "trials.jsonl", options.workers, told_plain)
-        command = f"python scripts/concealed_trials.py --count {options.count} --first-seed {first} --docs"
-        text = counted(summary, done, jobs)
+
+    def page(name, head, jobs, tell, summarise, asked, called="") -> list:
+        """Run devices, print their summary and keep it as a page of docs/; return the results."""
+        done = run(jobs, options.out / f"{called or name}.jsonl", options.workers, tell)
+        text = counted(summarise, done, jobs)
         print("\n" + text)
-        pages["concealed_trials.md"] = HEAD.format(command=command) + text
+        command = f"python scripts/concealed_trials.py {asked} --first-seed {first} --docs"
+        pages[f"{name}_trials.md"] = head.format(command=command) + text
+        return done
+
+    if jobs:
+        page("concealed", HEAD, jobs, told_plain, summary, f"--count {options.count}", "trials")
     if scattered:
         jobs = {(robot, seed): (scattered_trial, seed, robot, options.today) for robot, seed in scattered}
-        done = run(jobs, options.out / "scattered.jsonl", options.workers, told)
-        command = f"python scripts/concealed_trials.py --count 0 --scattered {options.scattered}"
-        command += " --today" * options.today + f" --first-seed {first} --docs"
-        text = counted(partial(scattered_summary, share=wilson), done, jobs)
-        print("\n" + text)
-        pages["scattered_trials.md"] = SCATTERED_HEAD.format(command=command) + text
+        asked = f"--count 0 --scattered {options.scattered}" + " --today" * options.today
+        page("scattered", SCATTERED_HEAD, jobs, told, partial(scattered_summary, share=wilson), asked)
     for name, (kind, devices) in drawn.items():
         if devices:
             jobs = {(robot, seed): (kind.trial, seed, robot) for robot, seed in devices}
-            tell, summarise = _motion.told, None
             if kind is _elastic:
                 tell, summarise = _elastic.told, partial(_elastic.summary, share=wilson)
-            done = run(jobs, options.out / f"{name}.jsonl", options.workers, tell)
-            command = f"python scripts/concealed_trials.py --count 0 --{name} {len(devices)}"
+            else:
+                tell = _motion.told
+                summarise = partial(_motion.summary, share=wilson, before=kind.BEFORE, after=kind.AFTER)
+            asked = f"--count 0 --{name} {len(devices)}"
+            done = page(name.removesuffix("s"), kind.HEAD, jobs, tell, summarise, asked, name)
             if kind is _elastic and options.json:
                 _elastic.dump(done, options.json)
-            if summarise is None:
-                summarise = partial(_motion.summary, share=wilson, before=kind.BEFORE, after=kind.AFTER)
-            text = counted(summarise, done, jobs)
-            print("\n" + text)
-            page = f"{name.removesuffix('s')}_trials.md"
-            pages[page] = kind.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
     if options.uncalibrated:
         devices = _turns(_uncalibrated.KINDS, options.uncalibrated, first)
         jobs = {(robot, seed): (_uncalibrated.trial, seed, robot) for robot, seed in devices}
         jobs = {key: job for key, job in jobs.items() if not is_loaded(**_uncalibrated.how(*job[1:]))}
-        done = run(jobs, options.out / "uncalibrated.jsonl", options.workers, _uncalibrated.told)
-        command = f"python scripts/concealed_trials.py --count 0 --uncalibrated {len(devices)}"
-        text = counted(partial(_uncalibrated.summary, share=wilson), done, jobs)
-        print("\n" + text)
-        pages["uncalibrated_trials.md"] = (
-            _uncalibrated.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
-        )
+        summarise, asked = partial(_uncalibrated.summary, share=wilson), f"--count 0 --uncalibrated {len(devices)}"
+        page("uncalibrated", _uncalibrated.HEAD, jobs, _uncalibrated.told, summarise, asked)
     if options.tracked:
-        jobs = {
-            (robot, seed): (_tracked.trial, seed, robot)
-            for robot, seed in _turns(_tracked.ROBOTS, options.tracked, first)
-        }
-        done = run(jobs, options.out / "tracked.jsonl", options.workers, _tracked.told)
-        command = (
-            f"python scripts/concealed_trials.py --count 0 --tracked {options.tracked} --first-seed {first} --docs"
-        )
-        text = counted(partial(_tracked.summary, share=wilson), done, jobs)
-        print("\n" + text)
-        pages["tracked_trials.md"] = _tracked.HEAD.format(command=command) + text
+        devices = _turns(_tracked.ROBOTS, options.tracked, first)
+        jobs = {(robot, seed): (_tracked.trial, seed, robot) for robot, seed in devices}
+        summarise, asked = partial(_tracked.summary, share=wilson), f"--count 0 --tracked {options.tracked}"
+        page("tracked", _tracked.HEAD, jobs, _tracked.told, summarise, asked)
     if options.loop:
         loops = [(kind, first + index) for kind in options.robot or [_loop.PLAIN] for index in range(options.loop)]
         jobs = {(kind, seed): (_loop.trial, seed, kind) for kind, seed in loops}
-        done = run(jobs, options.out / "loop.jsonl", options.workers, _loop.told)
-        command = f"python scripts/concealed_trials.py --count 0 --loop {options.loop}"
-        command += "".join(f" --robot {name}" for name in options.robot or ())
-        text = counted(partial(_loop.summary, share=wilson), done, jobs)
-        print("\n" + text)
-        pages["loop_trials.md"] = _loop.HEAD.format(command=f"{command} --first-seed {first} --docs") + text
+        asked = f"--count 0 --loop {options.loop}" + "".join(f" --robot {name}" for name in options.robot or ())
+        page("loop", _loop.HEAD, jobs, _loop.told, partial(_loop.summary, share=wilson), asked)
     if options.misread:
-        jobs = _misread.jobs_of(options.misread, first)
-        done = run(jobs, options.out / "misread.jsonl", options.workers, _misread.told)
-        command = (
-            f"python scripts/concealed_trials.py --count 0 --misread {options.misread} --first-seed {first} --docs"
-        )
-        text = counted(partial(_misread.summary, share=wilson), done, jobs)
-        print("\n" + text)
-        pages["misread_trials.md"] = _misread.HEAD.format(command=command) + text
+        jobs, asked = _misread.jobs_of(options.misread, first), f"--count 0 --misread {options.misread}"
+        page("misread", _misread.HEAD, jobs, _misread.told, partial(_misread.summary, share=wilson), asked)
     if options.docs:
         for name, text in pages.items():
             (ROOT / "docs" / name).write_text(text, encoding="utf-8")

@@ -101,15 +101,11 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
     prepared = prepare(robot, recordings, tell)
     found = _searched(prepared, tell)
     if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
-        whole = prepare(robot, recordings, tell, with_outliers=True)
-        again = _searched(whole, tell)
-        if is_clean(again.problem, again.selection.last):  # what explains them says that they are none
-            prepared, found = whole, again
+        # what explains outliers says that they are none
+        prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, with_outliers=True), tell)
     if prepared.spread is not None and prepared.spread.of_few and not is_clean(found.problem, found.selection.last):
-        whole = prepare(robot, recordings, tell, all_over=True)
-        again = _searched(whole, tell)
-        if is_clean(again.problem, again.selection.last):  # the few places were not to be found
-            prepared, found = whole, again
+        # the few places were not to be found
+        prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, all_over=True), tell)
     problem, selection, labels, doubt = found
     tell("the verdict", 0.9)
     final = final_state(problem, selection, prepared, labels, tell, doubt)
@@ -127,6 +123,12 @@ class _Searched(NamedTuple):
     selection: Selection
     labels: np.ndarray
     doubt: Finding | None
+
+
+def _cleaner(prepared: Prepared, found: _Searched, other: Prepared, tell: Tell) -> tuple[Prepared, _Searched]:
+    """Return another preparation and what it leads to where that leaves noise alone, else those given."""
+    again = _searched(other, tell)
+    return (other, again) if is_clean(again.problem, again.selection.last) else (prepared, found)
 
 
 def _searched(prepared: Prepared, tell: Tell) -> _Searched:

@@ -332,8 +332,9 @@ _STEP, _SMALL_CLIP = 1e-3, 1e-9
 _FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "direction", "position", f"{_YIELDS}{OWN}")
 
 
-#: How far a drawing can be off, and what a robot that nobody has calibrated usually is: one standard deviation a kind.
+#: How far a drawing can be off, one standard deviation a kind, in its unit.
 _LARGEST = {kind.name: kind.largest for kind in KINDS_OF_TOLERANCE}
+#: What a robot that nobody has calibrated is usually off by: one standard deviation a kind.
 USUAL: Mapping[str, float] = {**{kind: size for kind, size in ARM.declared.items() if kind != "mass"}, "bending": 0.05}
 
 

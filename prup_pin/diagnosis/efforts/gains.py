@@ -1,9 +1,9 @@
 """Efforts in units of their own: motor currents, per cent of a rating, torque constants that were never measured.
 
 What a drive reports is g tau, tau = Y b + friction, with a gain g of its own at every joint and inertial parameters b
-that all joints share. That is bilinear in g and b, and solved under priors: b about the robot
-file's, ln g about that of all joints. All gains k times as large and all masses k times smaller are the same efforts:
-which of them it is, only the robot file's masses decide (Gautier and Venture 2013).
+that all joints share. That is bilinear in g and b, and solved under priors: b about the robot file's, ln g about that
+of all joints. All gains k times as large and all masses k times smaller are the same efforts: which of them it is, only
+the robot file's masses decide (Gautier and Venture 2013).
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def in_newtons(at: InMotion, gains: Array) -> InMotion:
 
 
 def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
-    """Return the gains of the drives' efforts, where several are surely not alike; None where they are as told."""
+    """Return the gains of the drives' efforts, where several are surely others; None where they are as told."""
     if at.motion.standing or len(at.driven) < 2 or not at.rigid.any():
         return None
     products = _products(at)
@@ -105,28 +105,30 @@ def gains_of(at: InMotion, tolerances: Mapping[str, float]) -> Gains | None:
     start = _start(products, drawn)
     if start is None:
         return None
-    level = float(np.median(start))
-    free = np.ones(len(start), bool)
-    none = np.zeros_like(free)
-    before = [_held_out(products, drawn, _WIDER, 0 * start, none, block, 0.0) for block in range(_BLOCKS)]
-    after = [_held_out(products, drawn, _WIDER, start, free, block, level) for block in range(_BLOCKS)]
+    alike, before, after = np.ones(len(start)), [], []  # held out, where all are as told and where each is its own
+    for block in range(_BLOCKS):
+        others = products.without(block)
+        before.append(_left(products, block, _inertial(others, drawn, _WIDER, alike)[0], alike))
+        own = _solved(others, drawn, _WIDER, start)
+        after.append(_left(products, block, own.inertial, np.exp(own.log)))
     saving = np.array(before) - np.array(after)
     sure = saving.sum() / max(float(np.std(saving, ddof=1)) * np.sqrt(_BLOCKS), np.finfo(float).tiny)
     if np.sum(after) > EFFORT_GAINS_LEAVE * products.size:
         return None
     whole = products.without(None)
-    alike = _solved(whole, drawn, 1.0, 0 * start, none, 0.0)
-    found = _solved(whole, drawn, 1.0, start, free, level)
+    found = _solved(whole, drawn, 1.0, start)
     log, covariance = found.log, found.covariance
-    own = covariance - covariance.mean(axis=0)
-    own = own - own.mean(axis=1, keepdims=True)
+    apart = covariance - covariance.mean(axis=0)
+    apart = apart - apart.mean(axis=1, keepdims=True)
     much = saving.sum() > EFFORT_GAINS_SAVE * np.sum(before) and sure > EFFORT_SURE
     # drives count otherwise, be it all alike, where only masses of the whole robot that no drawing is so far from
     # would do without; of two drives a load may be so much as well
-    light, right = (float(solution.inertial @ drawn) / float(drawn @ drawn) for solution in (alike, found))
+    light, right = (
+        float(x @ drawn) / float(drawn @ drawn) for x in (_inertial(whole, drawn, 1.0, alike)[0], found.inertial)
+    )
     unlikely = not 1 / EFFORT_UNIT < light < EFFORT_UNIT and 1 / EFFORT_UNIT < right < EFFORT_UNIT
     unit = len(log) >= _FEWEST and abs(np.median(log)) > np.log(EFFORT_UNIT) and _several(log, covariance)
-    if not (much and _several(log - np.median(log), own)) and not (unlikely and unit):
+    if not (much and _several(log - np.median(log), apart)) and not (unlikely and unit):
         return None
     return Gains(np.exp(log), np.sqrt(np.maximum(np.diag(covariance), 0.0)), float(np.sqrt(covariance.mean())))
 
@@ -248,48 +250,40 @@ def _start(products: _Products, drawn: Array) -> Array | None:
     return np.where(follows, log, np.median(log[follows]))
 
 
-def _solved(
-    sums: tuple[Array, Array, Array], drawn: Array, width: float, start: Array, free: np.ndarray, level: float
-) -> _Solution:
-    """Return the likeliest inertial parameters and gains under their priors.
+def _inertial(sums: tuple[Array, Array, Array], drawn: Array, width: float, gain: Array) -> tuple[Array, Array]:
+    """Return the likeliest inertial parameters (r,) of given gains (k,), under their prior, and its normal (r, r)."""
+    columns, moment, _ = sums
+    normal = np.einsum("k,kij->ij", gain**2, columns) + np.eye(len(drawn)) / width**2
+    return np.linalg.solve(normal, gain @ moment + drawn / width**2), normal
+
+
+def _solved(sums: tuple[Array, Array, Array], drawn: Array, width: float, start: Array) -> _Solution:
+    """Return the likeliest inertial parameters and gains under their priors, these about the middle of `start` (k,).
 
     Of given gains the parameters are a linear problem, so that only gains are looked for.
     """
     columns, moment, _ = sums
-    stiff, loose = 1 / EFFORT_GAINS**2, 1 / width**2
-
-    def inertial(gain: Array) -> Array:
-        normal = np.einsum("k,kij->ij", gain**2, columns) + loose * np.eye(len(drawn))
-        return np.linalg.solve(normal, gain @ moment + loose * drawn)
+    stiff, loose, level = 1 / EFFORT_GAINS**2, 1 / width**2, float(np.median(start))
 
     def cost(apart: Array) -> tuple[float, Array]:
-        log = np.where(free, level + apart, start)
-        gain = np.exp(log)
-        x = inertial(gain)
+        gain = np.exp(level + apart)
+        x, _ = _inertial(sums, drawn, width, gain)
         bears = gain**2 * np.einsum("i,kij,j->k", x, columns, x)
         data = float((bears - 2 * gain * (moment @ x)).sum())
         prior = loose * float(((x - drawn) ** 2).sum()) + stiff * float((apart**2).sum())
-        return data + prior, np.where(free, 2 * (bears - gain * (moment @ x)), 0.0) + 2 * stiff * apart
+        return data + prior, 2 * (bears - gain * (moment @ x)) + 2 * stiff * apart
 
-    begun = np.where(free, start - level, 0.0)
-    found = minimize(cost, begun, jac=True, method="L-BFGS-B", options={"ftol": 1e-13, "gtol": 1e-6, "maxiter": 500})
-    log = np.where(free, level + found.x, start)
-    gain, which = np.exp(log), np.flatnonzero(free)
-    x = inertial(gain)
-    seen = columns @ x  # (k, p)
-    cross = (gain[which] ** 2)[None, :] * seen[which].T
-    normal = np.einsum("k,kij->ij", gain**2, columns) + loose * np.eye(len(drawn))
-    own = np.diag(gain[which] ** 2 * (seen[which] @ x) + stiff) - cross.T @ np.linalg.solve(normal, cross)
-    covariance = np.zeros((len(log), len(log)))
-    covariance[np.ix_(which, which)] = np.linalg.inv(own)
-    return _Solution(x, log, covariance)
+    options = {"ftol": 1e-13, "gtol": 1e-6, "maxiter": 500}
+    log = level + minimize(cost, start - level, jac=True, method="L-BFGS-B", options=options).x
+    gain = np.exp(log)
+    x, normal = _inertial(sums, drawn, width, gain)
+    seen = columns @ x  # (k, r)
+    cross = (gain**2)[None, :] * seen.T
+    own = np.diag(gain**2 * (seen @ x) + stiff) - cross.T @ np.linalg.solve(normal, cross)
+    return _Solution(x, log, np.linalg.inv(own))
 
 
-def _held_out(
-    products: _Products, drawn: Array, width: float, start: Array, free: np.ndarray, block: int, level: float
-) -> float:
-    """Return the squares that a block has left when it was not fitted."""
-    found = _solved(products.without(block), drawn, width, start, free, level)
-    x, gain = found.inertial, np.exp(found.log)
+def _left(products: _Products, block: int, x: Array, gain: Array) -> float:
+    """Return the squares that inertial parameters (r,) and gains (k,) leave of a block."""
     columns, moment, power = products.columns[:, block], products.moment[:, block], products.power[:, block]
     return float((power - 2 * gain * (moment @ x) + gain**2 * np.einsum("i,kij,j->k", x, columns, x)).sum())
