@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from ..channels import Linear, Noise, PoseChannel, Stack, channels_of
 from ..errors import InputError
-from ..laws import Inputs, Trajectory
+from ..laws import Effect, Inputs, Trajectory
 from ..laws.deviations import without_effect
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
@@ -223,11 +224,20 @@ def _library(together: Together, problem: Problem) -> list[Candidate]:
 
 
 def _off_everywhere(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
-    """Return what is off all over a robot that is seen by a pose sensor and that nothing loads but its weight."""
-    if not problem.simulator.inputs.weight_alone:
-        return None
+    """Return what is off all over a robot that is seen by a pose sensor, with its weight or, where it is loaded, without.
+
+    Whatever else loads a robot may have been told without its weight; alone, weight is all that bends it.
+    """
     heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
-    weight = [] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]
+    ways = [[] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
+    if ways[0] and not problem.simulator.inputs.weight_alone:
+        ways.append([])
+    found = [_off_with(problem, together, weight) for weight in ways]
+    return min((spread for spread in found if spread is not None), key=attrgetter("cost"), default=None)
+
+
+def _off_with(problem: Problem, together: Together, weight: Sequence[Effect]) -> Spread | None:
+    """Return what is off all over a robot that bears a weight, be it that its pose sensor stood elsewhere each run."""
     # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
     own = bool(together.stations) or "pose_sensor" not in together.groups
     several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_STATIONS)

@@ -101,7 +101,7 @@ class Spread:
     multiples of the one assumed; exists (N, K): what was measured but for outliers. of_few: kinds that a few laws at
     single places would explain as well, in the place of `kinds`. stations: by how much the pose sensor's stations, one
     a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]: unrecorded, it leaves the outliers
-    behind; 0: none does.
+    behind; 0: none does. cost: -2 log likelihood, outliers at the least that they could have cost.
     """
 
     kinds: Mapping[str, float]
@@ -113,6 +113,7 @@ class Spread:
     stations: tuple[float, float] | None = None
     of_few: Mapping[str, float] = field(default_factory=dict)
     force: float = 0.0
+    cost: float = 0.0
 
     def all_over(self) -> Spread:
         """Return the same where laws at a few places were looked for and do not explain it."""
@@ -339,9 +340,12 @@ USUAL: Mapping[str, float] = {**{kind: size for kind, size in ARM.declared.items
 
 
 def _parameters(
-    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], weight: bool, moves: bool
+    recording: Recording, mechanism: Mechanism, groups: Mapping[str, Sequence[Group]], loaded: bool, moves: bool
 ) -> _Parameters:
-    """Return all that may be off on a robot, in units of what is usual there; moves: it is known how it moved."""
+    """Return all that may be off on a robot, in units of what is usual there.
+
+    loaded: by weight or else; moves: it is known how it moved.
+    """
     tool = mechanism.need_tool().name
     markers = [name for name in recording.marker_names if name in mechanism.frame_names and name != tool]
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
@@ -349,7 +353,7 @@ def _parameters(
     loose = [replace(item, group=None) for item in deviations]
     toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, USUAL))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
-    joints = yielding_parts(mechanism) if weight else ()
+    joints = yielding_parts(mechanism) if loaded else ()
     units = [item.unit for item in joints]
     own = toleranced.law.deviations
     labels = [*(item.kind for item in own), *(f"{_YIELDS}{item.way}" for item in joints)]
@@ -488,7 +492,7 @@ def _without_kinds(
 
 
 def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], stations: bool) -> Spread | None:
-    """Return what is off by how much on a robot that is seen by a pose sensor and that nothing loads but its weight.
+    """Return what is off by how much on a robot that is seen by a pose sensor.
 
     None where too little was measured. problem: at the robot file; weight: that acts; stations: the pose sensor may
     have been set up anew for each run.
@@ -496,7 +500,8 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     simulator = problem.simulator
     groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
     moves = simulator.inputs.moves
-    parameters = _parameters(together.recording, simulator.robot.mechanism, groups, bool(weight), moves)
+    loaded = bool(weight) or not simulator.inputs.weight_alone
+    parameters = _parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
     if stations:
         parameters = parameters.with_stations(together.recording.run)
     asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
@@ -536,7 +541,9 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     if set(_STATIONS) & set(names):
         sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
         found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
-    spread = Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found, force=force)
+    cost = fit.cost + OUTLIER**2 * len(outliers)
+    scale = float(np.sqrt(fit.noise))
+    spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, force=force, cost=cost)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
 
 
@@ -562,11 +569,12 @@ def _size(fit: _Fit, labels: np.ndarray, kind: str) -> float:
 def _explains(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     """Return True where kinds that are off explain most of what is left within tolerance.
 
-    They need not where nothing is declared and all of the rest may be noise.
+    They need not where nothing is declared, nothing but weight loads the robot, and all of the rest may be noise.
     """
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
     told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
-    return _left(data, fit) < EXPLAINED * _left(data, drawn) or (told_nothing and seen.least == 0)
+    may_be_noise = told_nothing and seen.least == 0 and seen.problem.simulator.inputs.weight_alone
+    return _left(data, fit) < EXPLAINED * _left(data, drawn) or may_be_noise
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
