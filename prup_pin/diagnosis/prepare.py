@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from ..channels import Linear, Noise, PoseChannel, Stack, channels_of
 from ..errors import InputError
-from ..laws import Effect, Inputs, Trajectory
+from ..laws import Inputs, Trajectory
 from ..laws.deviations import without_effect
 from ..mechanism import Mechanism
 from ..numbers import number, quantity
@@ -232,19 +231,13 @@ def _off_everywhere(problem: Problem, together: Together, library: Sequence[Cand
     ways = [[] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]
     if ways[0] and not problem.simulator.inputs.weight_alone:
         ways.append([])
-    found = [_off_with(problem, together, weight) for weight in ways]
-    return min((spread for spread in found if spread is not None), key=attrgetter("cost"), default=None)
-
-
-def _off_with(problem: Problem, together: Together, weight: Sequence[Effect]) -> Spread | None:
-    """Return what is off all over a robot that bears a weight, be it that its pose sensor stood elsewhere each run."""
     # A station for each run is a kind as any other, which the data ask for or not; two do not tell how they scatter.
     own = bool(together.stations) or "pose_sensor" not in together.groups
     several = own and len(np.unique(together.recording.run)) >= (2 if together.stations else FEWEST_STATIONS)
-    found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, weight, several)
+    found = spread_of(replace(problem, stack=replace(problem.stack, stations=None)), together, ways, several)
     if not several or found is None or found.stations is not None:
         return found
-    return spread_of(problem, together, weight, False)
+    return spread_of(problem, together, ways, False)
 
 
 def _stations_remark(stations: tuple[float, float]) -> str:

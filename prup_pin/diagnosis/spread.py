@@ -101,7 +101,7 @@ class Spread:
     multiples of the one assumed; exists (N, K): what was measured but for outliers. of_few: kinds that a few laws at
     single places would explain as well, in the place of `kinds`. stations: by how much the pose sensor's stations, one
     a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]: unrecorded, it leaves the outliers
-    behind; 0: none does. cost: -2 log likelihood, outliers at the least that they could have cost.
+    behind; 0: none does.
     """
 
     kinds: Mapping[str, float]
@@ -113,7 +113,6 @@ class Spread:
     stations: tuple[float, float] | None = None
     of_few: Mapping[str, float] = field(default_factory=dict)
     force: float = 0.0
-    cost: float = 0.0
 
     def all_over(self) -> Spread:
         """Return the same where laws at a few places were looked for and do not explain it."""
@@ -491,26 +490,32 @@ def _without_kinds(
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 
-def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], stations: bool) -> Spread | None:
+def spread_of(
+    problem: Problem, together: Together, weights: Sequence[Sequence[Effect]], stations: bool
+) -> Spread | None:
     """Return what is off by how much on a robot that is seen by a pose sensor.
 
-    None where too little was measured. problem: at the robot file; weight: that acts; stations: the pose sensor may
-    have been set up anew for each run.
+    None where too little was measured, and where a robot is loaded and even to first order what is off all over
+    explains too little: most robots under load lack a law or two. problem: at the robot file; weights: ways in which it
+    may act; stations: the pose sensor may have been set up anew for each run.
     """
     simulator = problem.simulator
     groups = together.with_runs_of("pose_sensor").groups if stations else together.groups
     moves = simulator.inputs.moves
-    loaded = bool(weight) or not simulator.inputs.weight_alone
+    loaded = any(weights) or not simulator.inputs.weight_alone
     parameters = _parameters(together.recording, simulator.robot.mechanism, groups, loaded, moves)
     if stations:
         parameters = parameters.with_stations(together.recording.run)
-    asked = _Seen(problem, parameters, tuple(weight), 0.0 if problem.noise.source == "assumed" else 1.0)
-    seen = asked.told_by(problem.stack.exists)
+    exists, least = problem.stack.exists, 0.0 if problem.noise.source == "assumed" else 1.0
+    seen = _Seen(problem, parameters, (), least).told_by(exists)
+    if seen is None:
+        return None
+    ways = [replace(seen, weight=tuple(weight)) for weight in weights]
+    seen = ways[0] if simulator.inputs.weight_alone else _promising(ways, exists)
     if seen is None:
         return None
     labels = seen.parameters.kinds
     x = np.zeros(len(labels))
-    exists = problem.stack.exists
     first = seen.settled(x, exists, True)
     if first is None:
         return None
@@ -541,10 +546,29 @@ def spread_of(problem: Problem, together: Together, weight: Sequence[Effect], st
     if set(_STATIONS) & set(names):
         sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
         found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
-    cost = fit.cost + OUTLIER**2 * len(outliers)
-    scale = float(np.sqrt(fit.noise))
-    spread = Spread(kinds, yielding, silent, scale, tuple(outliers), exists, found, force=force, cost=cost)
+    spread = Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found, force=force)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
+
+
+def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
+    """Return the likeliest way in which weight may act, by the first order about the robot file.
+
+    None where what is off all over explains too little of what was measured, exists (N, K), or noise all of it.
+    """
+    looks = []
+    for seen in ways:
+        here = seen.at(np.zeros(len(seen.floors)), exists)
+        if here is None:
+            continue
+        columns, target = seen.about(here)
+        data = _linear(target, columns, here.white, None, seen.problem.stack)
+        if float((here.residual**2).sum()) <= chi2_isf(FALSE_ALARM, data.count) and seen.least:
+            return None
+        looks.append((seen.fitted(data, np.ones(len(seen.floors)), 1e6), data, seen))
+    if not looks:
+        return None
+    fit, data, seen = min(looks, key=lambda look: look[0].cost)
+    return seen if _explains(data, fit, seen) else None
 
 
 def _unrecorded_force(problem: Problem, outliers: Sequence[Outlier], rest: Array) -> float:
@@ -646,9 +670,7 @@ class _Seen:
         known: Array | None = None
         for _ in range(SPREAD_ROUNDS):
             samples, stack = here.samples, self.problem.stack
-            columns = self.parameters.columns(self.problem.simulator, here.influence, here.x, self.weight)
-            columns = columns[here.good] * here.white[..., None]
-            target = here.residual + columns @ here.x
+            columns, target = self.about(here)
             weights = None if known is None else known[samples]
             for _ in range(2 if robust else 1):
                 data = _linear(target, columns, here.white, weights, stack)
@@ -672,6 +694,12 @@ class _Seen:
         rest = np.full(exists.shape, np.nan)
         rest[now.samples] = target - columns @ fit.mean
         return now.x, fit, data, full, rest
+
+    def about(self, here: _At) -> tuple[Array, Array]:
+        """Return what is measured per unit of each parameter (n, K, p), and what they make all in all (n, K), white."""
+        columns = self.parameters.columns(self.problem.simulator, here.influence, here.x, self.weight)
+        columns = columns[here.good] * here.white[..., None]
+        return columns, here.residual + columns @ here.x
 
     def stepped(self, here: _At, step: Array, exists: np.ndarray, known: Array | None, fit: _Fit) -> _At | None:
         """Return where a step (p,) leads, shortened until it helps by the fit's noise and variances; or None.
