@@ -44,10 +44,10 @@ A 6-UPS platform, a Delta and a 3-PRUP of which everything is off, and nothing i
 within 4 m and is turned anyhow; zeros by 1 to 6 mm (of the Delta 3 to 16 mrad), ratios by 1 to 6 per thousand, joints
 and rods' ends by 0.3 to 3 mm, axes by 1 to 6 mrad, the target by 8 to 40 mm, springs by 6 to 30 %, masses by 4 to 20
 %, the wrench sensor by 1 to 2 % (one standard deviation of each kind; each kind but the tracker's place is left as
-drawn in three of ten). Each is seen once in each of 40 to 70 poses, of a quarter only a point, in half as many poses
-more; half of the recordings tell their noise (5 to 50 µm, 20 to 200 µrad). Half of what is drawn is loaded and left
-out: under loads what is off all over is not looked for, and tolerances are to be declared. Simulators of their own
-(`tests/reference/concealed/`) draw them; the answer is sealed while the diagnosis sees the recording alone.
+drawn in three of ten). Half of them are loaded (18 to 30 poses, each without and with two loads), the others are seen
+once in each of 40 to 70 poses; of a quarter only a point is seen, in half as many poses more; half of the recordings
+tell their noise (5 to 50 µm, 20 to 200 µrad). Simulators of their own (`tests/reference/concealed/`) draw them; the
+answer is sealed while the diagnosis sees the recording alone.
 
 - *Held out*: 20 other poses, by the corrected model; beside it what the *data allow*: the least squares of one who
   knows which parameters are off, how far their kinds scatter, the effects and where to begin.

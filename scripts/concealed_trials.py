@@ -70,7 +70,6 @@ from tests.reference.concealed.efforts import KINDS as MOVING
 from tests.reference.concealed.elastic import KINDS as YIELDING
 from tests.reference.concealed.markers import CAMERAS
 from tests.reference.concealed.scattered import KINDS
-from tests.reference.concealed.uncalibrated import is_loaded
 
 #: What is drawn: name -> (share of the trials, effects, range of strength in multiples of the noise).
 GROUPS = {
@@ -452,7 +451,6 @@ def main() -> None:
     if options.uncalibrated:
         devices = _turns(_uncalibrated.KINDS, options.uncalibrated, first)
         jobs = {(robot, seed): (_uncalibrated.trial, seed, robot) for robot, seed in devices}
-        jobs = {key: job for key, job in jobs.items() if not is_loaded(**_uncalibrated.how(*job[1:]))}
         summarise, asked = partial(_uncalibrated.summary, share=wilson), f"--count 0 --uncalibrated {len(devices)}"
         page("uncalibrated", _uncalibrated.HEAD, jobs, _uncalibrated.told, summarise, asked)
     if options.tracked:

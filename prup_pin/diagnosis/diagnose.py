@@ -17,9 +17,7 @@ from ..recordings import Recording
 from ..robot import Robot
 from ..simulation import as_recorded
 from .conventions import read_logs
-from .criteria import (
-    beyond_tolerance,
-)
+from .criteria import EXPLAINED, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
 from .efforts.at_rest import with_efforts_at_rest
@@ -103,7 +101,8 @@ def _diagnosed(robot: Robot, recordings: Sequence[Recording], tell: Tell) -> Dia
     if prepared.spread is not None and prepared.spread.repeated(prepared.inputs.blocks):
         # what explains outliers says that they are none
         prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, with_outliers=True), tell)
-    if prepared.spread is not None and prepared.spread.of_few and not is_clean(found.problem, found.selection.last):
+    few = not prepared.inputs.weight_alone if prepared.spread is None else bool(prepared.spread.of_few)
+    if few and not is_clean(found.problem, found.selection.last):
         # the few places were not to be found
         prepared, found = _cleaner(prepared, found, prepare(robot, recordings, tell, all_over=True), tell)
     problem, selection, labels, doubt = found
@@ -126,9 +125,17 @@ class _Searched(NamedTuple):
 
 
 def _cleaner(prepared: Prepared, found: _Searched, other: Prepared, tell: Tell) -> tuple[Prepared, _Searched]:
-    """Return another preparation and what it leads to where that leaves noise alone, else those given."""
+    """Return another preparation and what it leads to where that leaves noise alone or far less, else those given."""
+    if other.spread is None:
+        return prepared, found
     again = _searched(other, tell)
-    return (other, again) if is_clean(again.problem, again.selection.last) else (prepared, found)
+    far_less = _left(again) < EXPLAINED * _left(found)
+    return (other, again) if far_less or is_clean(again.problem, again.selection.last) else (prepared, found)
+
+
+def _left(found: _Searched) -> float:
+    """Return what is left at the end, whatever its noise: chi squared times the noise's variance."""
+    return found.selection.last.chi2 * found.problem.noise.position**2
 
 
 def _searched(prepared: Prepared, tell: Tell) -> _Searched:

@@ -97,7 +97,7 @@ def prepare(
 ) -> Prepared:
     """Return the problem that recordings pose to a robot, gross errors left out or not. Raises as `diagnose` does.
 
-    all_over: what a few laws could explain as well is off all over.
+    all_over: what a few laws could explain as well is off all over, as what is off under loads may be.
     """
     adapted = as_recorded(robot, recordings)
     robot = adapted.robot
@@ -119,7 +119,8 @@ def prepare(
     problem = Problem.of(seen.simulator, stack, noise, nominal)
     library = _library(together, problem)
     tell("what is off all over", 0.01)
-    spread = _off_everywhere(problem, together, library)
+    loaded = not seen.inputs.weight_alone
+    spread = None if loaded and not all_over else _off_everywhere(problem, together, library)
     noise_unknown = spread is not None and noise.source == "assumed"
     if spread is not None:
         spread = spread.with_all(problem.stack.exists) if with_outliers else spread
