@@ -140,6 +140,8 @@ def summary(trials: Sequence[Mapping[str, Any]], share: Callable[[int, int], str
     """Return the tables as Markdown; `share(hits, total)` writes a share."""
     groups = {"all": list(trials)} | {name: [t for t in trials if t["robot"] == name] for name in KINDS}
     groups |= {
+        "loaded": [t for t in trials if t["loaded"]],
+        "not loaded": [t for t in trials if not t["loaded"]],
         "noise told": [t for t in trials if t["declared"]],
         "noise not told": [t for t in trials if not t["declared"]],
     }
