@@ -2,9 +2,10 @@
 
 On a machine that nobody has calibrated everything is off at once: zeros, links, gears that yield, where the tracker
 stands and where its markers sit. Each kind is off by numbers of one normal distribution whose standard deviation s is
-not known; nor is the noise sigma. With J the change of what was measured per parameter and r what is left,
+not known; nor is the noise sigma of positions, nor that of orientations. With J the change of what was measured per
+parameter and r what is left,
 
-    -2 log L = log |sigma^2 I + J S J^T| + r^T (sigma^2 I + J S J^T)^-1 r,    S = diag s^2,
+    -2 log L = log |N + J S J^T| + r^T (N + J S J^T)^-1 r,    S = diag s^2, N = diag sigma^2,
 
 the likelihood of all s and sigma with the parameters integrated out, is largest where s^2 = sum m^2 / gamma over a
 kind, m the posterior means and gamma how many of them the data tell (MacKay, Bayesian interpolation, Neural
@@ -67,6 +68,8 @@ _NONE = 1e-6
 #: Part of its own, of a number in a fit, below which all that it says is what the fit makes of it.
 _LEAST_PART = 1e-6
 _ITERATIONS, _AGREED = 60, 1e-2
+#: Units that scatter each by a noise of its own; that squared from which its likeliest value is sought, and the least.
+_UNITS, _LOUD, _SILENT = ("m", "rad"), 1e6, 1e-100
 #: Logarithm of the factor by which kinds scatter about what is usual.
 _FACTOR = float(np.log(2.0))
 
@@ -97,8 +100,8 @@ class Spread:
     """What parts of a kind scatter by where that is more than was declared, and how much the sensor does.
 
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
-    yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise in
-    multiples of the one assumed; exists (N, K): what was measured but for outliers. of_few: kinds that a few laws at
+    yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise of
+    positions and of orientations in multiples of those assumed; exists (N, K): what was measured but for outliers. of_few: kinds that a few laws at
     single places would explain as well, in the place of `kinds`. stations: by how much the pose sensor's stations, one
     a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]: unrecorded, it leaves the outliers
     behind; 0: none does.
@@ -107,7 +110,7 @@ class Spread:
     kinds: Mapping[str, float]
     yielding: tuple[str, ...]
     silent: frozenset[str]
-    scale: float
+    scale: tuple[float, float]
     outliers: tuple[Outlier, ...]
     exists: np.ndarray
     stations: tuple[float, float] | None = None
@@ -147,7 +150,7 @@ class Spread:
         """Return the noise: that of what is left where else it would be assumed."""
         if noise.source != "assumed":
             return noise
-        position, rotation = self.scale * noise.position, self.scale * noise.rotation
+        position, rotation = self.scale[0] * noise.position, self.scale[1] * noise.rotation
         return replace(noise, position=position, rotation=rotation, source="estimated")
 
     def widened(self, together: Together) -> Together:
@@ -335,7 +338,12 @@ _FINEST = ("encoder_slope", f"{_YIELDS}{UNEVEN}", f"{_YIELDS}{ACROSS}", "directi
 #: How far a drawing can be off, one standard deviation a kind, in its unit.
 _LARGEST = {kind.name: kind.largest for kind in KINDS_OF_TOLERANCE}
 #: What a robot that nobody has calibrated is usually off by: one standard deviation a kind.
-USUAL: Mapping[str, float] = {**{kind: size for kind, size in ARM.declared.items() if kind != "mass"}, "bending": 0.05}
+USUAL: Mapping[str, float] = {
+    **{kind: size for kind, size in ARM.declared.items() if kind != "mass"},
+    "bending": 0.05,
+    "wrench_gain": 0.02,
+    "wrench_rotation": 0.01,
+}
 
 
 def _parameters(
@@ -350,7 +358,8 @@ def _parameters(
     kinds = {kind: shared for sensor, shared in groups.items() for kind in SENSORS[sensor]}
     deviations = deviations_of(mechanism, markers, kinds, moves)
     loose = [replace(item, group=None) for item in deviations]
-    toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, USUAL))
+    measured = [kind for kind in USUAL if recording.has_wrench or not kind.startswith("wrench")]
+    toleranced = Toleranced.of(deviations, amounts_of(loose, mechanism, {kind: USUAL[kind] for kind in measured}))
     declared = amounts_of(deviations, mechanism, recording.tolerances.declared)
     joints = yielding_parts(mechanism) if loaded else ()
     units = [item.unit for item in joints]
@@ -365,24 +374,28 @@ def _parameters(
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """r = J x + noise, as J^T J, J^T r, r^T r and the number of r's numbers."""
+    """r = J x + noise, as J^T J (u, p, p), J^T r (u, p), r^T r and the number of r's numbers (u,), for each unit."""
 
     normal: Array
     right: Array
-    square: float
-    count: int
+    square: Array
+    count: Array
 
-    def left(self, x: Array) -> float:
-        """Return the squares that parameters x (p,) leave."""
-        return self.square - 2 * float(self.right @ x) + float(x @ self.normal @ x)
+    def left(self, x: Array) -> Array:
+        """Return the squares that parameters x (p,) leave of each unit, (u,)."""
+        return self.square - 2 * (self.right @ x) + (self.normal @ x) @ x
+
+    def weighted(self, noise: Array) -> tuple[Array, Array]:
+        """Return J^T J (p, p) and J^T r (p,) of all units together, each by its noise squared, (u,)."""
+        return np.einsum("u,uij->ij", 1 / noise, self.normal), (1 / noise) @ self.right
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Variances (p,), noise squared, posterior mean (p,) and covariance (p, p), and -2 log L."""
+    """Variances (p,), noise squared of each unit (u,), posterior mean (p,) and covariance (p, p), and -2 log L."""
 
     variances: Array
-    noise: float
+    noise: Array
     mean: Array
     covariance: Array
     cost: float
@@ -405,7 +418,7 @@ def _unusual(variance: float) -> tuple[float, float]:
 def _fitted(
     data: _Linear,
     start: Array,
-    noise: float,
+    noise: Array,
     labels: np.ndarray,
     floors: Array,
     least: float,
@@ -416,7 +429,7 @@ def _fitted(
     What is labelled '' stays at its floor; least: of the noise's variance; `unusual(variance)`: what one costs
     beside the likelihood, and that by the logarithm.
     """
-    variances, noise = np.maximum(start, floors), max(noise, least)
+    variances, noise = np.maximum(start, floors), np.maximum(noise, max(least, _SILENT))
     names = [name for name in np.unique(labels) if name]
     found = _posterior(data, variances, noise)
     for _ in range(_ITERATIONS):
@@ -424,11 +437,12 @@ def _fitted(
         new = floors.copy()
         for name in names:
             here = labels == name
-            held = float(told[here].sum()) + unusual(variances[here][0])[1]
-            size = float((found.mean[here] ** 2).sum()) / max(held, 1e-9)
+            known = float(told[here].sum()) + unusual(variances[here][0])[1]
+            size = float((found.mean[here] ** 2).sum()) / max(known, 1e-9)
             new[here] = np.maximum(np.clip(size, _NONE**2, 1e8), floors[here])
-        quiet = max(data.left(found.mean) / max(data.count - float(told.sum()), 1.0), least, 1e-300)
-        moved = max(np.abs(np.log(new / variances)).max(initial=0.0), abs(np.log(quiet / noise)))
+        held = np.einsum("ij,uij->u", found.covariance, data.normal) / noise  # of each unit's numbers
+        quiet = np.maximum(data.left(found.mean) / np.maximum(data.count - held, 1.0), max(least, _SILENT))
+        moved = np.abs(np.log(np.concatenate((new / variances, quiet / noise)))).max()
         variances, noise = new, quiet
         found = _posterior(data, variances, noise)
         if moved < _AGREED:
@@ -437,24 +451,25 @@ def _fitted(
     return replace(found, cost=found.cost + beside)
 
 
-def _left(data: _Linear, fit: _Fit) -> float:
-    """Return the squares that are left of what was measured and of the parameters, these in multiples of the noise."""
-    return data.left(fit.mean) + fit.noise * float((fit.mean**2 / fit.variances).sum())
+def _left(data: _Linear, fit: _Fit, noise: Array) -> float:
+    """Return the squares that are left of what was measured and of the parameters, in multiples of a noise (u,)."""
+    return float((data.left(fit.mean) / noise).sum() + (fit.mean**2 / fit.variances).sum())
 
 
-def _posterior(data: _Linear, variances: Array, noise: float) -> _Fit:
+def _posterior(data: _Linear, variances: Array, noise: Array) -> _Fit:
     open_ = variances > _NONE**2  # the others cannot move
     root = np.sqrt(variances[open_])
     inner = np.ix_(open_, open_)
-    scaled = np.eye(len(root)) + root[:, None] * data.normal[inner] * root / noise
+    normal, right = data.weighted(noise)
+    scaled = np.eye(len(root)) + root[:, None] * normal[inner] * root
     factor = np.linalg.cholesky(scaled)
     inverse = solve_triangular(factor, np.diag(root), lower=True, check_finite=False)
     covariance, mean = np.diag(variances), np.zeros(len(variances))
     covariance[inner] = inverse.T @ inverse
-    mean[open_] = covariance[inner] @ data.right[open_] / noise
-    cost = data.count * np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
+    mean[open_] = covariance[inner] @ right[open_]
+    cost = data.count @ np.log(noise) + 2 * np.log(np.diagonal(factor)).sum()
     # least at the mean: what rounding does to it makes this larger, and never smaller
-    cost += data.left(mean) / noise + float((mean[open_] ** 2 / variances[open_]).sum())
+    cost += (data.left(mean) / noise).sum() + float((mean[open_] ** 2 / variances[open_]).sum())
     return _Fit(variances, noise, mean, covariance, float(cost))
 
 
@@ -528,7 +543,7 @@ def spread_of(
         return None
     _, fit, data, *_ = last
     drawn = seen.at(np.zeros(len(labels)), exists)
-    if drawn is None or data.left(fit.mean) > float((drawn.residual**2).sum()):
+    if drawn is None or np.sum(data.left(fit.mean)) > float((drawn.residual**2).sum()):
         return None  # steps have led astray: the drawing leaves less than the fit calls noise
     fit, labels = _without_kinds(data, fit, labels, seen.floors, seen.least)
     while beyond := [name for name in np.unique(labels) if _size(fit, labels, name) > _LARGEST.get(name, np.inf)]:
@@ -546,7 +561,8 @@ def spread_of(
     if set(_STATIONS) & set(names):
         sizes = [np.sqrt(fit.variances[labels == name].max(initial=_NONE**2)) for name in _STATIONS]
         found = float(sizes[0]) * USUAL[_STAND[0]], float(sizes[1]) * USUAL[_STAND[1]]
-    spread = Spread(kinds, yielding, silent, float(np.sqrt(fit.noise)), tuple(outliers), exists, found, force=force)
+    position, rotation = np.where(data.count > 0, np.sqrt(fit.noise), 1.0).tolist()
+    spread = Spread(kinds, yielding, silent, (position, rotation), tuple(outliers), exists, found, force=force)
     return replace(spread, kinds={}, of_few=kinds) if kinds and _are_few(data, fit, seen) else spread
 
 
@@ -562,9 +578,9 @@ def _promising(ways: Sequence[_Seen], exists: np.ndarray) -> _Seen | None:
             continue
         columns, target = seen.about(here)
         data = _linear(target, columns, here.white, None, seen.problem.stack)
-        if float((here.residual**2).sum()) <= chi2_isf(FALSE_ALARM, data.count) and seen.least:
+        if float((here.residual**2).sum()) <= chi2_isf(FALSE_ALARM, data.count.sum()) and seen.least:
             return None
-        looks.append((seen.fitted(data, np.ones(len(seen.floors)), 1e6), data, seen))
+        looks.append((seen.fitted(data, np.ones(len(seen.floors)), np.full(2, _LOUD)), data, seen))
     if not looks:
         return None
     fit, data, seen = min(looks, key=lambda look: look[0].cost)
@@ -598,7 +614,7 @@ def _explains(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     drawn = _fitted(data, seen.floors, fit.noise, np.full(len(seen.floors), "", object), seen.floors, seen.least)
     told_nothing = bool((seen.floors[seen.stands == ""] <= _NONE**2).all())
     may_be_noise = told_nothing and seen.least == 0 and seen.problem.simulator.inputs.weight_alone
-    return _left(data, fit) < EXPLAINED * _left(data, drawn) or may_be_noise
+    return _left(data, fit, fit.noise) < EXPLAINED * _left(data, drawn, fit.noise) or may_be_noise
 
 
 def _gives_way(fit: _Fit, labels: np.ndarray, kind: str) -> bool:
@@ -663,7 +679,7 @@ class _Seen:
 
         Gauss-Newton steps, each shortened until less is left. None where no sample can be simulated.
         """
-        noise, variances = 1e6, np.ones(len(x))
+        noise, variances = np.full(2, _LOUD), np.ones(len(x))
         here = self.at(x, exists)
         if here is None:
             return None
@@ -719,7 +735,7 @@ class _Seen:
                 return there
         return None
 
-    def left(self, here: _At, known: Array | None, noise: float, variances: Array) -> float:
+    def left(self, here: _At, known: Array | None, noise: Array, variances: Array) -> float:
         """Return the squares that are left of what was measured and of the parameters, in multiples of the noise."""
         weights = None if known is None else known[here.samples]
         beside = here.columns_of_stations(self.parameters)
@@ -727,7 +743,7 @@ class _Seen:
         own = self.parameters.own
         placed = _posterior(data, np.maximum(variances[own:], 2 * _NONE**2), noise).mean
         moved = np.concatenate((here.x[:own], placed))
-        return data.left(placed) / noise + float((moved**2 / np.maximum(variances, _NONE**2)).sum())
+        return float((data.left(placed) / noise).sum()) + float((moved**2 / np.maximum(variances, _NONE**2)).sum())
 
     def at(self, x: Array, exists: np.ndarray, start: Run | None = None) -> _At | None:
         """Return the simulation at parameters x (p,) beside what was measured, exists (N, K); None if there is none."""
@@ -739,12 +755,12 @@ class _Seen:
         good = run.solved[run.samples]
         return _At(x, influence, good, white[good], residual[good]) if good.any() else None
 
-    def fitted(self, data: _Linear, variances: Array, noise: float) -> _Fit:
+    def fitted(self, data: _Linear, variances: Array, noise: Array) -> _Fit:
         """Return the likelier of two fits: from what was found so far, and from what is usual.
 
         A variance that has come near zero stays there, be it that better columns ask for it by now.
         """
-        begins = ((variances, noise), (np.ones(len(variances)), data.square / max(data.count, 1)))
+        begins = ((variances, noise), (np.ones(len(variances)), data.square / np.maximum(data.count, 1.0)))
         kinds = self.parameters.kinds
         fits = [_fitted(data, *begin, kinds, self.floors, self.least, _unusual) for begin in begins]
         return min(fits, key=lambda fit: fit.cost)
@@ -753,6 +769,7 @@ class _Seen:
         """Return what lies too far off: distances (N, groups), squared, and what is left (N, K), by the noise."""
         found = []
         stack, noise = self.problem.stack, self.problem.noise
+        scatter = np.sqrt(_of_groups(stack, fit.noise))
         for index, group in enumerate(stack.groups()):
             here = distances[:, index]
             known = np.isfinite(here)
@@ -763,13 +780,14 @@ class _Seen:
             if far.sum() > MOST_OUTLIERS * known.sum() and not _stand_apart(here[known], far[known]):
                 continue
             inputs = self.problem.simulator.inputs
-            off = np.where(known[:, None], rest[:, group.where] / np.sqrt(fit.noise * size), np.nan)
+            off = np.where(known[:, None], rest[:, group.where] / (scatter[index] * np.sqrt(size)), np.nan)
             far &= ~_shared(far, off, inputs.actuators, inputs.blocks)
-            unit = noise.of_unit(group.unit) * np.sqrt(fit.noise)
+            unit = noise.of_unit(group.unit) * scatter[index]
             for sample in np.flatnonzero(far):
                 by = float(np.sqrt(here[sample]))
                 found.append(Outlier(int(sample), group.name, by / np.sqrt(size), by * unit, group.unit))
-        return _exchanged(found, rest / np.sqrt(fit.noise), stack)
+        sizes = [group.where.stop - group.where.start for group in stack.groups()]
+        return _exchanged(found, rest / np.repeat(scatter, sizes), stack)
 
 
 def _stand_apart(squares: Array, far: np.ndarray) -> bool:
@@ -820,16 +838,25 @@ def _groups_of(stack: Stack) -> list[slice]:
     return [group.where for group in stack.groups()]
 
 
+def _of_groups(stack: Stack, values: Array) -> Array:
+    """Return what each group of columns has of values by their units, (u,)."""
+    return values[[_UNITS.index(group.unit) for group in stack.groups()]]
+
+
 def _linear(target: Array, columns: Array, white: Array, weights: Array | None, stack: Stack) -> _Linear:
     scale = np.ones(target.shape)
     if weights is not None:
         for index, where in enumerate(_groups_of(stack)):
             scale[:, where] = np.sqrt(weights[:, index])[:, None]
-    told = white > 0  # the others are zero, and take time
-    right = (target * scale)[told]
-    matrix = columns[told] * scale[told][:, None]
-    count = float((scale**2 * (white > 0)).sum()) if weights is not None else float((white > 0).sum())
-    return _Linear(matrix.T @ matrix, matrix.T @ right, float(right @ right), int(count))
+    parts = []
+    for unit in _UNITS:
+        told = white > 0  # the others are zero, and take time
+        for group in stack.groups():
+            told[:, group.where] &= group.unit == unit
+        right = (target * scale)[told]
+        matrix = columns[told] * scale[told][:, None]
+        parts.append((matrix.T @ matrix, matrix.T @ right, right @ right, (scale[told] ** 2).sum()))
+    return _Linear(*(np.array(each) for each in zip(*parts, strict=True)))
 
 
 def _distances(target: Array, columns: Array, white: Array, weights: Array | None, fit: _Fit, stack: Stack) -> Array:
@@ -839,18 +866,19 @@ def _distances(target: Array, columns: Array, white: Array, weights: Array | Non
     """
     left = target - columns @ fit.mean
     found = []
+    noise = _of_groups(stack, fit.noise)
     for index, where in enumerate(_groups_of(stack)):
         told = (white[:, where] > 0).any(axis=1)
         if not told.any():
             found.append(np.full(len(left), np.nan))
             continue
         part = columns[:, where]
-        reach = (part.reshape(-1, part.shape[2]) @ fit.covariance).reshape(part.shape) @ part.mT / fit.noise
+        reach = (part.reshape(-1, part.shape[2]) @ fit.covariance).reshape(part.shape) @ part.mT / noise[index]
         weight = np.ones(len(left)) if weights is None else weights[:, index]
         rest, axes = np.linalg.eigh(np.eye(reach.shape[1]) - weight[:, None, None] * reach)
         # where a sample alone tells of a parameter, rounding must not make it less than nothing
         along = (axes.mT @ left[:, where, None])[..., 0]
-        size = (along**2 / np.maximum(rest, _LEAST_PART)).sum(axis=1) / fit.noise
+        size = (along**2 / np.maximum(rest, _LEAST_PART)).sum(axis=1) / noise[index]
         found.append(np.where(told, size, np.nan))
     return np.stack(found, axis=1)
 
@@ -874,14 +902,14 @@ def _are_few(data: _Linear, fit: _Fit, seen: _Seen) -> bool:
     while now.cost - fit.cost > most:
         if len(chosen) == MOST_TERMS:
             return False
-        left = data.right - data.normal @ now.mean
-        inside = data.normal / now.noise
+        inside, right = data.weighted(now.noise)
+        left = right - inside @ now.mean
         spread = inside - inside @ now.covariance @ inside
         gains = {}
         for name in np.unique(places):
             here = places == name
             if name not in chosen and not (stands[here] != "").any():
-                part = left[here] / now.noise
+                part = left[here]
                 gains[name] = float(part @ np.linalg.lstsq(spread[np.ix_(here, here)], part, rcond=1e-9)[0])
         best = max(gains, key=lambda name: gains[name])
         chosen.append(best)

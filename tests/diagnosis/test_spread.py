@@ -140,7 +140,7 @@ def test_calibration_that_nothing_was_told_predicts_other_poses(given):
 
 def test_what_comes_towards_its_load_does_not_yield():
     labels = np.array(["yields own"] * 3 + ["position"])
-    fit = spread._Fit(np.ones(4), 1.0, np.array([2.0, -0.5, 0.1, -9.0]), np.diag([0.01, 0.01, 0.01, 1.0]), 0.0)
+    fit = spread._Fit(np.ones(4), np.ones(2), np.array([2.0, -0.5, 0.1, -9.0]), np.diag([0.01, 0.01, 0.01, 1.0]), 0.0)
     assert spread._gives_way(fit, labels, "yields own")
     assert not spread._gives_way(replace(fit, mean=-fit.mean), labels, "yields own")
     assert not spread._gives_way(fit, labels, "position")
@@ -163,13 +163,20 @@ def columns(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return draw.standard_normal((40, 6)), draw.standard_normal(40)
 
 
+def of_units(matrix: np.ndarray, right: np.ndarray, first: int) -> spread._Linear:
+    """Return a linear problem of which so many numbers come first and are of one unit, the others of another."""
+    parts = (slice(None, first), slice(first, None))
+    sums = [(m.T @ m, m.T @ r, r @ r, len(r)) for m, r in ((matrix[part], right[part]) for part in parts)]
+    return spread._Linear(*(np.array(each) for each in zip(*sums, strict=True)))
+
+
 def test_the_likelihood_is_that_of_the_numbers_with_the_parameters_integrated_out():
     from scipy.stats import multivariate_normal  # heavy: nothing else of the package needs it
 
     matrix, right = columns()
-    data = spread._Linear(matrix.T @ matrix, matrix.T @ right, float(right @ right), len(right))
-    variances, noise = np.array([0.3, 2.0, 1.0, 0.1, 5.0, 0.7]), 1.7
-    covariance = noise * np.eye(40) + matrix @ np.diag(variances) @ matrix.T
+    data = of_units(matrix, right, 15)
+    variances, noise = np.array([0.3, 2.0, 1.0, 0.1, 5.0, 0.7]), np.array([1.7, 0.6])
+    covariance = np.diag(np.repeat(noise, [15, 25])) + matrix @ np.diag(variances) @ matrix.T
     expected = -2 * multivariate_normal(cov=covariance).logpdf(right) - 40 * np.log(2 * np.pi)
     found = spread._posterior(data, variances, noise)
     assert found.cost == pytest.approx(expected, rel=1e-9)
@@ -181,13 +188,16 @@ def test_no_other_spread_is_likelier():
     draw = np.random.default_rng(1)
     labels = np.array(["a", "a", "a", "b", "b", "b"])
     right = matrix @ (np.array([3.0] * 3 + [0.5] * 3) * draw.standard_normal(6)) + 0.2 * draw.standard_normal(40)
-    data = spread._Linear(matrix.T @ matrix, matrix.T @ right, float(right @ right), len(right))
-    found = spread._fitted(data, np.ones(6), 1.0, labels, np.full(6, 1e-12), 0.0)
+    right[20:] += 0.8 * draw.standard_normal(20)
+    data = of_units(matrix, right, 20)
+    found = spread._fitted(data, np.ones(6), np.ones(2), labels, np.full(6, 1e-12), 0.0)
     for factor in (0.9, 1.1):
         for label in "ab":
             other = np.where(labels == label, factor, 1.0) * found.variances
             assert spread._posterior(data, other, found.noise).cost > found.cost
-        assert spread._posterior(data, found.variances, factor * found.noise).cost > found.cost
+        for unit in range(2):
+            other = np.where(np.arange(2) == unit, factor, 1.0) * found.noise
+            assert spread._posterior(data, found.variances, other).cost > found.cost
 
 
 @pytest.mark.parametrize("size", [1.0, 1e8])
@@ -196,6 +206,6 @@ def test_no_variance_is_likelier_by_rounding(size):
     rng = np.random.default_rng(0)
     columns = 300 * rng.normal(size=(600, 6)) @ rng.normal(size=(6, 12)) + 1e-4 * rng.normal(size=(600, 12))
     right = columns @ (5 * rng.normal(size=12)) + rng.normal(size=600)
-    data = spread._Linear(columns.T @ columns, columns.T @ right, float(right @ right), 600)
+    data = of_units(columns, right, 300)
     least = right - columns @ np.linalg.lstsq(columns, right, rcond=None)[0]
-    assert spread._posterior(data, np.full(12, size), 1.0).cost > float(least @ least)
+    assert spread._posterior(data, np.full(12, size), np.ones(2)).cost > float(least @ least)

@@ -70,7 +70,7 @@ def test_stations_are_found_where_they_are(apart):
     given = asked(recording)
     assert given.together.by_run == ("pose_sensor",)
     assert {"encoder_offset", "position", "target_position"} <= set(given.spread.kinds)
-    assert given.spread.scale == pytest.approx(1.0, abs=0.15)
+    assert given.spread.scale[0] == pytest.approx(1.0, abs=0.15)
     assert any('"own_sensors": {"by_run": ["pose_sensor"]}' in text for text in given.remarks)
     assert not [item for item in given.library if item.law.sensor == "pose_sensor"]
 

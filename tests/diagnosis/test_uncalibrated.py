@@ -78,13 +78,14 @@ def test_of_two_kinds_that_do_the_same_the_usual_one_is_off():
     matrix_ = draw.standard_normal((60, 6))
     both = np.concatenate((matrix_, 0.03 * matrix_), axis=1)  # the second must be off by thirty times what is usual
     right = matrix_ @ draw.standard_normal(6) + 0.1 * draw.standard_normal(60)
-    data = spread._Linear(both.T @ both, both.T @ right, float(right @ right), len(right))
+    sums = (both.T @ both, both.T @ right, right @ right, len(right))
+    data = spread._Linear(*(np.array([each]) for each in sums))
     labels, floors = np.repeat(["usual", "unusual"], 6).astype(object), np.full(12, 1e-12)
     costs = {}
     for kind in ("usual", "unusual"):
         alone = np.where(labels == kind, labels, "")
-        costs[kind] = spread._fitted(data, np.ones(12), 1.0, alone, floors, 0.0, spread._unusual).cost
-    plain = [spread._fitted(data, np.ones(12), 1.0, np.where(labels == kind, labels, ""), floors, 0.0).cost
+        costs[kind] = spread._fitted(data, np.ones(12), np.ones(1), alone, floors, 0.0, spread._unusual).cost
+    plain = [spread._fitted(data, np.ones(12), np.ones(1), np.where(labels == kind, labels, ""), floors, 0.0).cost
              for kind in ("usual", "unusual")]  # fmt: skip
     assert plain[0] == pytest.approx(plain[1], abs=0.1)
     assert costs["unusual"] - costs["usual"] > 10
