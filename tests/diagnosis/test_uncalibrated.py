@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from threadpoolctl import threadpool_limits
 
 import prup_pin
 from prup_pin.diagnosis import diagnose, spread
-from prup_pin.recordings import read_recording
+from prup_pin.laws import Effect
+from prup_pin.laws.payload import Payload
+from prup_pin.recordings import Noise, read_recording
 from prup_pin.simulation import simulate
 
 from ..reference.concealed.rotations import matrix
@@ -57,6 +60,44 @@ def test_a_hexapod_that_nobody_has_calibrated(tmp_path):
     problem = given.within_tolerances(given.problem)
     effects = [*problem.tolerances.at(problem.first.x), *given.placed.every]
     assert left(drawn, robot, heldout, effects) < 1.3 < 1000 < left(drawn, robot, heldout, [])
+
+
+def test_what_is_off_all_over_shows_under_loads(tmp_path):
+    drawn = draw_uncalibrated(10, "six_ups")
+    assert drawn["loaded"]
+    robot, recording, _ = read(drawn, tmp_path)
+    assert asked(robot, recording).spread is None  # laws are looked for first
+    with threadpool_limits(1, user_api="blas"):
+        prepare = importlib.import_module("prup_pin.diagnosis.prepare").prepare
+        given = prepare(robot, recording, lambda stage, share: None, all_over=True)
+    actual, kinds = drawn["actual"], given.spread.kinds
+    assert set(kinds) - FRAME <= set(actual)
+    for kind in ("encoder_offset", "position"):
+        assert kinds[kind] == pytest.approx(actual[kind], rel=0.6)
+    noise = given.problem.noise
+    assert noise.position == pytest.approx(drawn["noise"]["position"], rel=0.25)
+    assert noise.rotation == pytest.approx(drawn["noise"]["rotation"], rel=0.25)
+
+
+@pytest.mark.slow
+def test_a_loaded_robot_that_nobody_has_calibrated(tmp_path):
+    drawn = draw_uncalibrated(10, "six_ups")
+    loaded, recording, heldout = read(drawn, tmp_path)
+    found = diagnose(loaded, recording)
+    assert found.verdict == "explained"
+    assert left(drawn, loaded, heldout, found.effects) < 1.1 * Oracle(drawn).left_over()
+
+
+def test_what_one_law_explains_under_loads_is_not_off_all_over(tmp_path):
+    robot, recording, _ = read(draw_uncalibrated(10, "six_ups"), tmp_path)
+    told = simulate(robot, recording, [Effect(Payload(), Payload().places(robot.mechanism)[0], {"mass": 50.0})])
+    draw = np.random.default_rng(0)
+    position = told.position + 1e-6 * draw.standard_normal(told.position.shape)
+    noise = Noise(position=1e-6, rotation=5e-5)
+    recording = replace(recording, position=position, rotation=None, noise=noise)
+    found = diagnose(robot, recording)
+    assert {item.physics for item in found.findings} <= {"payload", "self_weight"}
+    assert found.verdict == "explained"
 
 
 @pytest.mark.slow
