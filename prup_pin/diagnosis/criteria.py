@@ -119,6 +119,8 @@ PARALLEL: Final = 1e-6
 #: Fits through the whole simulation after which no further law is looked for: twice what two effects took, so that it
 #: ends what would not end well, and nothing else.
 MOST_FITS: Final = 60
+#: ... where it only matters whether a law or two explain all that is left: what one effect and its rivals took.
+FEW_FITS: Final = 15
 
 # -- where does it sit? ------------------------------------------------------------------------------------------------
 

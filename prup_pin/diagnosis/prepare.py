@@ -224,9 +224,9 @@ def _library(together: Together, problem: Problem) -> list[Candidate]:
 
 
 def _off_everywhere(problem: Problem, together: Together, library: Sequence[Candidate]) -> Spread | None:
-    """Return what is off all over a robot that is seen by a pose sensor, with its weight or, where it is loaded, without.
+    """Return what is off all over a robot that is seen by a pose sensor.
 
-    Whatever else loads a robot may have been told without its weight; alone, weight is all that bends it.
+    With the robot's weight, or where it is loaded without: loads may have been told beyond it; alone, weight bends all.
     """
     heavy = next((item for item in library if item.law.weighs and not item.place.aspect), None)
     ways = [[] if heavy is None else [heavy.effect(heavy.coordinates_of(np.ones(heavy.size)))]]

@@ -101,10 +101,10 @@ class Spread:
 
     kinds: standard deviation by kind of tolerance, of those that are off at more places than laws can name one by one;
     yielding: ways in which joints yield, beside these; silent: laws of kinds for which nothing speaks. scale: noise of
-    positions and of orientations in multiples of those assumed; exists (N, K): what was measured but for outliers. of_few: kinds that a few laws at
-    single places would explain as well, in the place of `kinds`. stations: by how much the pose sensor's stations, one
-    a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]: unrecorded, it leaves the outliers
-    behind; 0: none does.
+    positions and of orientations in multiples of those assumed; exists (N, K): what was measured but for outliers.
+    of_few: kinds that a few laws at single places would explain as well, in the place of `kinds`. stations: by how much
+    the pose sensor's stations, one a run, are turned [rad] and shifted [m]; None: it stands in one place. force [N]:
+    unrecorded, it leaves the outliers behind; 0: none does.
     """
 
     kinds: Mapping[str, float]
