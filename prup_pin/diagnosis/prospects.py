@@ -114,10 +114,10 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
     rank, count = efforts.inertial_rank()
     if count:
         remarks.append(f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links")
-    given = efforts.problem()
-    _, rest, _ = gradients(given, efforts.start())
+    start = efforts.start()
+    _, rest, _ = gradients(start)
     size = np.sqrt(np.maximum(np.diag(rest), 0.0))
-    single = [item for item in given.candidates if item.size == 1 and size[item.where.start] > 0]
+    single = [item for item in start.problem.candidates if item.size == 1 and size[item.where.start] > 0]
     alike = []
     for index, first in enumerate(single):
         for second in single[index + 1 :]:

@@ -20,33 +20,31 @@ from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
 @pytest.fixture(scope="module")
-def posed():
+def start():
     robot = load(AXIS)
     recording = axis(damping=200.0, limit=20.0)
     at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
     efforts = PreparedEfforts(at, {"mass": 0.05})
-    return efforts.problem(), efforts.start()
+    return efforts.start()
 
 
-def named(problem, physics):
-    return next(candidate for candidate in problem.candidates if candidate.law.physics == physics)
+def named(model, physics):
+    return next(candidate for candidate in model.problem.candidates if candidate.law.physics == physics)
 
 
-def test_one_term_more_is_what_a_fit_with_it_leaves(posed):
-    problem, start = posed
-    model = start.with_term(named(problem, "viscous_friction"))
-    more = [named(problem, word) for word in ("coulomb_friction", "effort_offset", "stribeck_friction")]
-    for term, left in zip(more, CrossValidation(problem, model).with_each(more), strict=True):
-        assert left == pytest.approx(CrossValidation(problem, model.with_term(term)).squares, rel=1e-5)
+def test_one_term_more_is_what_a_fit_with_it_leaves(start):
+    model = start.with_term(named(start, "viscous_friction"))
+    more = [named(model, word) for word in ("coulomb_friction", "effort_offset", "stribeck_friction")]
+    for term, left in zip(more, CrossValidation(model).with_each(more), strict=True):
+        assert left == pytest.approx(CrossValidation(model.with_term(term)).squares, rel=1e-5)
 
 
-def test_one_term_less_is_what_a_fit_without_it_leaves(posed):
-    problem, start = posed
+def test_one_term_less_is_what_a_fit_without_it_leaves(start):
     model = start
     for word in ("viscous_friction", "coulomb_friction", "effort_offset"):
-        model = model.with_term(named(problem, word))
-    for term, left in zip(model.terms, CrossValidation(problem, model).without_each(model.terms), strict=True):
-        assert left == pytest.approx(CrossValidation(problem, model.without(term)).squares, rel=1e-6)
+        model = model.with_term(named(model, word))
+    for term, left in zip(model.terms, CrossValidation(model).without_each(model.terms), strict=True):
+        assert left == pytest.approx(CrossValidation(model.without(term)).squares, rel=1e-6)
 
 
 def test_friction_of_another_size_backwards_may_follow_one_that_is_alike_both_ways():
@@ -56,21 +54,20 @@ def test_friction_of_another_size_backwards_may_follow_one_that_is_alike_both_wa
     tau = recording.efforts["carriage"] + 160.0 * backwards
     recording = recording.with_measurements(efforts={"carriage": tau})
     efforts = PreparedEfforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {})
-    problem = efforts.problem()
-    ranked, _ = scores(problem, efforts.start().with_term(named(problem, "viscous_friction")))
+    start = efforts.start()
+    ranked, _ = scores(start.with_term(named(start, "viscous_friction")))
     (directed,) = (score for score in ranked if score.candidate.place.aspect == "effort by direction")
     assert directed.possible
     assert directed.gain > 0.5 * max(score.gain for score in ranked)
 
 
-def test_what_is_left_by_joint_is_all_that_is_left(posed):
-    problem, start = posed
-    validation = CrossValidation(problem, start.with_term(named(problem, "viscous_friction")))
+def test_what_is_left_by_joint_is_all_that_is_left(start):
+    validation = CrossValidation(start.with_term(named(start, "viscous_friction")))
     assert validation.by_joint.sum() == pytest.approx(validation.squares.sum(), rel=1e-9)
 
 
-def test_columns_that_are_picked_keep_their_products(posed):
-    problem, _ = posed
+def test_columns_that_are_picked_keep_their_products(start):
+    problem = start.problem
     columns = problem.columns
     other = [0, 3, 2]
     folded, moment = columns.folded[:, other][:, :, other].copy(), columns.moment[:, other].copy()
@@ -122,9 +119,9 @@ def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_i
     tau = recording.efforts["carriage"] + 40.0 * np.convolve(heavier, np.ones(25) / 25, "same")
     recording = recording.with_measurements(efforts={"carriage": tau})
     efforts = PreparedEfforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {"mass": 0.01})
-    problem, friction = efforts.problem(), "viscous_friction"
-    model = efforts.start().with_term(named(problem, friction)).with_term(named(problem, "counterbalance"))
-    _, found = with_relieving_laws(efforts, problem, model)
+    model, friction = efforts.start(), "viscous_friction"
+    model = model.with_term(named(model, friction)).with_term(named(model, "counterbalance"))
+    found = with_relieving_laws(efforts, model)
     assert {term.law.physics for term in found.terms} - {friction} == {"rotor_inertia"}
     assert friction in {term.law.physics for term in found.terms}
 
@@ -132,9 +129,9 @@ def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_i
 def test_a_law_that_comes_back_as_often_as_it_is_needless_ends_the_search(monkeypatch):
     """All links' masses come in for several of them, whatever was refused before."""
     coming = EffortCandidate(Damping(), Place("a", "effort"), {}, slice(0, 1))
-    monkeypatch.setattr(search, "_forward", lambda efforts, problem, model, *rest: (problem, model.with_term(coming)))
-    monkeypatch.setattr(search, "pruned", lambda problem, model, doubtful: model.with_terms(()))
-    assert search.searched(None, None, EffortModel(()), print)[1].terms == ()
+    monkeypatch.setattr(search, "_forward", lambda efforts, model, *rest: model.with_term(coming))
+    monkeypatch.setattr(search, "pruned", lambda model, doubtful: model.with_terms(()))
+    assert search.searched(None, EffortModel(None, ()), print).terms == ()
 
 
 def test_a_saving_in_every_block_is_sure_though_one_of_them_holds_most():
@@ -152,11 +149,11 @@ def test_a_saving_in_every_block_is_sure_though_one_of_them_holds_most():
 def test_a_law_is_needless_that_may_be_nothing_by_its_own_uncertainty():
     robot, recording = load(AXIS), axis(3000, damping=200.0)
     efforts = PreparedEfforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {})
-    problem, model = efforts.problem(), efforts.start()
+    model = efforts.start()
     for word in ("viscous_friction", "effort_offset"):
-        model = model.with_term(named(problem, word))
+        model = model.with_term(named(model, word))
     noise = noise_of_efforts(recording, efforts.at.driven)
-    final = FinalState(robot, recording, efforts, noise, problem, model, (), ())
+    final = FinalState(robot, recording, efforts, noise, model, (), ())
     friction, offset = model.terms
     assert final.p_value(friction) < 1e-6
     assert final.p_value(offset) > 0.05
@@ -175,11 +172,11 @@ def test_one_law_stands_for_several_that_do_not_earn_what_they_have_more(tmp_pat
     robot = load(recording.robot)
     at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
     efforts = PreparedEfforts(at, {})
-    problem, model = efforts.problem(), efforts.start()
-    for candidate in problem.candidates:
+    model = efforts.start()
+    for candidate in model.problem.candidates:
         single = candidate.law.physics == "effort_delay" and candidate.place.name in at.driven[:3]
         if single and candidate.values["age"] == 16e-3:
             model = model.with_term(candidate)
     assert len(model.terms) == 3
-    _, found = search._simpler(efforts, problem, model)
+    found = search._simpler(efforts, model)
     assert [term.name for term in found.terms] == [("effort_delay", "robot")]

@@ -29,8 +29,8 @@ class PlainProblem:
 class PlainModel:
     terms = ()
 
-    def __init__(self, count):
-        self.where = list(range(count))
+    def __init__(self, problem):
+        self.problem, self.where = problem, list(range(problem.table.shape[1]))
 
 
 def problem(seed, sizes, samples=4000):
@@ -41,15 +41,15 @@ def problem(seed, sizes, samples=4000):
 
 @pytest.fixture
 def learned(monkeypatch):
-    def plain_fit(problem, model):
-        matrix = problem.total
-        return np.linalg.solve(matrix, problem.moment.sum(axis=0)), matrix
+    def plain_fit(model):
+        matrix = model.problem.total
+        return np.linalg.solve(matrix, model.problem.moment.sum(axis=0)), matrix
 
     monkeypatch.setattr("prup_pin.diagnosis.efforts.nuisance.fit", plain_fit)
 
     def of(problem, kinds):
         kinds = {name: (np.array(own), np.eye(len(own))) for name, own in kinds.items()}
-        return learned_precisions(problem, PlainModel(problem.table.shape[1]), kinds)
+        return learned_precisions(PlainModel(problem), kinds)
 
     return of
 

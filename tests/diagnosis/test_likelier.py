@@ -79,14 +79,14 @@ def test_a_score_counts_the_tolerances_that_a_law_takes_back():
     robot = load(AXIS)
     at = InMotion.of(robot.mechanism, motion_of(axis(1500, damping=200.0, limit=20.0), robot.mechanism))
     efforts = PreparedEfforts(at, {"mass": 0.0005})
-    problem, start = efforts.problem(), efforts.start()
-    ranked, _ = scores(problem, start)
+    start = efforts.start()
+    ranked, _ = scores(start)
 
     def lost(model):
-        x, _ = fit(problem, model)
-        return float(block_squares(problem, model, x).sum() + (strain(problem, model) ** 2).sum())
+        x, _ = fit(model)
+        return float(block_squares(model, x).sum() + (strain(model) ** 2).sum())
 
-    assert (strain(problem, start) > 1).any()
+    assert (strain(start) > 1).any()
     plain = [score for score in ranked if not score.candidate.law.one_sided]
     assert len(plain) > 5
     for score in sorted(plain, key=lambda item: -item.gain)[:3]:

@@ -44,7 +44,7 @@ __all__ = ["held_body", "log_bayes_factors", "other_link", "with_likelier_bodies
 _TRIED = 8
 
 
-def with_likelier_bodies(problem: EffortProblem, model: EffortModel) -> EffortModel:
+def with_likelier_bodies(model: EffortModel) -> EffortModel:
     """Return the model with likelier bodies in the place of others, where these are no worse on held-out blocks.
 
     Terms that made up for the others go with them.
@@ -52,35 +52,33 @@ def with_likelier_bodies(problem: EffortProblem, model: EffortModel) -> EffortMo
     before = model.terms
     for term in before:
         if term.is_body and term in model.terms and not model.is_nuisance(term):
-            model = _likelier_body(problem, model, term)
+            model = _likelier_body(model, term)
     if model.terms != before:
         for term in reversed(model.terms):
             doubtful = _has_rivals(term.law) and not model.is_nuisance(term)
-            if doubtful and not _is_asked_for(problem, model.without(term), term):
+            if doubtful and not _is_asked_for(model.without(term), term):
                 model = model.without(term)
     return model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
 
 
-def _likelier_body(problem: EffortProblem, model: EffortModel, term: EffortCandidate) -> EffortModel:
-    left = held_out(problem, model)
-    factors = log_bayes_factors(problem, model, term)
+def _likelier_body(model: EffortModel, term: EffortCandidate) -> EffortModel:
+    left = held_out(model)
+    factors = log_bayes_factors(model, term)
     bodies = [(other, factor) for other, factor in factors if other.is_body and factor > 0]
     for candidate, _ in sorted(bodies, key=lambda item: -item[1])[:_TRIED]:
         other = model.replaced(model.terms.index(term), candidate)
-        apart = held_out(problem, other) - left
-        if float(apart.sum()) <= EFFORT_SURE * standard_error(apart) and is_plausible(problem, other, candidate):
+        apart = held_out(other) - left
+        if float(apart.sum()) <= EFFORT_SURE * standard_error(apart) and is_plausible(other, candidate):
             return other
     return model
 
 
-def log_bayes_factors(
-    problem: EffortProblem, model: EffortModel, term: EffortCandidate
-) -> list[tuple[EffortCandidate, float]]:
+def log_bayes_factors(model: EffortModel, term: EffortCandidate) -> list[tuple[EffortCandidate, float]]:
     """Return other candidates in a term's place, each with the logarithm of its Bayes factor over the term."""
     if not _has_rivals(term.law):
         return []
-    rest = model.without(term)
-    _, left, gradient = gradients(problem, rest)
+    problem, rest = model.problem, model.without(term)
+    _, left, gradient = gradients(rest)
     rivals = [
         other
         for other in problem.candidates
@@ -95,7 +93,7 @@ def log_bayes_factors(
     # what one of them leaves must not count as noise against the other
     bases = {other: _basis(problem, left, other) for other in [term, *rivals]}
     best = max(rivals, key=lambda other: _log_evidence(bases[other], gradient, other, 1.0)[1])
-    apart = max(min(_scatter(problem, rest, bases[other], other) for other in (term, best)), 1.0)
+    apart = max(min(_scatter(rest, bases[other], other) for other in (term, best)), 1.0)
     evidence = {other: _log_evidence(basis, gradient, other, apart)[0] for other, basis in bases.items()}
     if term.is_body:
         among = _among_bodies(problem, left, gradient, [other for other in bases if other.is_body], apart)
@@ -104,11 +102,11 @@ def log_bayes_factors(
     return [(other, evidence[other] - evidence[term]) for other in rivals]
 
 
-def _is_asked_for(problem: EffortProblem, rest: EffortModel, term: EffortCandidate) -> bool:
+def _is_asked_for(rest: EffortModel, term: EffortCandidate) -> bool:
     """Return whether a model is likelier with a term than without it, `rest`."""
-    _, left, gradient = gradients(problem, rest)
-    basis = _basis(problem, left, term)
-    apart = max(_scatter(problem, rest, basis, term), 1.0)
+    _, left, gradient = gradients(rest)
+    basis = _basis(rest.problem, left, term)
+    apart = max(_scatter(rest, basis, term), 1.0)
     return _log_evidence(basis, gradient, term, apart)[0] > EFFORT_LIKELIER
 
 
@@ -122,14 +120,14 @@ def _is_same_law(term: EffortCandidate, other: EffortCandidate) -> bool:
     return term.name == other.name or term.is_family_of(other)
 
 
-def _scatter(problem: EffortProblem, rest: EffortModel, basis: Array, term: EffortCandidate) -> float:
+def _scatter(rest: EffortModel, basis: Array, term: EffortCandidate) -> float:
     """Return the scatter of whole blocks along a term's columns, as a multiple of that of white noise."""
     model = rest.with_term(term)
     if not basis.size:
         return 1.0
-    _, matrix = fit(problem, rest)
-    x, _ = fit(problem, model)
-    columns, where, count = problem.columns, rest.where, len(rest.where)
+    _, matrix = fit(rest)
+    x, _ = fit(model)
+    columns, where, count = rest.problem.columns, rest.where, len(rest.where)
     gradient = columns.gradients(columns.residual(model.where, x), model.where)
     cross = NormalEquations.of(matrix).solve(columns.total[where][:, term.where])
     gradient = gradient[:, count:] - gradient[:, :count] @ cross

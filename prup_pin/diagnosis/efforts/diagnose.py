@@ -33,7 +33,7 @@ from .noise import EffortNoise, noise_of
 from .nonlinear import refined
 from .outliers import OutlierInterval, is_outlying
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, EffortProblem, fit
+from .problem import EffortCandidate, EffortModel, fit
 from .search import cost_of, kinds_of_most_drives, pruned, relieving_curve, searched, sure_of_all, with_relieving_laws
 from .verdict import effort_diagnosis_of
 
@@ -71,7 +71,7 @@ def diagnose_efforts(
     if outliers:
         # what only rough values of laws could not follow is described by those that were optimised
         model = final.with_time
-        modelled = whole.filter(whole.modelled(model, fit(final.problem, model)[0])[0])
+        modelled = whole.filter(whole.modelled(model, fit(model)[0])[0])
         residual = (whole.measured / final.scale - whole.rigid - modelled)[whole.kept]
         rows = whole.at.motion.rows[whole.kept]
         still = [interval for interval in outliers if is_outlying(interval, rows, residual, whole.good)]
@@ -97,7 +97,7 @@ def _final_state(
 
     def searched_beside(
         gains: Gains | None, first: float, last: float
-    ) -> tuple[list[str], PreparedEfforts, EffortProblem, EffortModel]:
+    ) -> tuple[list[str], PreparedEfforts, EffortModel]:
         scale = np.ones(len(at.driven)) if gains is None else gains.gains
         doubts, efforts = check_efforts(at, scale), prepared
         if gains is not None:
@@ -107,22 +107,23 @@ def _final_state(
 
     tell(_LAWS, 0.1)
     gains = gains_of(at, tolerances)
-    doubts, efforts, problem, model = searched_beside(gains, 0.1, 0.7)
+    doubts, efforts, model = searched_beside(gains, 0.1, 0.7)
     if gains is not None and any(term.law.of_gain for term in model.terms):
         # laws that take gains back: one gain and a delay look a little like many gains
         with suppress(InputError):
             plain = searched_beside(None, 0.7, 0.75)
-            squares = plain[1].held_out_unwhitened(*plain[2:])
-            share, sure = relative_gain(squares, efforts.held_out_unwhitened(problem, model))
+            squares = plain[1].held_out_unwhitened(plain[2])
+            share, sure = relative_gain(squares, efforts.held_out_unwhitened(model))
             if not (sure > EFFORT_SURE and share > EFFORT_GAINS_SAVE):
-                gains, (doubts, efforts, problem, model) = None, plain
+                gains, (doubts, efforts, model) = None, plain
     tell("what no law explains", 0.75)
-    problem, model = with_relieving_laws(efforts, problem, model)
-    model = with_likelier_bodies(problem.without_curves(), model)
-    problem, model, curves, imitating = _with_curves(efforts, problem, model)
+    model = with_relieving_laws(efforts, model)
+    problem = model.problem
+    model = with_likelier_bodies(model.in_problem(problem.without_curves())).in_problem(problem)
+    model, curves, imitating = _with_curves(efforts, model)
     tell("the verdict", 0.9)
     while True:
-        final = FinalState(robot, recording, efforts, noise, problem, model, curves, imitating, gains, outliers, doubts)
+        final = FinalState(robot, recording, efforts, noise, model, curves, imitating, gains, outliers, doubts)
         if (needless := final.needless) is None:
             return final
         model = model.without(needless)
@@ -130,7 +131,7 @@ def _final_state(
 
 def _searched(
     efforts: PreparedEfforts, freed: bool, tell: Callable[[float], None]
-) -> tuple[PreparedEfforts, EffortProblem, EffortModel]:
+) -> tuple[PreparedEfforts, EffortModel]:
     """Return the efforts with learned priors, and the model that they ask for; freed: beside masses of all links.
 
     Laws are searched beside nuisances that every drive has: of a robot on which everything is a little off, the first
@@ -141,22 +142,17 @@ def _searched(
     How a friction turns round and how late signals are look alike, and a search ends near where it began: the ways of
     friction are the usual ones to begin with, or those that suit best before any law is found.
     """
-    problem = efforts.problem()
-    start = efforts.with_nuisances(problem, efforts.start(problem if freed else None))
-    common, problem = efforts.with_learned_variances(problem, start)
-    usual = searched(common, problem, start, _part(tell, 0.0, 0.3))
-    sure = sure_of_all(*usual)
-    if not kinds_of_most_drives(usual[0], sure.terms):
-        usual = searched(common, usual[0], sure, _part(tell, 0.4, 0.7))
-        problem = common.problem()
-        start = common.start(problem if freed else None)
-        other = searched(common, problem, start, _part(tell, 0.7, 1.0))
-        return common, *(usual if relative_gain(held_out(*other), held_out(*usual))[0] > EFFORT_GAIN else other)
-    problem = common.problem()
-    start = common.with_nuisances(problem, common.start(problem if freed else None))
-    problem, start = refined(common, problem, start, range(len(start.terms)), at_last=True)
-    other = searched(common, problem, start, _part(tell, 0.4, 0.7))
-    return common, *(other if relative_gain(held_out(*usual), held_out(*other))[0] > EFFORT_GAIN else usual)
+    common, start = efforts.with_learned_variances(efforts.start_with_nuisances(freed))
+    usual = searched(common, start, _part(tell, 0.0, 0.3))
+    sure = sure_of_all(usual)
+    if kinds_of_most_drives(sure):
+        start = common.start_with_nuisances(freed)
+        start = refined(common, start, range(len(start.terms)), at_last=True)
+        found = searched(common, start, _part(tell, 0.4, 0.7))
+    else:
+        found = searched(common, sure, _part(tell, 0.4, 0.7))
+        usual = searched(common, common.start(freed), _part(tell, 0.7, 1.0))
+    return common, found if relative_gain(held_out(usual), held_out(found))[0] > EFFORT_GAIN else usual
 
 
 def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:
@@ -165,43 +161,43 @@ def _part(tell: Callable[[float], None], first: float, last: float) -> Callable[
 
 
 def _with_curves(
-    efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel
-) -> tuple[EffortProblem, EffortModel, list[EffortCandidate], list[EffortCandidate]]:
+    efforts: PreparedEfforts, model: EffortModel
+) -> tuple[EffortModel, list[EffortCandidate], list[EffortCandidate]]:
     """Return the model with curves of no law that the efforts still ask for, these, and the laws that imitate them.
 
     A law that only imitates something leaves its shape behind: it is not named. Where it serves beside the curve, the
     prediction keeps it.
     """
-    free: list[EffortCandidate] = []
+    found: list[EffortCandidate] = []
     imitating: list[EffortCandidate] = []
-    began = CrossValidation(problem, model.with_terms(()))
+    began = CrossValidation(model.with_terms(()))
     for _ in range(3):
-        problem, curves = efforts.with_curves(problem)
-        ranked, limit = scores(problem.only(curves), model)
-        validation = CrossValidation(problem, model)
+        model, curves = efforts.with_curves(model)
+        ranked, limit = scores(model.in_problem(model.problem.only(curves)))
+        validation = CrossValidation(model)
         tried = []
         for score in sorted(ranked, key=lambda item: -item.gain)[:8]:
             if score.log_chance >= limit:
                 continue
-            share, sure = relative_gain(validation.squares, held_out(problem, model.with_term(score.candidate)))
+            share, sure = relative_gain(validation.squares, held_out(model.with_term(score.candidate)))
             saving, own = share * float(validation.squares.sum()), validation.squares_at(score.candidate)
             material = saving > EFFORT_MATERIAL * (began.squares_at(score.candidate) - own) or not model.terms
             much = share > EFFORT_CURVE_GAIN or saving > EFFORT_CURVE_OWN * own
             if sure > EFFORT_SURE and much and material:
                 tried.append((share, score.candidate))
-        curve = max(tried, key=lambda item: item[0])[1] if tried else relieving_curve(problem, model, curves)
-        if curve is None or any(curve.name == other.name for other in free):
+        curve = max(tried, key=lambda item: item[0])[1] if tried else relieving_curve(model, curves)
+        if curve is None or any(curve.name == other.name for other in found):
             break
-        free.append(curve)
-        here = cost_of(problem, model)
-        shape = here - cost_of(problem, model.with_term(curve))
+        found.append(curve)
+        here = cost_of(model)
+        shape = here - cost_of(model.with_term(curve))
         for term in model.terms:
             if term.law.is_curve or term.place.name != curve.place.name or curve.is_of_time:
                 continue  # what changes with time is still what it is
-            own = cost_of(problem, model.without(term)) - here
+            own = cost_of(model.without(term)) - here
             if term.law.by_shape or shape > EFFORT_IMITATED * own:
                 imitating.append(term)
         # what imitated that shape, or made room for it elsewhere
         doubtful = [term for term in model.terms if term.place.name != curve.place.name] + imitating
-        model = pruned(problem, model.with_term(curve), [term for term in doubtful if not term.law.is_curve])
-    return problem, model, free, imitating
+        model = pruned(model.with_term(curve), [term for term in doubtful if not term.law.is_curve])
+    return model, found, imitating

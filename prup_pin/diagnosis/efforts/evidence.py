@@ -22,7 +22,7 @@ from ..criteria import (
     EFFORT_INDISTINCT,
     EFFORT_SURE,
 )
-from .problem import EffortCandidate, EffortModel, EffortProblem, NormalEquations, column_scales, fit, identifiable
+from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
 
 __all__ = [
     "CrossValidation",
@@ -65,12 +65,12 @@ class CrossValidation:
     `squares` (B,): squared residuals of each block where it was not fitted; `by_joint` (k,): the same by joint.
     """
 
-    def __init__(self, problem: EffortProblem, model: EffortModel):
-        self.problem, self.model = problem, model
-        columns = problem.columns
+    def __init__(self, model: EffortModel):
+        self.model, self.problem = model, model.problem
+        columns = self.problem.columns
         self._total, self._moment = columns.total, columns.moment.sum(axis=0)
         where, bounded = np.array(model.where, int), model.one_sided
-        whole = self._total[where[:, None], where] + problem.precision(where)
+        whole = self._total[where[:, None], where] + self.problem.precision(where)
         self.folds: list[_Fold] = []
         self._rest = np.empty_like(columns.target)
         for number, rows in enumerate(columns.rows):
@@ -182,18 +182,18 @@ class Score:
     possible: bool
 
 
-def held_out(problem: EffortProblem, model: EffortModel) -> Array:
+def held_out(model: EffortModel) -> Array:
     """Return the squared residuals (B,) of each block where it was not fitted."""
-    return CrossValidation(problem, model).squares
+    return CrossValidation(model).squares
 
 
-def gradients(problem: EffortProblem, model: EffortModel) -> tuple[Array, Array, Array]:
+def gradients(model: EffortModel) -> tuple[Array, Array, Array]:
     """Return products of all columns with the residual of a model, which is projected out, by block (B, P); products of
     the columns with each other after that, prior included (P, P); and the gradient (P,) of half of all squares, those
     of strained tolerances included.
     """
-    where = model.where
-    x, matrix = fit(problem, model)
+    problem, where = model.problem, model.where
+    x, matrix = fit(model)
     columns, total = problem.columns, problem.columns.total
     gradient = columns.gradients(columns.residual(where, x))
     cross = NormalEquations.of(matrix).solve(total[where])  # (p, P)
@@ -202,14 +202,15 @@ def gradients(problem: EffortProblem, model: EffortModel) -> tuple[Array, Array,
     return gradient, rest, gradient.sum(axis=0) + (problem.precision(where) @ x) @ cross
 
 
-def scores(problem: EffortProblem, model: EffortModel) -> tuple[list[Score], float]:
+def scores(model: EffortModel) -> tuple[list[Score], float]:
     """Return a score of each candidate beside a model, and the logarithm of chance below which one of them counts.
 
     A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
     those follow a chi squared with as many degrees of freedom as their mean and scatter tell. The threshold is a
     quantile of the best candidate of each flip.
     """
-    gradient, rest, true = gradients(problem, model)
+    problem = model.problem
+    gradient, rest, true = gradients(model)
     blocks = problem.columns.count
     signs = np.random.default_rng(blocks).choice([-1.0, 1.0], (EFFORT_FLIPS, blocks))
     flipped, total = signs @ gradient, problem.columns.total

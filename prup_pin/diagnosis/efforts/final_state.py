@@ -21,7 +21,7 @@ from .inertial import BaseParameters, consistent_fit
 from .noise import EffortNoise
 from .outliers import OutlierInterval
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, EffortProblem, NormalEquations, fit
+from .problem import EffortCandidate, EffortModel, NormalEquations, fit
 from .search import squared_strain, sure_of_all
 
 __all__ = ["FinalState"]
@@ -54,7 +54,6 @@ class FinalState:
         recording: Recording,
         efforts: PreparedEfforts,
         noise: Mapping[str, EffortNoise],
-        problem: EffortProblem,
         model: EffortModel,
         curves: Sequence[EffortCandidate],
         imitating: Sequence[EffortCandidate],
@@ -66,18 +65,18 @@ class FinalState:
         # all figures are in the recording's own unit
         self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
         self.recording, self.efforts, self.noise = recording, efforts, noise
-        self.problem, self.with_time, self.curves = problem, model, list(curves)
+        self.problem, self.with_time, self.curves = model.problem, model, list(curves)
         self.mechanism, self.at, self.motion = robot.mechanism, efforts.at, efforts.at.motion
         # another recording has its own time
         self.model = model.with_terms(term for term in model.terms if not term.is_of_time)
-        sure = sure_of_all(problem, self.model).terms
+        sure = sure_of_all(self.model).terms
         self.laws = [term for term in sure if not term.law.is_curve and term not in imitating]
         self.x, self._apart, self.normal = self._coefficients()
         self.laws = self._material(self.laws)
-        self.held_out = held_out(problem, self.model)
-        self.impossible = self._impossible_bodies(fit(problem, self.model)[0])
+        self.held_out = held_out(self.model)
+        self.impossible = self._impossible_bodies(fit(self.model)[0])
         self.laws = [term for term in self.laws if not self._imitates_impossible(term)]
-        self.squared_strain = squared_strain(problem, self.model)
+        self.squared_strain = squared_strain(self.model)
 
     def _coefficients(self) -> tuple[Array, Array, Array]:
         """Return the coefficients (p,) of the prediction, of bodies that can exist; how much they depend on the weights
@@ -88,13 +87,13 @@ class FinalState:
         nothing, but for noise (Hausman 1978): what they tell apart is what it lacks, and no block's scatter shows it.
         """
         efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
-        x, matrix = consistent_fit(self.problem, self.model, bodies)
+        x, matrix = consistent_fit(self.model, bodies)
         if not len(x) or efforts.at.motion.standing:
             return x, np.zeros_like(x), matrix
-        plain = efforts.unwhitened(self.problem, self.model)
-        other = consistent_fit(*plain, bodies)[0]
+        plain = efforts.unwhitened(self.model)
+        other = consistent_fit(plain, bodies)[0]
         apart = other - x
-        if relative_gain(efforts.held_out_unwhitened(self.problem, self.model), held_out(*plain))[0] > EFFORT_PLAINLY:
+        if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > EFFORT_PLAINLY:
             x = other
         return x, apart, matrix
 
@@ -115,7 +114,7 @@ class FinalState:
                 beyond.append(term)
         if not beyond:
             return []
-        possible, _ = consistent_fit(self.problem, self.model, self.efforts.bodies_within_tolerance)
+        possible, _ = consistent_fit(self.model, self.efforts.bodies_within_tolerance)
         columns, where = self.problem.columns, self.model.where
         free, bound = (float((columns.residual(where, each) ** 2).sum()) for each in (x, possible))
         return beyond if bound - free > EFFORT_GAIN * bound else []
@@ -146,7 +145,7 @@ class FinalState:
         Gears yield, filters have other shapes: thousands of samples tell of a rigid robot that it is none. What every
         drive has is a finding where it surely is not zero.
         """
-        columns, least = self.efforts.columns_of(self.problem, self.model), np.nan_to_num(self.noise_sizes)
+        columns, least = self.efforts.columns_of(self.model), np.nan_to_num(self.noise_sizes)
         found = []
         for term in laws:
             own = self.model.slice_of(term)
@@ -211,7 +210,7 @@ class FinalState:
 
     def held_out_saving(self, term: EffortCandidate) -> float:
         """Return the held-out squares that a term saves beside all others."""
-        return float((held_out(self.problem, self.model.without(term)) - self.held_out).sum())
+        return float((held_out(self.model.without(term)) - self.held_out).sum())
 
     def joint_of(self, link: str) -> str:
         """Return the joint that carries a link."""

@@ -34,7 +34,7 @@ _UNITS = dict(zip(INERTIAL, ("kg", *3 * ("kg m",), *6 * ("kg m^2",)), strict=Tru
 def laws_found(final: FinalState) -> Iterator[Finding]:
     """Yield the finding of each law; one for all joints of what most drives have."""
     rest = list(final.laws)
-    for terms in kinds_of_most_drives(final.problem, final.laws).values():
+    for terms in kinds_of_most_drives(final.model, final.laws).values():
         yield _of_kind(final, terms)
         rest = [term for term in rest if term not in terms]
     for term in rest:
@@ -59,7 +59,7 @@ def _of_kind(final: FinalState, terms: Sequence[EffortCandidate]) -> Finding:
         location="robot",
         candidates=("robot", *joints),
         parameters={f"{name}.{key}": value for _, name, _, own in table for key, value in own.items()},
-        heldout_gain=share_saved(final.cost, cost_of(final.problem, final.model.without(*terms))),
+        heldout_gain=share_saved(final.cost, cost_of(final.model.without(*terms))),
         statement=(
             f"{law.summary} at {len(joints)} of {len(final.at.driven)} drives, those known best first: "
             + ", ".join(f"{name} {size}" for _, name, size, _ in table)
@@ -73,8 +73,8 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
     values = term.law.fitted(term.place, final.x[final.model.slice_of(term)], term.values)
     effect = final.effect(term.law, term.place, values)
     rest = final.model.without(term)
-    without = held_out(final.problem, rest)
-    before = float(without.sum()) + squared_strain(final.problem, rest)
+    without = held_out(rest)
+    before = float(without.sum()) + squared_strain(rest)
     places, laws = alternatives_to(final, term, without)
     parameters = _parameters(final, term, values)
     intervals = {name: item.interval for name, item in parameters.items()}
@@ -109,7 +109,7 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
     # the share that gains and all that is found take away of what the efforts leave as they are recorded
     efforts, good = final.efforts, final.efforts.good
     recorded = efforts.measured[efforts.kept] - efforts.rigid[efforts.kept] / final.scale
-    left = efforts.held_out_residual(final.problem, final.model)
+    left = efforts.held_out_residual(final.model)
     yield Finding(
         physics="log_convention" if conventions else law_of_gains().physics,
         location="robot",
@@ -134,7 +134,7 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
     bodies = [final.mechanism.frame(link).joint for link in links]
     drawn = base.matrix @ np.concatenate([inertias[body].toDynamicParameters() for body in bodies])
     differ = np.flatnonzero(chance < FALSE_ALARM)
-    without = held_out(final.problem, final.model.without(term))
+    without = held_out(final.model.without(term))
     parameters = {
         base.names[i]: FittedParameter(
             float(drawn[i] + change[i]),
@@ -164,14 +164,14 @@ def _alone_of_all(final: FinalState, term: EffortCandidate, without: Array) -> s
     single = [other for other in final.problem.candidates if other.is_body]
     if not single:
         return ""
-    saved_by = (without - CrossValidation(final.problem, rest).with_each(single)).sum(axis=1)
+    saved_by = (without - CrossValidation(rest).with_each(single)).sum(axis=1)
     # the tool's load comes before the link that would be as good
     best = min(
         (one for one, own in zip(single, saved_by, strict=True) if own > _AS_GOOD * saved_by.max()),
         key=lambda one: one.where.start,
     )
     with_it = rest.with_term(best)
-    x, _ = fit(final.problem, with_it)
+    x, _ = fit(with_it)
     change = x[with_it.slice_of(best)]
     values = best.law.fitted(best.place, change, best.values)
     share = float(saved_by.max()) / max(gain, np.finfo(float).tiny)
@@ -206,7 +206,7 @@ def _parameters(final: FinalState, term: EffortCandidate, values: Mapping[str, f
     if term.law.settled:
         # by as much more than white noise would scatter them
         rise = reach**2 * float(np.median(deviation**2 / np.diag(white)[own]))
-        profiled = profile_intervals(final.efforts, final.problem, final.model, term, rise)
+        profiled = profile_intervals(final.efforts, final.model, term, rise)
     for name, quantity in quantities.items():
         low, high = profiled.get(name, (values[name] - spread[name], values[name] + spread[name]))
         out[name] = FittedParameter(values[name], quantity.unit, (float(low), float(high)))

@@ -15,7 +15,7 @@ from .bayes_factors import log_bayes_factors
 from .evidence import CrossValidation, gradients, held_out, scores, standard_error
 from .final_state import FinalState
 from .nonlinear import optimised
-from .problem import EffortCandidate, EffortModel, EffortProblem
+from .problem import EffortCandidate, EffortModel
 from .search import squared_strain
 
 __all__ = ["alternatives_to", "efforts_not_detectable"]
@@ -29,32 +29,33 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
 
     without (B,): held-out squares of the model without the term.
     """
-    problem, rest = final.problem, final.model.without(term)
+    rest = final.model.without(term)
     places, laws = list(term.law.same_places(term.place, final.mechanism)), []
-    gain = float((without - final.held_out).sum()) + squared_strain(problem, rest) - final.squared_strain
-    ranked = sorted(scores(problem.without_curves(), rest)[0], key=lambda score: -score.gain)[:_RIVALS]
+    gain = float((without - final.held_out).sum()) + squared_strain(rest) - final.squared_strain
+    ranked, _ = scores(rest.in_problem(final.problem.without_curves()))
+    ranked = sorted(ranked, key=lambda score: -score.gain)[:_RIVALS]
     near = [score.candidate for score in ranked if score.possible and score.candidate.size <= term.size]
     # bodies are compared by the probability of such bodies
     others = [other for other in near if not (other.is_body and term.is_body)]
     others = [other for other in others if other.law is not term.law or other.place != term.place]
     unlikely = EFFORT_UNLIKELY if term.is_body else EFFORT_LIKELIER
-    likely = [other for other, factor in log_bayes_factors(problem, final.model, term) if factor > -unlikely]
+    likely = [other for other, factor in log_bayes_factors(final.model, term) if factor > -unlikely]
 
-    def alike(given: EffortProblem, model: EffortModel, after: Array) -> bool:
+    def alike(model: EffortModel, after: Array) -> bool:
         apart = after - final.held_out
-        worse = float(apart.sum()) + squared_strain(given, model) - final.squared_strain
+        worse = float(apart.sum()) + squared_strain(model) - final.squared_strain
         little = min(EFFORT_CLASS * gain, EFFORT_AS_LITTLE * float(final.held_out.sum()))
         return worse <= min(max(EFFORT_ALIKE * standard_error(apart), little), 0.2 * gain)
 
-    for other, after in zip(others, CrossValidation(problem, rest).with_each(others), strict=True):
+    for other, after in zip(others, CrossValidation(rest).with_each(others), strict=True):
         taken = rest.with_term(other)
-        good, family = alike(problem, taken, after), other.law.family
+        good, family = alike(taken, after), other.law.family
         if not good and family == term.law.family != "" and other.law.settled:
             # the same thing by another shape: with its own values free
-            size = problem.columns.size
-            wider, taken = optimised(final.efforts, problem, taken, [len(rest.terms)])
-            good = alike(wider, taken, held_out(wider, taken))
-            problem.columns.cut(size)
+            columns, size = final.problem.columns, final.problem.columns.size
+            taken = optimised(final.efforts, taken, [len(rest.terms)])
+            good = alike(taken, held_out(taken))
+            columns.cut(size)
         if good:
             likely.append(other)
     for other in likely:
@@ -68,14 +69,14 @@ def alternatives_to(final: FinalState, term: EffortCandidate, without: Array) ->
 
 def efforts_not_detectable(final: FinalState) -> Iterator[Detectable]:
     """Yield laws of one parameter that would have stayed below chance even at a strong size, and joints at rest."""
-    problem = final.problem.without_curves()
-    ranked, limit = scores(problem, final.model)
+    model = final.model.in_problem(final.problem.without_curves())
+    ranked, limit = scores(model)
     for name in final.at.driven:
         for law in EFFORT_LAWS if not final.at.moves(name) else ():
             if law.everywhere and law.of_motion:
                 yield Detectable(law.physics, name, law.linear[0], None, "", f"{name} stood still")
     seen: set[tuple[str, str]] = set()
-    gradient, products, _ = gradients(problem, final.model)
+    gradient, products, _ = gradients(model)
     for score in ranked:
         candidate = score.candidate
         if candidate.size != 1 or candidate.name in seen or score.log_chance < limit:

@@ -26,7 +26,7 @@ from ...mechanism import Mechanism
 from ...numbers import number
 from ...spatial import Array
 from ..criteria import EFFORT_TOLD
-from .problem import EffortModel, EffortProblem, fit
+from .problem import EffortModel, fit
 
 __all__ = ["BaseParameters", "consistent_fit"]
 
@@ -111,19 +111,17 @@ class _Body:
         return self.drawn + np.tensordot(x, self.changes, axes=1)
 
 
-def consistent_fit(
-    problem: EffortProblem, model: EffortModel, toleranced: Sequence[tuple[int, Array] | None]
-) -> tuple[Array, Array]:
+def consistent_fit(model: EffortModel, toleranced: Sequence[tuple[int, Array] | None]) -> tuple[Array, Array]:
     """Return the coefficients (p,) of a model whose bodies can exist, and their normal matrix (p, p).
 
     toleranced: the joint and the body's parameters (10,) of each toleranced parameter that is of a body. If the bodies
     of the free fit can exist, that is returned.
     """
-    x, matrix = fit(problem, model)
-    bodies = _bodies(problem.mechanism, model, toleranced)
+    x, matrix = fit(model)
+    bodies = _bodies(model.problem.mechanism, model, toleranced)
     if all(_smallest(body.at(x)) > 0 for body in bodies):
         return x, matrix
-    moment = problem.columns.moment[:, np.array(model.where, int)].sum(axis=0)
+    moment = model.problem.columns.moment[:, np.array(model.where, int)].sum(axis=0)
     free = ~model.one_sided | (x > 0)
     while True:
         found, weight = np.zeros(len(x)), max(float(abs(moment @ x)), _WEIGHT)

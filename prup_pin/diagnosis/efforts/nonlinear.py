@@ -15,7 +15,7 @@ from ...spatial import Array
 from ..criteria import EFFORT_INDISTINCT, EFFORT_SURE
 from .evidence import CrossValidation, relative_gain
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, EffortProblem, NormalEquations, fit
+from .problem import EffortCandidate, EffortModel, NormalEquations, fit
 
 __all__ = ["optimised", "profile_intervals", "refined"]
 
@@ -27,21 +27,20 @@ _NEVER = 7.0
 
 def refined(
     efforts: PreparedEfforts,
-    problem: EffortProblem,
     model: EffortModel,
     which: Sequence[int],
     at_last: bool = False,
-) -> tuple[EffortProblem, EffortModel]:
-    """Return the model with better nonlinear parameters by held-out blocks, then optimised; and its problem.
+) -> EffortModel:
+    """Return the model with better nonlinear parameters by held-out blocks, then optimised.
 
     which: indices of the terms, one after the other. at_last: a parameter that is zero may become larger; while laws
     are missing it would stand for them.
     """
-    columns = problem.columns
+    columns = model.problem.columns
     for place in which:
-        term = model.terms[place]
+        term, problem = model.terms[place], model.problem
         law = term.law
-        values = law.fitted(term.place, fit(problem, model)[0][model.slice_of(term)], term.values)
+        values = law.fitted(term.place, fit(model)[0][model.slice_of(term)], term.values)
         # what follows from what is known is looked at again with what is known now
         again = [term.values] if law.of_what_is_known else []
         count = len(law.free(term.values))
@@ -49,12 +48,12 @@ def refined(
         others = [other for other in others if at_last or len(law.free(other)) <= count]
         if not others:
             continue
-        at, size = _motion_of(efforts, problem, model, place), columns.size
+        at, size = _motion_of(efforts, model, place), columns.size
         places = columns.add(efforts.whitened(law.efforts_per(term.place, other, at)) for other in others)
         prior = np.concatenate((problem.prior, np.tile(efforts.prior_of(law, term.place), len(others))))
         tried = [EffortCandidate(law, term.place, other, own) for own, other in zip(places, others, strict=True)]
         wider = efforts.with_candidates(columns, (*problem.candidates, *tried), prior)
-        squares = CrossValidation(wider, model.without(term)).with_each([term, *tried])
+        squares = CrossValidation(model.without(term).in_problem(wider)).with_each([term, *tried])
         best = int(np.argmin(squares.sum(axis=1)))
         # what is zero so far must surely be something
         more = best > 0 and len(law.free(tried[best - 1].values)) > count
@@ -62,28 +61,26 @@ def refined(
             columns.cut(size)
             continue
         taken = tried[best - 1]
-        model = model.replaced(place, taken)
         columns.cut(taken.where.stop)
         problem = efforts.with_candidates(columns, problem.candidates, prior[: taken.where.stop])
-    return optimised(efforts, problem, model, which)
+        model = model.replaced(place, taken).in_problem(problem)
+    return optimised(efforts, model, which)
 
 
-def optimised(
-    efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel, which: Sequence[int]
-) -> tuple[EffortProblem, EffortModel]:
+def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]) -> EffortModel:
     """Return the model with nonlinear parameters where the squares are least, all coefficients free.
 
     A friction that turns round on a way a little too long looks like a delay, where it is large.
     """
     from scipy.optimize import minimize  # heavy; not needed to load a robot
 
-    columns = problem.columns
+    columns = model.problem.columns
     for place in which:
-        term = model.terms[place]
+        term, problem = model.terms[place], model.problem
         law, count = term.law, len(term.law.free(term.values))
         if not count:
             continue
-        profile = _Profile.of(efforts, problem, model, place)
+        profile = _Profile.of(efforts, model, place)
 
         def cost(step: Array, profile: _Profile = profile) -> float:
             return profile(np.clip(step, -_FARTHEST, _FARTHEST))
@@ -100,24 +97,25 @@ def optimised(
         prior = np.concatenate((problem.prior, efforts.prior_of(law, term.place)))
         other = EffortCandidate(law, term.place, values, own)
         wider = efforts.with_candidates(columns, problem.candidates, prior)
-        before, after = CrossValidation(wider, model.without(term)).with_each([term, other]).sum(axis=1)
+        within = model.in_problem(wider)
+        before, after = CrossValidation(within.without(term)).with_each([term, other]).sum(axis=1)
         if after < before:
-            problem, model = wider, model.replaced(place, other)
+            model = within.replaced(place, other)
         else:
             columns.cut(size)
-    return problem, model
+    return model
 
 
 def profile_intervals(
-    efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel, term: EffortCandidate, rise: float
+    efforts: PreparedEfforts, model: EffortModel, term: EffortCandidate, rise: float
 ) -> dict[str, tuple[float, float]]:
     """Return the interval of each nonlinear parameter in which the squares rise by less, all coefficients free.
 
     Where data do not bound it, its own bounds do.
     """
-    cost = _Profile.of(efforts, problem, model, model.terms.index(term))
+    cost = _Profile.of(efforts, model, model.terms.index(term))
     law, out, free = term.law, {}, term.law.free(term.values)
-    quantities = {q.name: q for q in law.quantities_at(term.place, problem.mechanism)}
+    quantities = {q.name: q for q in law.quantities_at(term.place, model.problem.mechanism)}
     least = cost(np.zeros(len(free)))
     for name, axis in zip(free, np.eye(len(free)), strict=True):
         down, up = (_edge(cost, way, least + rise, law.near(term.values)) for way in (-axis, axis))
@@ -151,12 +149,12 @@ def _edge(cost: Callable[[Array], float], way: Array, most: float, first: float)
     return float(brentq(lambda size: cost(size * way) - most, inner, outer, xtol=0.02 * outer))
 
 
-def _motion_of(efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel, place: int) -> InMotion:
+def _motion_of(efforts: PreparedEfforts, model: EffortModel, place: int) -> InMotion:
     """Return the motion that a law sees: with the efforts of the terms before it, where it depends on them."""
     if not model.terms[place].law.of_what_is_known:
         return efforts.at
     before = model.with_terms(model.terms[:place])
-    return efforts.knowing(before, fit(problem, before)[0])
+    return efforts.knowing(before, fit(before)[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,12 +172,12 @@ class _Profile:
     normal: NormalEquations
 
     @classmethod
-    def of(cls, efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel, place: int) -> _Profile:
+    def of(cls, efforts: PreparedEfforts, model: EffortModel, place: int) -> _Profile:
         """Return the profile of a term of a model."""
-        term, columns = model.terms[place], problem.columns
+        term, columns = model.terms[place], model.problem.columns
         others = model.without(term)
-        x, matrix = fit(problem, others)
-        at, residual = _motion_of(efforts, problem, model, place), columns.residual(others.where, x)
+        x, matrix = fit(others)
+        at, residual = _motion_of(efforts, model, place), columns.residual(others.where, x)
         return cls(efforts, term, at, columns.dense(others.where), residual, NormalEquations.of(matrix))
 
     def at_values(self, values: Mapping[str, float]) -> float:

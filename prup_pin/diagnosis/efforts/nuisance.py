@@ -17,7 +17,7 @@ from scipy.linalg import block_diag, eigh
 from scipy.optimize import minimize_scalar
 
 from ...spatial import Array
-from .problem import EffortModel, EffortProblem, NormalEquations, fit
+from .problem import EffortModel, NormalEquations, fit
 
 __all__ = ["learned_precisions", "usual_precisions"]
 
@@ -26,15 +26,14 @@ _NARROWEST, _WIDEST, _ROUNDS = 0.01, 1.0, 3
 _TINY = float(np.finfo(float).tiny)
 
 
-def usual_precisions(
-    problem: EffortProblem, model: EffortModel
-) -> tuple[dict[str, tuple[np.ndarray, Array]], dict[tuple[str, str], Array]]:
+def usual_precisions(model: EffortModel) -> tuple[dict[str, tuple[np.ndarray, Array]], dict[tuple[str, str], Array]]:
     """Return by kind the indices (m,) of nuisances in a model and their usual inverse covariance P (m, m); and the
     inverse variances (p,) of each of them that is no body, by name.
 
     The usual effort of a nuisance is as large as what is measured beyond the rigid robot's, at the drives that show it.
     """
-    columns, powers = problem.columns, (problem.columns.target**2).sum(axis=0)
+    problem, columns = model.problem, model.problem.columns
+    powers = (columns.target**2).sum(axis=0)
     kinds: dict[str, tuple[np.ndarray, Array]] = {}
     usual: dict[tuple[str, str], Array] = {}
     for term in model.terms:
@@ -52,15 +51,13 @@ def usual_precisions(
     return kinds, usual
 
 
-def learned_precisions(
-    problem: EffortProblem, model: EffortModel, kinds: Mapping[str, tuple[np.ndarray, Array]]
-) -> dict[str, float]:
+def learned_precisions(model: EffortModel, kinds: Mapping[str, tuple[np.ndarray, Array]]) -> dict[str, float]:
     """Return by kind the factor of P that is the inverse covariance of its coefficients beside whitened noise.
 
     kinds: the indices (m,) of its coefficients in the model, and their usual inverse covariance P (m, m).
     """
-    where = np.array(model.where, int)
-    x, matrix = fit(problem, model)
+    problem, where = model.problem, np.array(model.where, int)
+    x, matrix = fit(model)
     columns = problem.columns
     gradients = columns.gradients(columns.residual(where, x), where)
     scatter = max(float(np.trace(NormalEquations.of(matrix).solve(gradients.T @ gradients))) / len(where), 1.0)

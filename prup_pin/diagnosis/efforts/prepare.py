@@ -131,12 +131,12 @@ class PreparedEfforts:
         columns = problem.columns
         _, more = self._appended(columns, plain, self._delayed_before_laws())
         problem = self.with_candidates(columns, problem.candidates, np.concatenate((problem.prior, more)))
-        problem, _ = self.with_curves(problem, plain, ROUGH_CURVES)
-        everything = EffortModel(tuple(range(columns.size)))
+        problem = self.with_curves(EffortModel(problem, ()), plain, ROUGH_CURVES)[0].problem
         # a pinch of shrinkage: columns that are nearly alike must not blow up
         prior = problem.prior + 1e-6 * np.diag(columns.total)
         problem = self.with_candidates(columns, problem.candidates, prior)
-        x, _ = fit(problem, everything)
+        everything = EffortModel(problem, tuple(range(columns.size)))
+        x, _ = fit(everything)
         if not self.at.motion.standing:
             self.outliers = outlier_intervals(problem, x, plain.good, self.at, self.kept)
         residual = columns.residual(everything.where, x) / flat[:, 0]
@@ -159,61 +159,58 @@ class PreparedEfforts:
                 values = law.scanned(place, at)[0]
                 yield law, place, values, self.as_columns(law.efforts_per(place, values, at))
 
-    def columns_of(self, problem: EffortProblem, model: EffortModel) -> Array:
+    def columns_of(self, model: EffortModel) -> Array:
         """Return what each coefficient of a model adds (n, k, p) to the efforts at the kept samples."""
         parts = [np.zeros((len(self.kept), len(self.at.driven), 0))]
         if model.toleranced:
             parts.append(self.at_kept(np.stack([self.deviations[i].efforts for i in model.toleranced], axis=-1)))
         at, others = self.at, model.with_terms(term for term in model.terms if not term.law.of_what_is_known)
         if others.terms != model.terms:
-            at = self.knowing(others, fit(problem, model)[0][np.isin(model.where, others.where)])
+            at = self.knowing(others, fit(model)[0][np.isin(model.where, others.where)])
         for term in model.terms:
             known = at if term.law.of_what_is_known else self.at
             parts.append(self.at_kept(term.law.efforts_per(term.place, term.values, known)))
         return np.concatenate(parts, axis=2)
 
-    def held_out_residual(self, problem: EffortProblem, model: EffortModel) -> Array:
+    def held_out_residual(self, model: EffortModel) -> Array:
         """Return the residual of the filtered efforts (n, k) where each block was not fitted."""
-        columns, left = self.columns_of(problem, model), self.target.copy()
-        for part in problem.columns.folds:
-            x, _ = fit(problem, model, part)
+        columns, left = self.columns_of(model), self.target.copy()
+        for part in model.problem.columns.folds:
+            x, _ = fit(model, part)
             for block in part:
-                rows = problem.columns.parts[block]
+                rows = model.problem.columns.parts[block]
                 left[rows] -= columns[rows] @ x
         return left
 
-    def unwhitened(self, problem: EffortProblem, model: EffortModel) -> tuple[EffortProblem, EffortModel]:
-        """Return the columns of a model alone, each joint weighed by its size and not whitened, and the model of these.
+    def unwhitened(self, model: EffortModel) -> EffortModel:
+        """Return the same model of its own columns alone, each joint weighed by its size and not whitened.
 
         So is a prediction judged. The prior counts as much beside what is left as it does beside white noise.
         """
-        columns = DesignMatrix(self._plain.target(np.nan_to_num(self.target)), self.blocks)
-        columns.add([self._plain(SparseColumns.of(self.columns_of(problem, model)))])
+        problem, columns = model.problem, DesignMatrix(self._plain.target(np.nan_to_num(self.target)), self.blocks)
+        columns.add([self._plain(SparseColumns.of(self.columns_of(model)))])
         new = {old: index for index, old in enumerate(model.where)}
         terms = tuple(
             replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in model.terms
         )
-        left = float(self.held_out_unwhitened(problem, model).sum()) / max(int(self._plain.good.sum()), 1)
+        left = float(self.held_out_unwhitened(model).sum()) / max(int(self._plain.good.sum()), 1)
         bodies = {new[first]: left * block for first, block in problem.bodies.items() if first in new}
         alone = EffortProblem(problem.mechanism, columns, terms, left * problem.prior[list(model.where)], bodies)
-        return alone, EffortModel(tuple(range(len(model.toleranced))), terms)
+        return EffortModel(alone, tuple(range(len(model.toleranced))), terms)
 
-    def held_out_unwhitened(self, problem: EffortProblem, model: EffortModel) -> Array:
+    def held_out_unwhitened(self, model: EffortModel) -> Array:
         """Return the held-out squares of all blocks (B,), each joint weighed by its size and not whitened."""
-        left = np.where(self.good, self.held_out_residual(problem, model) * self._plain.filters[:, 0], 0.0)
-        return np.array([float((left[part] ** 2).sum()) for part in problem.columns.parts])
-
-    def problem(self) -> EffortProblem:
-        """Return the problem of all that competes."""
-        return self.refreshed(self._whole_problem(self.whitening), EffortModel(()))[0]
+        left = np.where(self.good, self.held_out_residual(model) * self._plain.filters[:, 0], 0.0)
+        return np.array([float((left[part] ** 2).sum()) for part in model.problem.columns.parts])
 
     def with_curves(
-        self, problem: EffortProblem, whitening: Whitening | None = None, tried: Sequence[EffortLaw] = CURVES
-    ) -> tuple[EffortProblem, list[EffortCandidate]]:
-        """Return the problem with curves of no law among the candidates, and these."""
+        self, model: EffortModel, whitening: Whitening | None = None, tried: Sequence[EffortLaw] = CURVES
+    ) -> tuple[EffortModel, list[EffortCandidate]]:
+        """Return the model with curves of no law among the candidates of its problem, and these."""
+        problem = model.problem
         there = [candidate for candidate in problem.candidates if candidate.law.is_curve]
         if there:
-            return problem, there
+            return model, there
         curves: Iterable[_LawColumns] = (
             (law, place, knots, self.as_columns(law.efforts_per(place, knots, self.at)))
             for law in tried
@@ -227,7 +224,7 @@ class PreparedEfforts:
         sizes = np.sqrt(np.nanmean(np.where(self.good, self.target, np.nan) ** 2, axis=0))
         for curve in new:
             prior[curve.where] = 1 / max(sizes[self.at.driven.index(curve.place.name)], np.finfo(float).tiny) ** 2
-        return self.with_candidates(problem.columns, (*problem.candidates, *new), prior), new
+        return model.in_problem(self.with_candidates(problem.columns, (*problem.candidates, *new), prior)), new
 
     def _appended(
         self, columns: DesignMatrix, whitening: Whitening, laws: Iterable[_LawColumns]
@@ -320,12 +317,11 @@ class PreparedEfforts:
         bodies = {first: block * self._body_factor for first, block in own if block is not None}
         return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
 
-    def with_learned_variances(
-        self, problem: EffortProblem, model: EffortModel
-    ) -> tuple[PreparedEfforts, EffortProblem]:
-        """Return efforts and problem with priors of nuisances and bodies as wide as is likeliest of each kind."""
-        kinds, usual = usual_precisions(problem, model)
-        factors = learned_precisions(problem, model, kinds)
+    def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:
+        """Return efforts and model with priors of nuisances and bodies as wide as is likeliest of each kind."""
+        problem = model.problem
+        kinds, usual = usual_precisions(model)
+        factors = learned_precisions(model, kinds)
         bodies = {term.law.physics for term in model.terms if term.law.body}
         other = copy(self)
         other._body_factor = next((factors[kind] for kind in kinds if kind in bodies), 1.0)
@@ -334,16 +330,17 @@ class PreparedEfforts:
         for candidate in problem.candidates:
             if candidate.name in usual:
                 prior[candidate.where] = other.prior_of(candidate.law, candidate.place)
-        return other, other.with_candidates(problem.columns, problem.candidates, prior)
+        return other, model.in_problem(other.with_candidates(problem.columns, problem.candidates, prior))
 
     def prior_of(self, law: EffortLaw, place: Place) -> Array:
         """Return inverse variances (p,) of a law's coefficients, in the unit of the whitened noise."""
         learned = self._learned_priors.get((law.physics, place.name)) if law.everywhere else None
         return law.prior(place, self.at.mechanism) if learned is None else learned
 
-    def refreshed(self, problem: EffortProblem, model: EffortModel) -> tuple[EffortProblem, EffortModel]:
-        """Return the problem with new columns of laws that follow from what is known, and the model; its terms stay."""
-        columns, size, terms = problem.columns, self._own_size, []
+    def refreshed(self, model: EffortModel) -> EffortModel:
+        """Return the model in a problem with new columns of laws that follow from what is known; its terms stay."""
+        problem, columns = model.problem, model.problem.columns
+        size, terms = self._own_size, []
         picked = list(range(size))
         for term in model.terms:
             if term.where.start >= self._own_size:
@@ -355,23 +352,25 @@ class PreparedEfforts:
         fixed = [c for c in problem.candidates if c.where.start < self._own_size]
         kept = [term for term in terms if term.where.start >= self._own_size]
         prior = problem.prior[picked]
-        at = self.knowing(model, fit(self.with_candidates(columns, (), prior), model)[0])
+        at = self.knowing(model, fit(model.in_problem(self.with_candidates(columns, (), prior)))[0])
         moving = (
             (law, place, values, self.as_columns(law.efforts_per(place, values, at)))
             for law, place in self._moving
             for values in law.scanned(place, at)
         )
         new, more = self._appended(columns, self.whitening, moving)
-        return self.with_candidates(columns, (*fixed, *kept, *new), np.concatenate((prior, more))), model
+        problem = self.with_candidates(columns, (*fixed, *kept, *new), np.concatenate((prior, more)))
+        return model.in_problem(problem)
 
-    def start(self, problem: EffortProblem | None = None) -> EffortModel:
-        """Return the model before any law: toleranced parameters, and the masses of all links where of a problem."""
-        candidates = () if problem is None else problem.candidates
-        every = tuple(candidate for candidate in candidates if candidate.law.body is Body.ALL_LINKS)
-        return EffortModel(tuple(range(len(self.deviations))), every)
+    def start(self, all_links: bool = False) -> EffortModel:
+        """Return the model before any law: toleranced parameters, and masses of all links if asked for."""
+        problem = self.refreshed(EffortModel(self._whole_problem(self.whitening), ())).problem
+        every = tuple(c for c in problem.candidates if all_links and c.law.body is Body.ALL_LINKS)
+        return EffortModel(problem, tuple(range(len(self.deviations))), every)
 
-    def with_nuisances(self, problem: EffortProblem, start: EffortModel) -> EffortModel:
-        """Return a start with what every drive has as nuisances, links' masses too where none of them is toleranced."""
+    def start_with_nuisances(self, all_links: bool = False) -> EffortModel:
+        """Return the same with what every drive has as nuisances, links' masses too where none is toleranced."""
+        start = self.start(all_links)
         weighed = start.terms or any(item.inertial is not None for item in self.deviations)
-        common = [c for c in problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
-        return EffortModel(start.toleranced, (*start.terms, *common), keeps_nuisances=True)
+        common = [c for c in start.problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
+        return replace(start, terms=(*start.terms, *common), keeps_nuisances=True)

@@ -239,6 +239,10 @@ class DesignMatrix:
         """The joints in which each column acts, (P, k)."""
         return self._touched[: self.size]
 
+    def joints_of(self, candidate: EffortCandidate) -> frozenset[int]:
+        """Return the joints in which a candidate acts."""
+        return frozenset(np.flatnonzero(self.touched[candidate.where].any(axis=0)).tolist())
+
     def by_block(self, values: Array) -> Array:
         """Return sums over blocks (B, ...) of values (n, ...)."""
         return np.add.reduceat(values, self.starts) if self.count else np.zeros((0, *values.shape[1:]))
@@ -452,11 +456,12 @@ class NormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class EffortModel:
-    """What is fitted together: columns of toleranced parameters, and laws as `terms`.
+    """What is fitted together of a problem: columns of toleranced parameters, and laws as `terms`.
 
     keeps_nuisances: laws that every drive has are among the terms as nuisance parameters, and stay there.
     """
 
+    problem: EffortProblem
     toleranced: tuple[int, ...]
     terms: tuple[EffortCandidate, ...] = ()
     keeps_nuisances: bool = False
@@ -468,6 +473,10 @@ class EffortModel:
     def with_terms(self, terms: Iterable[EffortCandidate]) -> EffortModel:
         """Return the model with other terms."""
         return replace(self, terms=tuple(terms))
+
+    def in_problem(self, problem: EffortProblem) -> EffortModel:
+        """Return the model in another problem of the same columns."""
+        return replace(self, problem=problem)
 
     @property
     def where(self) -> list[int]:
@@ -498,9 +507,9 @@ class EffortModel:
         return self.with_terms(other for other in self.terms if other not in terms)
 
 
-def fit(problem: EffortProblem, model: EffortModel, left_out: np.ndarray | None = None) -> tuple[Array, Array]:
+def fit(model: EffortModel, left_out: np.ndarray | None = None) -> tuple[Array, Array]:
     """Return the coefficients (p,) of a model and their normal matrix (p, p). left_out: blocks of a fold not fitted."""
-    where = np.array(model.where, int)
+    problem, where = model.problem, np.array(model.where, int)
     columns, at = problem.columns, np.ix_(where, where)
     if left_out is None:
         matrix, moment = columns.total[at], columns.moment[:, where].sum(axis=0)
@@ -516,7 +525,7 @@ def fit(problem: EffortProblem, model: EffortModel, left_out: np.ndarray | None 
     return x, matrix
 
 
-def block_squares(problem: EffortProblem, model: EffortModel, x: Array) -> Array:
+def block_squares(model: EffortModel, x: Array) -> Array:
     """Return the squared residuals of a model with coefficients x, by block (B,)."""
-    columns = problem.columns
+    columns = model.problem.columns
     return columns.by_block(columns.residual(model.where, x) ** 2).sum(axis=1)

@@ -42,14 +42,14 @@ def residuals_of(final: FinalState) -> EffortResiduals:
     efforts, driven = final.efforts, final.at.driven
     measured, rigid = efforts.measured[efforts.kept] * final.scale, efforts.rigid[efforts.kept]
     predicted = (rigid + final.explained) * final.scale
-    held_out = measured - efforts.held_out_residual(final.problem, final.model) * final.scale
+    held_out = measured - efforts.held_out_residual(final.model) * final.scale
     squares, counts = _squares_over_noise(final)
     before, after = (_root_mean(each, counts) for each in squares)
     by_joint = {
         name: {"before": float(np.sqrt(squares[0][k])), "after": float(np.sqrt(squares[1][k]))}
         for k, name in enumerate(driven)
     }
-    fitted = float(block_squares(final.problem, final.model, final.x).sum())
+    fitted = float(block_squares(final.model, final.x).sum())
     ratio = float(np.sqrt(max(final.held_out.sum() / max(fitted, np.finfo(float).tiny), 1.0)))
     shares: dict[str, dict[str, float]] = {}
     columns = {name: [k] for k, name in enumerate(driven)}

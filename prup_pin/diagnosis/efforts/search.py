@@ -29,7 +29,7 @@ from ..criteria import (
 from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
 from .nonlinear import refined
 from .prepare import PreparedEfforts
-from .problem import EffortCandidate, EffortModel, EffortProblem, fit
+from .problem import EffortCandidate, EffortModel, fit
 
 __all__ = [
     "cost_of",
@@ -58,15 +58,13 @@ _FAR_MORE = 1.25
 _Key = tuple[str, str, str]
 
 
-def searched(
-    efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel, tell: Callable[[float], None]
-) -> tuple[EffortProblem, EffortModel]:
-    """Return the model that the efforts ask for, from one to begin with, and the problem with the columns of it."""
+def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float], None]) -> EffortModel:
+    """Return the model that the efforts ask for, from one to begin with."""
     refused: Counter[_Key] = Counter()
     left: set[_Key] = set()
     while True:
-        problem, model = _forward(efforts, problem, model, refused, tell)
-        needed = pruned(problem, model, model.terms)
+        model = _forward(efforts, model, refused, tell)
+        needed = pruned(model, model.terms)
         # what only imitated a plainer law leaves its place to that, once
         gone = {term.key for term in model.terms if term not in needed.terms}
         model = needed
@@ -77,46 +75,43 @@ def searched(
     # bodies first: what follows from what is known acts on them
     model = model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
     if model.terms:
-        problem, model = refined(efforts, problem, model, range(len(model.terms) - 1, -1, -1), at_last=True)
-        problem, model = _with_new(efforts, problem, model, [], refused)
-        problem, model = _simpler(efforts, problem, model)
-    return problem, model
+        model = refined(efforts, model, range(len(model.terms) - 1, -1, -1), at_last=True)
+        model = _with_new(efforts, model, [], refused)
+        model = _simpler(efforts, model)
+    return model
 
 
 def _forward(
     efforts: PreparedEfforts,
-    problem: EffortProblem,
     model: EffortModel,
     refused: Counter[_Key],
     tell: Callable[[float], None],
-) -> tuple[EffortProblem, EffortModel]:
+) -> EffortModel:
     """Return the model with all laws that enter, one after the other."""
     fresh, squares = True, np.inf
     while len(model.terms) < MOST_EFFORT_TERMS:
-        validation = CrossValidation(problem, model)
+        validation = CrossValidation(model)
         tell(1 - np.exp(-len(model.terms) / 8))
         if not fresh and validation.squares.sum() < EFFORT_STALE * squares:
-            problem, model = efforts.refreshed(problem, model)
-            validation, fresh = CrossValidation(problem, model), True
+            model = efforts.refreshed(model)
+            validation, fresh = CrossValidation(model), True
         if fresh:
             squares = float(validation.squares.sum())
-        new = _entering(problem, model, validation, refused)
+        new = _entering(model, validation, refused)
         if not fresh and (not new or any(term.law.of_what_is_known for term in new)):
-            problem, model = efforts.refreshed(problem, model)
-            validation, fresh, squares = CrossValidation(problem, model), True, float(validation.squares.sum())
-            new = _entering(problem, model, validation, refused)
+            model = efforts.refreshed(model)
+            validation, fresh, squares = CrossValidation(model), True, float(validation.squares.sum())
+            new = _entering(model, validation, refused)
         if not new:
             break
-        problem, model = _with_new(efforts, problem, model, new, refused)
+        model = _with_new(efforts, model, new, refused)
         fresh = False
-    return problem, model
+    return model
 
 
-def _entering(
-    problem: EffortProblem, model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]
-) -> list[EffortCandidate]:
+def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
     """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains."""
-    ranked, limit = scores(problem, model)
+    ranked, limit = scores(model)
     likely = [
         score
         for score in ranked
@@ -125,30 +120,31 @@ def _entering(
         and refused.get(score.candidate.key, 0) < _ENTRIES
         and not any(term.excludes(score.candidate) for term in model.terms)
     ]
-    touched = {id(score): _joints(problem, score.candidate) for score in likely}
+    columns = model.problem.columns
+    touched = {id(score): columns.joints_of(score.candidate) for score in likely}
     likely = sorted(likely, key=lambda score: -score.gain)
     # the best of all, and the best of every joint
     kept = {id(score): score for score in likely[:_TRIED]}
-    for joint in range(problem.columns.target.shape[1]):
+    for joint in range(columns.target.shape[1]):
         kept |= {id(score): score for score in [s for s in likely if joint in touched[id(s)]][: _TRIED // 2]}
     candidates = [score.candidate for score in kept.values()]
     tried = []
     for candidate, after in zip(candidates, validation.with_each(candidates), strict=True):
-        if _earns(validation, candidate, validation.squares, after) and _shows_beside(problem, model, candidate):
+        if _earns(validation, candidate, validation.squares, after) and _shows_beside(model, candidate):
             tried.append((float((validation.squares - after).sum()), after, candidate))
     new: list[EffortCandidate] = []
     taken: set[int] = set()
     while tried:
         one = _simplest(tried)
-        joints = _joints(problem, one)
+        joints = columns.joints_of(one)
         if new and len(joints) > 1:
             break
-        if is_plausible(problem, _replaced_by(one, model).with_term(*new, one), one):
+        if is_plausible(_replaced_by(one, model).with_term(*new, one), one):
             new.append(one)
             if len(joints) > 1:
                 break
             taken |= joints
-            others = [(item, _joints(problem, item[2])) for item in tried]
+            others = [(item, columns.joints_of(item[2])) for item in tried]
             tried = [item for item, own in others if not taken & own or len(own) > 1]
         tried = [item for item in tried if item[2] is not one]
     return new
@@ -156,97 +152,96 @@ def _entering(
 
 def _with_new(
     efforts: PreparedEfforts,
-    problem: EffortProblem,
     model: EffortModel,
     new: Sequence[EffortCandidate],
     refused: Counter[_Key],
-) -> tuple[EffortProblem, EffortModel]:
+) -> EffortModel:
     """Return the model with new terms, without those whose place they take and those that they make needless."""
     for term in new:
-        rest, size = _replaced_by(term, model), problem.columns.size
+        rest, columns = _replaced_by(term, model), model.problem.columns
+        size = columns.size
         # a richer law competes with the best of its own values: those of what it replaces have been looked for
-        wider, after = refined(efforts, problem, rest.with_term(term), [len(rest.terms)])
-        if rest.terms != model.terms and not _is_earned(wider, model, after, after.terms[-1]):
-            problem.columns.cut(size)
+        after = refined(efforts, rest.with_term(term), [len(rest.terms)])
+        if rest.terms != model.terms and not _is_earned(model, after, after.terms[-1]):
+            columns.cut(size)
             refused[term.key] += _ENTRIES
             continue
-        problem, model = wider, after
-    model = _all_links(problem, model)
+        model = after
+    model = _all_links(model)
     while True:
         old = model.terms[: len(model.terms) - len(new)]
-        worse = _needless(problem, model, old)
+        worse = _needless(model, old)
         if worse is None:
-            return problem, model
+            return model
         refused[worse.key] += 1
         model = model.without(worse)
 
 
-def _all_links(problem: EffortProblem, model: EffortModel) -> EffortModel:
+def _all_links(model: EffortModel) -> EffortModel:
     """Return the model with all links in the place of several.
 
     Several that are not as drawn say that the robot is another one than was drawn: the others are not to be taken on
     trust then. What this motion hardly tells of them another one may ask for.
     """
-    every = next((c for c in problem.candidates if c.law.body is Body.ALL_LINKS), None)
-    if every is None or every in model.terms or len(_others(problem, model)) < 2:
+    every = next((c for c in model.problem.candidates if c.law.body is Body.ALL_LINKS), None)
+    if every is None or every in model.terms or len(_others(model)) < 2:
         return model
     tried = _replaced_by(every, model).with_term(every)
-    left = CrossValidation(problem, tried).squares
-    taken = no_worse(left, CrossValidation(problem, model).squares) and not _one_would_do(problem, model, left)
+    left = CrossValidation(tried).squares
+    taken = no_worse(left, CrossValidation(model).squares) and not _one_would_do(model, left)
     return tried if taken else model
 
 
-def _one_would_do(problem: EffortProblem, model: EffortModel, left: Array) -> bool:
+def _one_would_do(model: EffortModel, left: Array) -> bool:
     """Return whether one law that is no link's takes links back within tolerance, and leaves no more than `left`."""
     plain = [
         score
-        for score in scores(problem, model)[0]
+        for score in scores(model)[0]
         if score.possible
         and score.candidate.law.body not in (*_ONE_LINK, Body.ALL_LINKS)
         and not any(term.excludes(score.candidate) for term in model.terms)
     ]
     candidates = [score.candidate for score in sorted(plain, key=lambda score: -score.gain)[:_TRIED]]
     return any(
-        no_worse(after, left) and len(_others(problem, model.with_term(candidate))) < 2
-        for candidate, after in zip(candidates, CrossValidation(problem, model).with_each(candidates), strict=True)
+        no_worse(after, left) and len(_others(model.with_term(candidate))) < 2
+        for candidate, after in zip(candidates, CrossValidation(model).with_each(candidates), strict=True)
     )
 
 
-def _others(problem: EffortProblem, model: EffortModel) -> set[str]:
+def _others(model: EffortModel) -> set[str]:
     """Return the links that are not as drawn: by a law, or beyond their tolerance."""
-    limit, off = beyond_tolerance(len(model.toleranced)), strain(problem, model)
-    links = problem.links
+    limit, off = beyond_tolerance(len(model.toleranced)), strain(model)
+    links = model.problem.links
     beyond = {links[i] for i, own in zip(model.toleranced, off, strict=True) if i in links and own > limit}
     return beyond | {term.place.name for term in model.terms if term.law.body in _ONE_LINK}
 
 
-def _simpler(efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel) -> tuple[EffortProblem, EffortModel]:
+def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
     """Return the model with one law in the place of others where these do not earn what they have more."""
-    for others, single in _simplifications(problem, model):
+    for others, single in _simplifications(model):
         if not all(term in model.terms for term in others):
             continue
         rest = model.without(*others)
         single = [c for c in single if not any(term.excludes(c) or c.replaces(term) for term in rest.terms)]
         if not single:
             continue
-        best = single[int(np.argmin(CrossValidation(problem, rest).with_each(single).sum(axis=1)))]
-        tried, one = refined(efforts, problem, rest.with_term(best), [len(rest.terms)])
-        links = _others(tried, one) if best.law.body else set()
-        richer = [term for term in others if _is_earned(tried, one, model, term)]
-        if not richer and len(links) < 2 and is_plausible(tried, one, one.terms[-1]):
-            problem, model = tried, one
-        problem.columns.cut(len(problem.prior))
-    return problem, model
+        best = single[int(np.argmin(CrossValidation(rest).with_each(single).sum(axis=1)))]
+        one = refined(efforts, rest.with_term(best), [len(rest.terms)])
+        links = _others(one) if best.law.body else set()
+        richer = [term for term in others if _is_earned(one, model, term)]
+        if not richer and len(links) < 2 and is_plausible(one, one.terms[-1]):
+            model = one
+        model.problem.columns.cut(len(model.problem.prior))
+    return model
 
 
-def _simplifications(
-    problem: EffortProblem, model: EffortModel
-) -> Iterator[tuple[tuple[EffortCandidate, ...], list[EffortCandidate]]]:
+def _simplifications(model: EffortModel) -> Iterator[tuple[tuple[EffortCandidate, ...], list[EffortCandidate]]]:
     """Yield terms, and candidates with fewer columns of which one may stand for all of these.
 
     One law or two at a joint may be another one, or a plainer one of their family; and what several drives have alike
     may be one thing of all of them.
     """
+    candidates = model.problem.candidates
     own = [term for term in model.terms if not model.is_nuisance(term)]
     for terms in (*((term,) for term in own), *combinations(own, 2)):
         joint, columns = terms[0].place.name, sum(term.size for term in terms)
@@ -255,7 +250,7 @@ def _simplifications(
                 terms,
                 [
                     c
-                    for c in problem.candidates
+                    for c in candidates
                     if c.size < columns
                     and (c.place.name == joint or terms[0].replaces(c))
                     and not any(c.key == term.key or (c.replaces(term) and c.size > term.size) for term in terms)
@@ -264,13 +259,13 @@ def _simplifications(
     for physics in dict.fromkeys(term.law.physics for term in own):
         alike = tuple(term for term in own if term.law.physics == physics and term.place.name != "robot")
         if len(alike) > 1 and not any(term.law.body for term in alike):
-            yield alike, [c for c in problem.candidates if c.name == (physics, "robot")]
+            yield alike, [c for c in candidates if c.name == (physics, "robot")]
 
 
-def _is_earned(problem: EffortProblem, before: EffortModel, after: EffortModel, term: EffortCandidate) -> bool:
+def _is_earned(before: EffortModel, after: EffortModel, term: EffortCandidate) -> bool:
     """Return whether the model after, which has a term, saves enough of what the one before leaves."""
-    old = CrossValidation(problem, before)
-    return _earns(old, term, old.squares, held_out(problem, after))
+    old = CrossValidation(before)
+    return _earns(old, term, old.squares, held_out(after))
 
 
 def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, after: Array) -> bool:
@@ -282,17 +277,17 @@ def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, af
     return saving > term.law.least_gain * float(before.sum())
 
 
-def _shows_beside(problem: EffortProblem, model: EffortModel, term: EffortCandidate) -> bool:
+def _shows_beside(model: EffortModel, term: EffortCandidate) -> bool:
     """Return whether a term earns its place beside plainer laws too, which it might imitate."""
     names = set(term.law.unlike(term.place))
     if not names:
         return True
     missing = names - {other.name for other in model.terms}
     plainer: dict[tuple[str, str], EffortCandidate] = {}
-    for other in problem.candidates:
+    for other in model.problem.candidates:
         if other.name in missing:
             plainer.setdefault(other.name, other)
-    validation = CrossValidation(problem, model.without(term).with_term(*plainer.values()))
+    validation = CrossValidation(model.without(term).with_term(*plainer.values()))
     return _earns(validation, term, validation.squares, validation.with_each([term])[0])
 
 
@@ -301,17 +296,12 @@ def _replaced_by(term: EffortCandidate, model: EffortModel) -> EffortModel:
     return model.without(*(other for other in model.terms if term.replaces(other)))
 
 
-def _joints(problem: EffortProblem, term: EffortCandidate) -> frozenset[int]:
-    """Return the joints in which a term acts."""
-    return frozenset(np.flatnonzero(problem.columns.touched[term.where].any(axis=0)).tolist())
-
-
-def is_plausible(problem: EffortProblem, model: EffortModel, term: EffortCandidate) -> bool:
+def is_plausible(model: EffortModel, term: EffortCandidate) -> bool:
     """Return whether a term has values that its law can have, fitted together with all others."""
-    x, _ = fit(problem, model)
+    x, _ = fit(model)
     own = x[model.slice_of(term)]
     values = term.law.fitted(term.place, own, term.values)
-    return term.law.plausible(term.place, values, problem.mechanism) and term.law.agrees(own, term.values)
+    return term.law.plausible(term.place, values, model.problem.mechanism) and term.law.agrees(own, term.values)
 
 
 def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCandidate:
@@ -330,45 +320,46 @@ def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCa
     return simplest
 
 
-def kinds_of_most_drives(problem: EffortProblem, terms: Sequence[EffortCandidate]) -> dict[str, list[EffortCandidate]]:
-    """Return, by physics, the terms of laws that every drive has, where most drives have them."""
+def kinds_of_most_drives(
+    model: EffortModel, terms: Sequence[EffortCandidate] | None = None
+) -> dict[str, list[EffortCandidate]]:
+    """Return, by physics, the terms of laws that every drive has, where most drives have them; of all, or of some."""
+    problem = model.problem
     common = {other.law.physics for other in problem.candidates if other.law.everywhere}
     kinds: dict[str, list[EffortCandidate]] = {}
-    for term in terms:
+    for term in model.terms if terms is None else terms:
         if term.law.physics in common and term.place.name in problem.mechanism.actuated:
             kinds.setdefault(term.law.physics, []).append(term)
     most = max(_FEWEST_OF_KIND, problem.columns.target.shape[1] / 2)
     return {kind: own for kind, own in kinds.items() if len({term.place.name for term in own}) >= most}
 
 
-def sure_of_all(problem: EffortProblem, model: EffortModel) -> EffortModel:
+def sure_of_all(model: EffortModel) -> EffortModel:
     """Return the model without nuisances that held-out blocks do not ask for; the others are terms like any."""
     common = [term for term in model.terms if model.is_nuisance(term)]
-    return pruned(problem, replace(model, keeps_nuisances=False), common)
+    return pruned(replace(model, keeps_nuisances=False), common)
 
 
-def pruned(problem: EffortProblem, model: EffortModel, doubtful: Sequence[EffortCandidate]) -> EffortModel:
+def pruned(model: EffortModel, doubtful: Sequence[EffortCandidate]) -> EffortModel:
     """Return the model without those of the `doubtful` terms that the others make needless."""
-    while (worse := _needless(problem, model, doubtful)) is not None:
+    while (worse := _needless(model, doubtful)) is not None:
         model = model.without(worse)
     return model
 
 
-def _needless(
-    problem: EffortProblem, model: EffortModel, doubtful: Sequence[EffortCandidate]
-) -> EffortCandidate | None:
+def _needless(model: EffortModel, doubtful: Sequence[EffortCandidate]) -> EffortCandidate | None:
     """Return the most needless of the doubtful terms on held-out blocks; None where each is needed."""
     old = [term for term in model.terms if term in doubtful and not model.is_nuisance(term)]
     if not old:
         return None
-    validation = CrossValidation(problem, model)
+    validation = CrossValidation(model)
     least: tuple[float, EffortCandidate | None] = (np.inf, None)
     for term, without in zip(old, validation.without_each(old), strict=True):
         saving = float((without - validation.squares).sum())
         # without a needless term less may be left than nothing, but for rounding
         left, numbers = validation.squares_at(term) + saving, np.finfo(float)
         share = saving / max(left, numbers.eps * abs(saving), numbers.tiny)
-        earns = _earns(validation, term, without, validation.squares) and _shows_beside(problem, model, term)
+        earns = _earns(validation, term, without, validation.squares) and _shows_beside(model, term)
         if not earns and share < least[0]:
             least = share, term
     return least[1]
@@ -377,72 +368,66 @@ def _needless(
 # -- laws that take the strain off tolerances --------------------------------------------------------------------------
 
 
-def strain(problem: EffortProblem, model: EffortModel) -> Array:
+def strain(model: EffortModel) -> Array:
     """Return by how many of its tolerances each toleranced parameter of a model is off (p,)."""
-    return np.abs(fit(problem, model)[0][: len(model.toleranced)])
+    return np.abs(fit(model)[0][: len(model.toleranced)])
 
 
-def squared_strain(problem: EffortProblem, model: EffortModel) -> float:
+def squared_strain(model: EffortModel) -> float:
     """Return the sum of squared strains, which counts beside squared residuals."""
-    return float((strain(problem, model) ** 2).sum())
+    return float((strain(model) ** 2).sum())
 
 
-def cost_of(problem: EffortProblem, model: EffortModel) -> float:
+def cost_of(model: EffortModel) -> float:
     """Return the held-out squares and the squared strain of a model."""
-    return float(held_out(problem, model).sum()) + squared_strain(problem, model)
+    return float(held_out(model).sum()) + squared_strain(model)
 
 
-def with_relieving_laws(
-    efforts: PreparedEfforts, problem: EffortProblem, model: EffortModel
-) -> tuple[EffortProblem, EffortModel]:
+def with_relieving_laws(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
     """Return the model with laws that take parameters back within their tolerances, one for several.
 
     Where a curve of no law takes off far more strain than any law, none enters. What made up for such a law goes.
     """
     limit, before = beyond_tolerance(len(model.toleranced)), model.terms
-    while (strain(problem, model) > limit).any():
-        problem, curves = efforts.with_curves(problem)
-        laws = _reliefs(problem, model, problem.without_curves().candidates)
+    while (strain(model) > limit).any():
+        model, curves = efforts.with_curves(model)
+        laws = _reliefs(model, model.problem.without_curves().candidates)
         if not laws:
             break
         most = max(relief for relief, _ in laws)
-        if any(relief > max(_FAR_MORE * most, most + limit**2) for relief, _ in _reliefs(problem, model, curves)):
+        if any(relief > max(_FAR_MORE * most, most + limit**2) for relief, _ in _reliefs(model, curves)):
             break
         good = [law for relief, law in laws if relief > most - limit**2]
         model = model.with_term(min(good, key=lambda law: (law.size, law.where.start)))
     if len(model.terms) > len(before):
-        fewer = pruned(problem, model, before)
-        if not (strain(problem, fewer) > max(limit, strain(problem, model).max())).any():
+        fewer = pruned(model, before)
+        if not (strain(fewer) > max(limit, strain(model).max())).any():
             model = fewer
-    return problem, model
+    return model
 
 
-def relieving_curve(
-    problem: EffortProblem, model: EffortModel, curves: Sequence[EffortCandidate]
-) -> EffortCandidate | None:
+def relieving_curve(model: EffortModel, curves: Sequence[EffortCandidate]) -> EffortCandidate | None:
     """Return the curve of no law that takes most strain off where parameters lie beyond their tolerances, or None."""
-    return max(_reliefs(problem, model, curves), key=lambda item: item[0], default=(0.0, None))[1]
+    return max(_reliefs(model, curves), key=lambda item: item[0], default=(0.0, None))[1]
 
 
-def _reliefs(
-    problem: EffortProblem, model: EffortModel, candidates: Sequence[EffortCandidate]
-) -> list[tuple[float, EffortCandidate]]:
+def _reliefs(model: EffortModel, candidates: Sequence[EffortCandidate]) -> list[tuple[float, EffortCandidate]]:
     """Return candidates that take off most of the strain beyond tolerance, with how much, squared."""
     limit = beyond_tolerance(len(model.toleranced))
-    before = strain(problem, model)
+    before = strain(model)
     if not (before > limit).any():
         return []
-    left = held_out(problem, model)
+    left = held_out(model)
     found: list[tuple[float, EffortCandidate]] = []
     for law in candidates:
         if any(term.excludes(law) or law.replaces(term) for term in model.terms):
             continue  # two shapes of one thing are a third shape
         tried = model.with_term(law)
-        after = strain(problem, tried)
+        after = strain(tried)
         relief = float((before**2).sum() - (after**2).sum())
         fewer = (after > limit).sum() < (before > limit).sum()
         if not fewer or relief < EFFORT_RELIEF * float((before[before > limit] ** 2).sum()):
             continue
-        if no_worse(held_out(problem, tried), left) and is_plausible(problem, tried, law):
+        if no_worse(held_out(tried), left) and is_plausible(tried, law):
             found.append((relief, law))
     return found

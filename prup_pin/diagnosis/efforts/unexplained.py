@@ -57,9 +57,9 @@ _TELLS = 1e-9
 def structure_left(final: FinalState) -> list[Finding]:
     """Return the findings of what curves of no law, or bodies that cannot exist, take away."""
     found = []
-    whole = held_out(final.problem, final.with_time).sum()
+    whole = held_out(final.with_time).sum()
     for term in final.curves:
-        joint, without = term.place.name, held_out(final.problem, final.with_time.without(term)).sum()
+        joint, without = term.place.name, held_out(final.with_time.without(term)).sum()
         share = share_saved(whole, without)
         text = (
             f"structure is left over at {joint} that no law of the library takes away; {term.law.summary} by a curve "
