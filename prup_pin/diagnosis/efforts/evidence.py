@@ -32,7 +32,6 @@ __all__ = [
     "no_worse",
     "relative_gain",
     "scores",
-    "share_saved",
     "standard_error",
 ]
 
@@ -257,11 +256,6 @@ def scores(model: EffortModel) -> tuple[list[Score], float]:
 def standard_error(saving: Array) -> float:
     """Return the standard error of a sum over blocks (B,), by their scatter."""
     return float(np.std(saving, ddof=1) * np.sqrt(len(saving)))
-
-
-def share_saved(after: float, before: float) -> float:
-    """Return the share of squares before that is gone after, between 0 and 1."""
-    return float(np.clip(1 - after / max(before, np.finfo(float).tiny), 0.0, 1.0))
 
 
 def no_worse(after: Array, before: Array) -> bool:

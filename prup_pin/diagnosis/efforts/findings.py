@@ -13,9 +13,9 @@ from ...recordings import Convention
 from ...spatial import Array
 from ..chances import student_ppf
 from ..criteria import EFFORT_ALONE, FALSE_ALARM, MOST_COMBINATIONS, beyond_tolerance
-from ..diagnosis import Finding, FittedParameter
+from ..diagnosis import Finding, FittedParameter, heldout_gain
 from .conventions import gains_apart
-from .evidence import CrossValidation, held_out, share_saved
+from .evidence import CrossValidation, held_out
 from .final_state import FinalState
 from .gains import law_of_gains
 from .identify import alternatives_to
@@ -59,7 +59,7 @@ def _of_kind(final: FinalState, terms: Sequence[EffortCandidate]) -> Finding:
         location="robot",
         candidates=("robot", *joints),
         parameters={f"{name}.{key}": value for _, name, _, own in table for key, value in own.items()},
-        heldout_gain=share_saved(final.cost, cost_of(final.model.without(*terms))),
+        heldout_gain=heldout_gain(final.cost, cost_of(final.model.without(*terms))),
         statement=(
             f"{law.summary} at {len(joints)} of {len(final.at.driven)} drives, those known best first: "
             + ", ".join(f"{name} {size}" for _, name, size, _ in table)
@@ -83,7 +83,7 @@ def _of_law(final: FinalState, term: EffortCandidate) -> Finding:
         location=term.place.name,
         candidates=tuple(dict.fromkeys((term.place.name, *places))),
         parameters=parameters,
-        heldout_gain=share_saved(final.cost, before),
+        heldout_gain=heldout_gain(final.cost, before),
         statement=term.law.told(term.place, effect.values, intervals, final.mechanism),
         effect=effect,
         alternatives=tuple(dict.fromkeys(laws)),
@@ -115,7 +115,7 @@ def gains_found(final: FinalState) -> Iterator[Finding]:
         location="robot",
         candidates=("robot", *final.at.driven),
         parameters=parameters,
-        heldout_gain=share_saved((left[good] ** 2).sum(), (recorded[good] ** 2).sum()),
+        heldout_gain=heldout_gain((left[good] ** 2).sum(), (recorded[good] ** 2).sum()),
         statement=(
             f"the drives report in units of their own: {told}; all gains together and all masses together are one "
             "unknown, which the robot file's masses decide"
@@ -148,7 +148,7 @@ def _of_all_links(final: FinalState, term: EffortCandidate) -> Finding:
         location="robot",
         candidates=("robot", *links),
         parameters=parameters,
-        heldout_gain=share_saved(final.held_out.sum(), without.sum()),
+        heldout_gain=heldout_gain(final.held_out.sum(), without.sum()),
         statement=(
             f"the links' masses, centres and inertias are not those of the robot file: of {len(change)} "
             f"combinations that this motion tells, {len(differ)} are surely others"

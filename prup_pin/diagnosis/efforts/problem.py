@@ -326,13 +326,9 @@ class DesignMatrix:
 
     def gradients(self, left: Array, where: Sequence[int] | np.ndarray | None = None) -> Array:
         """Return products of all columns, or of some, with a residual (n, k), by block (B, p)."""
-        if where is None:
-            every = [np.flatnonzero(own) for own in self.touched.T]
-            tables = [(at, table[: len(at)]) for at, table in zip(every, self._tables, strict=True)]
-        else:
-            tables = self.some(where)
-        out = np.zeros((self.count, self.size if where is None else len(where)))
-        for (at, table), values in zip(tables, left.T.copy(), strict=True):
+        where = np.arange(self.size) if where is None else where
+        out = np.zeros((self.count, len(where)))
+        for (at, table), values in zip(self.some(where), left.T.copy(), strict=True):
             for block, part in enumerate(self.parts):
                 out[block, at] += table[:, part] @ values[part]
         return out

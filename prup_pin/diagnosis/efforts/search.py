@@ -112,23 +112,20 @@ def _forward(
 def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
     """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains."""
     ranked, limit = scores(model)
-    likely = [
-        score
-        for score in ranked
+    columns = model.problem.columns
+    joints_of = {
+        score.candidate: columns.joints_of(score.candidate)
+        for score in sorted(ranked, key=lambda score: -score.gain)
         if score.possible
         and score.log_chance < limit
         and refused.get(score.candidate.key, 0) < _ENTRIES
         and not any(term.excludes(score.candidate) for term in model.terms)
-    ]
-    columns = model.problem.columns
-    touched = {id(score): columns.joints_of(score.candidate) for score in likely}
-    likely = sorted(likely, key=lambda score: -score.gain)
+    }
     # the best of all, and the best of every joint
-    kept = {id(score): score for score in likely[:_TRIED]}
+    best = list(joints_of)[:_TRIED]
     for joint in range(columns.target.shape[1]):
-        kept |= {id(score): score for score in [s for s in likely if joint in touched[id(s)]][: _TRIED // 2]}
-    candidates = [score.candidate for score in kept.values()]
-    tried = []
+        best += [candidate for candidate, own in joints_of.items() if joint in own][: _TRIED // 2]
+    candidates, tried = list(dict.fromkeys(best)), []
     for candidate, after in zip(candidates, validation.with_each(candidates), strict=True):
         if _earns(validation, candidate, validation.squares, after) and _shows_beside(model, candidate):
             tried.append((float((validation.squares - after).sum()), after, candidate))
@@ -136,7 +133,7 @@ def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[
     taken: set[int] = set()
     while tried:
         one = _simplest(tried)
-        joints = columns.joints_of(one)
+        joints = joints_of[one]
         if new and len(joints) > 1:
             break
         if is_plausible(_replaced_by(one, model).with_term(*new, one), one):
@@ -144,8 +141,7 @@ def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[
             if len(joints) > 1:
                 break
             taken |= joints
-            others = [(item, columns.joints_of(item[2])) for item in tried]
-            tried = [item for item, own in others if not taken & own or len(own) > 1]
+            tried = [item for item in tried if not taken & joints_of[item[2]] or len(joints_of[item[2]]) > 1]
         tried = [item for item in tried if item[2] is not one]
     return new
 

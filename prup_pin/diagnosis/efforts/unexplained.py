@@ -35,9 +35,9 @@ from ..criteria import (
     EFFORT_UNTOLD,
     FEWEST_EFFORT_BLOCKS,
 )
-from ..diagnosis import Finding
+from ..diagnosis import Finding, heldout_gain
 from .conventions import CHECK_ROBOT
-from .evidence import held_out, relative_gain, share_saved
+from .evidence import held_out, relative_gain
 from .final_state import FinalState
 from .prepare import PreparedEfforts
 from .problem import Whitening, autoregression, usable
@@ -60,7 +60,7 @@ def structure_left(final: FinalState) -> list[Finding]:
     whole = held_out(final.with_time).sum()
     for term in final.curves:
         joint, without = term.place.name, held_out(final.with_time.without(term)).sum()
-        share = share_saved(whole, without)
+        share = heldout_gain(whole, without)
         text = (
             f"structure is left over at {joint} that no law of the library takes away; {term.law.summary} by a curve "
             f"of its own would take away {100 * share:.0f} % of the square of what is left"
