@@ -11,7 +11,7 @@ from ..recordings import KINDS_OF_TOLERANCE
 from .calibrate import CalibratedParameter
 from .chances import normal_isf
 from .criteria import FALSE_ALARM
-from .diagnosis import Finding, FittedParameter
+from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated
 from .problem import Fit, Problem
 
@@ -61,7 +61,7 @@ def _finding(
             )
             for item in told
         },
-        heldout_gain=float(np.clip(1 - held / max(without, 1e-300), 0.0, 1.0)),
+        heldout_gain=heldout_gain(held, without),
         statement=f"{words}: {_sizes(items)}{text}",
     )
 

@@ -20,7 +20,7 @@ from ..simulation import as_recorded, drawn_for, in_format
 from .criteria import LEVER, OPEN_FRAME
 from .diagnosis import Diagnosis, Finding
 from .efforts.conventions import conventions_of_efforts
-from .efforts.merged import has_efforts, has_poses
+from .efforts.with_poses import has_efforts, has_poses
 from .load_conventions import conventions_of_loads
 from .pose_conventions import conventions_of_poses
 

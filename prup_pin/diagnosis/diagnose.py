@@ -20,8 +20,14 @@ from .conventions import read_logs
 from .criteria import EXPLAINED, FEW_FITS, MOST_FITS, beyond_tolerance
 from .diagnosis import Diagnosis, Finding, by_recording
 from .efforts import diagnose_efforts
-from .efforts.at_rest import with_efforts_at_rest
-from .efforts.merged import has_efforts, has_poses, joined, of_efforts, together_in_time
+from .efforts.with_poses import (
+    diagnosis_of_efforts,
+    has_efforts,
+    has_poses,
+    joined,
+    together_in_time,
+    with_efforts_at_rest,
+)
 from .evidence import (
     count_beyond_tolerance,
     fold_labels,
@@ -90,7 +96,7 @@ def _of_channels(robot: Robot, given: Sequence[Recording], tell: Tell) -> Diagno
     adapted = as_recorded(robot, given)
     efforts = diagnose_efforts(adapted.robot, together_in_time(given, adapted.robot.mechanism), tell)
     if not poses:
-        found = of_efforts(efforts, given, mechanism)
+        found = diagnosis_of_efforts(efforts, given, mechanism)
         return replace(found, remarks=(*adapted.remarks, *found.remarks))
     return joined(_diagnosed(robot, given, tell), efforts)
 

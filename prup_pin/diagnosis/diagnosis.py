@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from .efforts import EffortDiagnosis
 
-__all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter", "by_recording"]
+__all__ = ["ByRecording", "Detectable", "Diagnosis", "Finding", "FittedParameter", "by_recording", "heldout_gain"]
 
 
 #: What to do about what is no law.
@@ -117,6 +117,11 @@ class Detectable:
     unit: str
     reason: str
     below: bool = False
+
+
+def heldout_gain(after: float, before: float) -> float:
+    """Return by which share held-out squares fall from `before` to `after`, between 0 and 1."""
+    return float(np.clip(1 - after / max(before, 1e-300), 0.0, 1.0))
 
 
 def named_in(findings: Iterable[Finding]) -> str:

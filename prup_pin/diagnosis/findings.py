@@ -26,7 +26,7 @@ from .criteria import (
     WIDEST_LOGARITHM,
     WORTH_SEPARATING,
 )
-from .diagnosis import Finding, FittedParameter
+from .diagnosis import Finding, FittedParameter, heldout_gain
 from .evidence import cross_validated, implausible, scale_of
 from .noise import could_show_structure, is_white
 from .problem import Fit, Problem
@@ -293,7 +293,7 @@ def finding_of(
         location=term.candidate.place.name,
         candidates=tuple(dict.fromkeys(places)),
         parameters=parameters,
-        heldout_gain=float(np.clip(1 - held / max(without, 1e-300), 0.0, 1.0)),
+        heldout_gain=heldout_gain(held, without),
         statement=_statement(term.effect, parameters, robot),
         effect=term.effect,
         alternatives=tuple(dict.fromkeys(laws)),

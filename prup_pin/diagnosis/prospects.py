@@ -14,10 +14,10 @@ from ..simulation import as_recorded
 from .conventions import read_logs
 from .diagnosis import Detectable
 from .efforts.band import band_of, in_motion
-from .efforts.gather import Efforts
-from .efforts.merged import has_efforts, has_poses, unused_by_efforts
-from .efforts.plausible import check_efforts
-from .efforts.search import pulls
+from .efforts.conventions import check_efforts
+from .efforts.evidence import gradients
+from .efforts.prepare import PreparedEfforts
+from .efforts.with_poses import has_efforts, has_poses, unused_by_efforts
 from .identify import not_detectable
 from .prepare import prepare, unused_columns
 from .search import Selection
@@ -91,7 +91,7 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
     at = in_motion(mechanism, recording, band)
     doubts = check_efforts(at)
     motion = at.motion
-    efforts = Efforts(at, {}, None, below)
+    efforts = PreparedEfforts(at, {}, below)
     remarks = [*doubts, *motion.remarks]
     joints = []
     for column, name in enumerate(motion.names):
@@ -114,10 +114,10 @@ def _of_efforts(robot: Robot, recording: Recording) -> tuple[tuple[Excitation, .
     rank, count = efforts.inertial_rank()
     if count:
         remarks.append(f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links")
-    given = efforts.gathered()
-    _, rest, _ = pulls(given, efforts.start())
+    start = efforts.start()
+    _, rest, _ = gradients(start)
     size = np.sqrt(np.maximum(np.diag(rest), 0.0))
-    single = [item for item in given.candidates if item.size == 1 and size[item.where.start] > 0]
+    single = [item for item in start.problem.candidates if item.size == 1 and size[item.where.start] > 0]
     alike = []
     for index, first in enumerate(single):
         for second in single[index + 1 :]:

@@ -7,8 +7,7 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis.conventions import read_logs
-from prup_pin.diagnosis.efforts.conventions import conventions_of_efforts
-from prup_pin.diagnosis.efforts.plausible import check_efforts
+from prup_pin.diagnosis.efforts.conventions import check_efforts, conventions_of_efforts
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.errors import InputError
 from prup_pin.recordings import Recording, convention_of, joints_of, read_recording, written_as

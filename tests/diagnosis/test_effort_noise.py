@@ -10,10 +10,10 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.efforts.changing import changing
-from prup_pin.diagnosis.efforts.gather import Efforts
 from prup_pin.diagnosis.efforts.noise import noise_of_efforts
-from prup_pin.diagnosis.efforts.verdict import _worse
+from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
+from prup_pin.diagnosis.efforts.residuals import EffortResiduals
+from prup_pin.diagnosis.efforts.unexplained import _worse, time_varying
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.numbers import number
 from prup_pin.recordings import Noise, Recording
@@ -194,12 +194,12 @@ def two(tmp_path_factory):
     )
     at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
     rng = np.random.default_rng(8)
-    return Efforts(at.measuring(at.rigid + 0.05 * rng.normal(size=at.rigid.shape)), {}, None)
+    return PreparedEfforts(at.measuring(at.rigid + 0.05 * rng.normal(size=at.rigid.shape)), {})
 
 
 def comes_and_goes(two, share, noisy=0.01):
     """What is left: noise, and at the first joint a share of its effort that follows the other's speed now and then."""
-    rng, every = np.random.default_rng(5), two.every
+    rng, every = np.random.default_rng(5), two.kept
     measured = two.rigid[every]
     sign = np.where((two.blocks // 3) % 2, 1.0, -1.0)
     follows = sign * two.at.speed("joint_2")[every]
@@ -211,7 +211,7 @@ def comes_and_goes(two, share, noisy=0.01):
 
 def test_a_cable_to_another_joint_that_drags_now_and_then_is_found_there(two):
     left, measured, noise = comes_and_goes(two, 0.2)
-    found = changing(two, left, measured, noise)
+    found = time_varying(two, left, measured, noise)
     assert (found.joint, found.of, found.variable) == ("joint_1", "joint_2", "speed")
     assert 0.14 < found.size < 0.2  # less what so many amounts take off anything
     assert found.share > 0.5
@@ -219,18 +219,18 @@ def test_a_cable_to_another_joint_that_drags_now_and_then_is_found_there(two):
 
 def test_what_is_a_little_of_the_effort_or_of_the_noise_is_no_matter(two):
     left, measured, noise = comes_and_goes(two, 0.03)
-    assert changing(two, left, measured, noise) is None
+    assert time_varying(two, left, measured, noise) is None
     # more than that is left, but less of it follows
     left, measured, noise = comes_and_goes(two, 0.045, 0.045)
-    assert changing(two, left, measured, noise) is None
-    assert changing(two, 2 * left, measured, noise).of == "joint_2"
+    assert time_varying(two, left, measured, noise) is None
+    assert time_varying(two, 2 * left, measured, noise).of == "joint_2"
     left, measured, noise = comes_and_goes(two, 0.2)
-    assert changing(two, left, measured, 30 * noise) is None
+    assert time_varying(two, left, measured, 30 * noise) is None
 
 
 def test_the_same_at_other_times_follows_nothing(two):
     left, measured, noise = comes_and_goes(two, 0.2)
-    assert changing(two, np.roll(left, len(left) // 3, axis=0), measured, noise) is None
+    assert time_varying(two, np.roll(left, len(left) // 3, axis=0), measured, noise) is None
 
 
 def test_noise_as_large_as_the_effort_follows_nothing(two):
@@ -238,7 +238,7 @@ def test_noise_as_large_as_the_effort_follows_nothing(two):
     size = np.sqrt((measured**2).mean(axis=0))
     n = len(measured)
     alarms = [
-        changing(
+        time_varying(
             two, size * np.stack([lasting(1.0, 0.9, n, seed), lasting(1.0, 0.5, n, 99 + seed)], 1), measured, noise
         )
         for seed in range(12)
@@ -253,13 +253,13 @@ def test_a_joint_that_is_predicted_worse_than_drawn_is_told():
     held = rigid.copy()
     held[:, 1] = measured[:, 1] - 0.4 * rng.normal(size=400)
     parts = [slice(start, start + 10) for start in range(0, 400, 10)]
-    outcome = SimpleNamespace(
+    final = SimpleNamespace(
         at=SimpleNamespace(driven=("a", "b")),
         efforts=SimpleNamespace(good=np.ones((400, 2), bool)),
-        given=SimpleNamespace(columns=SimpleNamespace(parts=parts)),
+        problem=SimpleNamespace(columns=SimpleNamespace(parts=parts)),
     )
     shares = {"a": {"rigid": 0.2, "heldout": 0.2}, "b": {"rigid": 0.2, "heldout": 0.4}}
-    (finding,) = _worse(outcome, measured, rigid, held, shares)
+    (finding,) = _worse(final, EffortResiduals(measured, rigid, held, held, {}, {}, {}, shares))
     assert (finding.physics, finding.location) == ("unknown", "b")
     assert "40 %" in finding.statement
     assert "20 %" in finding.statement

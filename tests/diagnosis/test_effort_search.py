@@ -6,15 +6,13 @@ import pytest
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
 from prup_pin.diagnosis.efforts import search
-from prup_pin.diagnosis.efforts.beside import Beside
-from prup_pin.diagnosis.efforts.chosen import Chosen
-from prup_pin.diagnosis.efforts.columns import EffortCandidate
-from prup_pin.diagnosis.efforts.combinations import Combinations
-from prup_pin.diagnosis.efforts.gather import Efforts
+from prup_pin.diagnosis.efforts.evidence import CrossValidation, relative_gain, scores
+from prup_pin.diagnosis.efforts.final_state import FinalState
+from prup_pin.diagnosis.efforts.inertial import BaseParameters
 from prup_pin.diagnosis.efforts.noise import noise_of_efforts
-from prup_pin.diagnosis.efforts.outcome import Outcome
-from prup_pin.diagnosis.efforts.relief import relieved
-from prup_pin.diagnosis.efforts.search import scores, worth
+from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
+from prup_pin.diagnosis.efforts.problem import EffortCandidate, EffortModel
+from prup_pin.diagnosis.efforts.search import with_relieving_laws
 from prup_pin.dynamics import InMotion, motion_of
 from prup_pin.laws import Place
 from prup_pin.laws.efforts.viscous_friction import Damping
@@ -22,33 +20,31 @@ from tests.diagnosis.test_efforts import AXIS, axis, device
 
 
 @pytest.fixture(scope="module")
-def given():
+def start():
     robot = load(AXIS)
     recording = axis(damping=200.0, limit=20.0)
     at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
-    efforts = Efforts(at, {"mass": 0.05}, None)
-    return efforts.gathered(), efforts.start()
+    efforts = PreparedEfforts(at, {"mass": 0.05})
+    return efforts.start()
 
 
-def named(given, physics):
-    return next(candidate for candidate in given.candidates if candidate.law.physics == physics)
+def named(model, physics):
+    return next(candidate for candidate in model.problem.candidates if candidate.law.physics == physics)
 
 
-def test_one_term_more_is_what_a_fit_with_it_leaves(given):
-    given, start = given
-    chosen = start.with_term(named(given, "viscous_friction"))
-    more = [named(given, word) for word in ("coulomb_friction", "effort_offset", "stribeck_friction")]
-    for term, left in zip(more, Beside(given, chosen).with_each(more), strict=True):
-        assert left == pytest.approx(Beside(given, chosen.with_term(term)).left, rel=1e-5)
+def test_one_term_more_is_what_a_fit_with_it_leaves(start):
+    model = start.with_term(named(start, "viscous_friction"))
+    more = [named(model, word) for word in ("coulomb_friction", "effort_offset", "stribeck_friction")]
+    for term, left in zip(more, CrossValidation(model).with_each(more), strict=True):
+        assert left == pytest.approx(CrossValidation(model.with_term(term)).squares, rel=1e-5)
 
 
-def test_one_term_less_is_what_a_fit_without_it_leaves(given):
-    given, start = given
-    chosen = start
+def test_one_term_less_is_what_a_fit_without_it_leaves(start):
+    model = start
     for word in ("viscous_friction", "coulomb_friction", "effort_offset"):
-        chosen = chosen.with_term(named(given, word))
-    for term, left in zip(chosen.terms, Beside(given, chosen).without_each(chosen.terms), strict=True):
-        assert left == pytest.approx(Beside(given, chosen.without(term)).left, rel=1e-6)
+        model = model.with_term(named(model, word))
+    for term, left in zip(model.terms, CrossValidation(model).without_each(model.terms), strict=True):
+        assert left == pytest.approx(CrossValidation(model.without(term)).squares, rel=1e-6)
 
 
 def test_friction_of_another_size_backwards_may_follow_one_that_is_alike_both_ways():
@@ -57,23 +53,22 @@ def test_friction_of_another_size_backwards_may_follow_one_that_is_alike_both_wa
     backwards = np.minimum(np.gradient(recording.positions["carriage"], recording.time), 0.0)
     tau = recording.efforts["carriage"] + 160.0 * backwards
     recording = recording.with_measurements(efforts={"carriage": tau})
-    efforts = Efforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {}, None)
-    given = efforts.gathered()
-    ranked, _ = scores(given, efforts.start().with_term(named(given, "viscous_friction")))
+    efforts = PreparedEfforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {})
+    start = efforts.start()
+    ranked, _ = scores(start.with_term(named(start, "viscous_friction")))
     (directed,) = (score for score in ranked if score.candidate.place.aspect == "effort by direction")
     assert directed.possible
     assert directed.gain > 0.5 * max(score.gain for score in ranked)
 
 
-def test_what_is_left_by_joint_is_all_that_is_left(given):
-    given, start = given
-    beside = Beside(given, start.with_term(named(given, "viscous_friction")))
-    assert beside.by_joint.sum() == pytest.approx(beside.left.sum(), rel=1e-9)
+def test_what_is_left_by_joint_is_all_that_is_left(start):
+    validation = CrossValidation(start.with_term(named(start, "viscous_friction")))
+    assert validation.by_joint.sum() == pytest.approx(validation.squares.sum(), rel=1e-9)
 
 
-def test_columns_that_are_picked_keep_their_products(given):
-    given, _ = given
-    columns = given.columns
+def test_columns_that_are_picked_keep_their_products(start):
+    problem = start.problem
+    columns = problem.columns
     other = [0, 3, 2]
     folded, moment = columns.folded[:, other][:, :, other].copy(), columns.moment[:, other].copy()
     left = columns.residual(other, np.array([1.0, -2.0, 0.5]))
@@ -87,7 +82,7 @@ def test_combinations_say_all_that_a_motion_tells():
     rng = np.random.default_rng(2)
     base = rng.normal(size=(50, 3))
     regressor = np.column_stack([base[:, 0], np.zeros(50), base[:, 1], 2 * base[:, 0] - 0.5 * base[:, 2], base[:, 2]])
-    told = Combinations.of(regressor, ["a.mass", "a.mx", "b.mass", "b.mx", "b.my"])
+    told = BaseParameters.of(regressor, ["a.mass", "a.mx", "b.mass", "b.mx", "b.my"])
     x = rng.normal(size=5)
     assert len(told.names) == 3
     assert regressor[:, told.leads] @ (told.matrix @ x) == pytest.approx(regressor @ x, abs=1e-9)
@@ -99,13 +94,13 @@ def test_every_tolerance_of_a_motion_is_a_parameter():
     robot = load(AXIS)
     at = InMotion.of(robot.mechanism, motion_of(axis(damping=200.0, limit=20.0), robot.mechanism))
     declared = {"mass": 0.05, "inertia": 0.1, "effort_gain": 0.02, "effort_bias": 1.0}
-    bases = Efforts(at, declared, None).bases
-    kinds = [base.law.tolerance or "mass" for base in bases]
+    deviations = PreparedEfforts(at, declared).deviations
+    kinds = [base.law.tolerance or "mass" for base in deviations]
     assert sorted(kinds) == sorted(set(declared) - {"inertia"})  # a slide turns nothing
-    for kind, base in zip(kinds, bases, strict=True):
+    for kind, base in zip(kinds, deviations, strict=True):
         assert base.tolerance == pytest.approx(declared[kind] * (base.nominal if base.inertial is not None else 1))
-    (mass,) = (base for base in bases if base.inertial is not None)
-    rigid = at.rigid - Efforts(at, {"mass": 1e-6}, None).bases[0].efforts * 1e6  # the axis without its one mass
+    (mass,) = (base for base in deviations if base.inertial is not None)
+    rigid = at.rigid - PreparedEfforts(at, {"mass": 1e-6}).deviations[0].efforts * 1e6  # the axis without its one mass
     assert np.abs(rigid).max() < 1e-9 * np.abs(at.rigid).max()
     assert mass.efforts == pytest.approx(0.05 * at.rigid)
 
@@ -123,10 +118,10 @@ def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_i
     heavier = np.gradient(np.gradient(recording.positions["carriage"], recording.time), recording.time)
     tau = recording.efforts["carriage"] + 40.0 * np.convolve(heavier, np.ones(25) / 25, "same")
     recording = recording.with_measurements(efforts={"carriage": tau})
-    efforts = Efforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {"mass": 0.01}, None)
-    given, friction = efforts.gathered(), "viscous_friction"
-    chosen = efforts.start().with_term(named(given, friction)).with_term(named(given, "counterbalance"))
-    _, found = relieved(given, chosen, efforts.with_curves)
+    efforts = PreparedEfforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {"mass": 0.01})
+    model, friction = efforts.start(), "viscous_friction"
+    model = model.with_term(named(model, friction)).with_term(named(model, "counterbalance"))
+    found = with_relieving_laws(efforts, model)
     assert {term.law.physics for term in found.terms} - {friction} == {"rotor_inertia"}
     assert friction in {term.law.physics for term in found.terms}
 
@@ -134,36 +129,36 @@ def test_what_had_come_to_make_up_for_a_law_that_relieves_tolerances_goes_with_i
 def test_a_law_that_comes_back_as_often_as_it_is_needless_ends_the_search(monkeypatch):
     """All links' masses come in for several of them, whatever was refused before."""
     coming = EffortCandidate(Damping(), Place("a", "effort"), {}, slice(0, 1))
-    monkeypatch.setattr(search, "_forward", lambda given, chosen, *rest: (given, chosen.with_term(coming)))
-    monkeypatch.setattr(search, "pruned", lambda given, chosen, doubtful: chosen.of(()))
-    assert search.searched(None, Chosen(()))[1].terms == ()
+    monkeypatch.setattr(search, "_forward", lambda efforts, model, *rest: model.with_term(coming))
+    monkeypatch.setattr(search, "pruned", lambda model, doubtful: model.with_terms(()))
+    assert search.searched(None, EffortModel(None, ()), print).terms == ()
 
 
 def test_a_saving_in_every_block_is_sure_though_one_of_them_holds_most():
     rng = np.random.default_rng(8)
     before = rng.chisquare(30, 40)
     before[7] = 1e5
-    share, sure = worth(before, 0.4 * before)
+    share, sure = relative_gain(before, 0.4 * before)
     assert share == pytest.approx(0.6)
     assert sure > 100
-    share, sure = worth(before, before * np.where(np.arange(40) == 7, 0.4, rng.uniform(0.8, 1.25, 40)))
+    share, sure = relative_gain(before, before * np.where(np.arange(40) == 7, 0.4, rng.uniform(0.8, 1.25, 40)))
     assert share > 0.5
     assert sure < 2
 
 
 def test_a_law_is_needless_that_may_be_nothing_by_its_own_uncertainty():
     robot, recording = load(AXIS), axis(3000, damping=200.0)
-    efforts = Efforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {}, None)
-    given, chosen = efforts.gathered(), efforts.start()
+    efforts = PreparedEfforts(InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism)), {})
+    model = efforts.start()
     for word in ("viscous_friction", "effort_offset"):
-        chosen = chosen.with_term(named(given, word))
+        model = model.with_term(named(model, word))
     noise = noise_of_efforts(recording, efforts.at.driven)
-    outcome = Outcome(robot, recording, efforts, noise, given, chosen, (), ())
-    friction, offset = chosen.terms
-    assert outcome.may_be_nothing(friction) < 1e-6
-    assert outcome.may_be_nothing(offset) > 0.05
-    outcome.laws = list(chosen.terms)
-    assert outcome.needless is offset
+    final = FinalState(robot, recording, efforts, noise, model, (), ())
+    friction, offset = model.terms
+    assert final.p_value(friction) < 1e-6
+    assert final.p_value(offset) > 0.05
+    final.laws = list(model.terms)
+    assert final.needless is offset
 
 
 def test_one_law_stands_for_several_that_do_not_earn_what_they_have_more(tmp_path):
@@ -176,12 +171,12 @@ def test_one_law_stands_for_several_that_do_not_earn_what_they_have_more(tmp_pat
     )
     robot = load(recording.robot)
     at = InMotion.of(robot.mechanism, motion_of(recording, robot.mechanism))
-    efforts = Efforts(at, {}, None)
-    given, chosen = efforts.gathered(), efforts.start()
-    for candidate in given.candidates:
+    efforts = PreparedEfforts(at, {})
+    model = efforts.start()
+    for candidate in model.problem.candidates:
         single = candidate.law.physics == "effort_delay" and candidate.place.name in at.driven[:3]
         if single and candidate.values["age"] == 16e-3:
-            chosen = chosen.with_term(candidate)
-    assert len(chosen.terms) == 3
-    _, found = search._simpler(given, chosen, efforts.closer)
+            model = model.with_term(candidate)
+    assert len(model.terms) == 3
+    found = search._simpler(efforts, model)
     assert [term.name for term in found.terms] == [("effort_delay", "robot")]

@@ -8,7 +8,7 @@ import pytest
 
 from prup_pin import load
 from prup_pin.diagnosis import diagnose
-from prup_pin.diagnosis.efforts.stretches import Stretch, stands_out
+from prup_pin.diagnosis.efforts.outliers import OutlierInterval, is_outlying
 from prup_pin.dynamics import motion_of
 from prup_pin.recordings import Noise
 from tests.diagnosis.test_efforts import AXIS, axis, named
@@ -76,9 +76,9 @@ def test_a_stretch_that_settled_laws_describe_is_none():
     """Friction that is far beyond the noise where a joint is slow looks like a blow beside rough values of it."""
     rng = np.random.default_rng(3)
     left, rows, good = rng.normal(size=(400, 2)), 10 * np.arange(400), np.ones((400, 2), bool)
-    stretch = Stretch(2.0, 3.0, ("carriage",), 90.0, (2000, 2200))
-    assert not stands_out(stretch, rows, left, good)
+    stretch = OutlierInterval(2.0, 3.0, ("carriage",), 90.0, (2000, 2200))
+    assert not is_outlying(stretch, rows, left, good)
     left[205:216, 1] += 12.0
-    assert stands_out(stretch, rows, left, good)
+    assert is_outlying(stretch, rows, left, good)
     good[200:221, 1] = False
-    assert not stands_out(stretch, rows, left, good)
+    assert not is_outlying(stretch, rows, left, good)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from prup_pin.diagnosis.efforts.width import learned_precisions
+from prup_pin.diagnosis.efforts.nuisance import learned_precisions
 
 
-class Given:
+class PlainProblem:
     """One linear problem of white noise of size one: y = A x + e, in blocks, with a flat prior."""
 
     def __init__(self, columns, target, blocks=20):
@@ -22,34 +22,34 @@ class Given:
     def residual(self, where, x):
         return (self.target - self.table[:, where] @ x)[:, None]
 
-    def pulls(self, left, where):
+    def gradients(self, left, where):
         return np.array([self.table[part][:, where].T @ left[part, 0] for part in self.parts])
 
 
-class Chosen:
+class PlainModel:
     terms = ()
 
-    def __init__(self, count):
-        self.where = list(range(count))
+    def __init__(self, problem):
+        self.problem, self.where = problem, list(range(problem.table.shape[1]))
 
 
 def problem(seed, sizes, samples=4000):
     rng = np.random.default_rng(seed)
     columns = rng.normal(size=(samples, len(sizes)))
-    return Given(columns, columns @ (sizes * rng.normal(size=len(sizes))) + rng.normal(size=samples))
+    return PlainProblem(columns, columns @ (sizes * rng.normal(size=len(sizes))) + rng.normal(size=samples))
 
 
 @pytest.fixture
 def learned(monkeypatch):
-    def plain_fit(given, chosen):
-        matrix = given.total
-        return np.linalg.solve(matrix, given.moment.sum(axis=0)), matrix
+    def plain_fit(model):
+        matrix = model.problem.total
+        return np.linalg.solve(matrix, model.problem.moment.sum(axis=0)), matrix
 
-    monkeypatch.setattr("prup_pin.diagnosis.efforts.width.fit", plain_fit)
+    monkeypatch.setattr("prup_pin.diagnosis.efforts.nuisance.fit", plain_fit)
 
-    def of(given, kinds):
+    def of(problem, kinds):
         kinds = {name: (np.array(own), np.eye(len(own))) for name, own in kinds.items()}
-        return learned_precisions(given, Chosen(given.table.shape[1]), kinds)
+        return learned_precisions(PlainModel(problem), kinds)
 
     return of
 

@@ -7,8 +7,7 @@ import pinocchio as pin
 import pytest
 
 import prup_pin
-from prup_pin.diagnosis.efforts.unknown import foreign_unknown
-from prup_pin.diagnosis.efforts.verdict import _is_foreign
+from prup_pin.diagnosis.efforts.unexplained import _foreign, _is_foreign
 from prup_pin.diagnosis.prospects import prospects
 from prup_pin.recordings import read_recording
 
@@ -68,7 +67,7 @@ def test_links_that_weigh_nothing_explain_no_log():
     assert _is_foreign({"rigid": 177.0, "heldout": 0.62})
     assert not _is_foreign({"rigid": 177.0, "heldout": 0.05})  # a drawing with wrong masses, well corrected
     assert not _is_foreign({"rigid": 1.0, "heldout": 0.62})  # small efforts, and much noise
-    assert "hardly a log of this robot" in foreign_unknown(177.0, 0.62).statement
+    assert "hardly a log of this robot" in _foreign({"rigid": 177.0, "heldout": 0.62}).statement
 
 
 def test_a_log_of_another_robot_is_diagnosed_as_such(robot, tmp_path, monkeypatch):
@@ -79,7 +78,7 @@ def test_a_log_of_another_robot_is_diagnosed_as_such(robot, tmp_path, monkeypatc
         asked.append(share)
         return True
 
-    monkeypatch.setattr("prup_pin.diagnosis.efforts.verdict._is_foreign", foreign)
+    monkeypatch.setattr("prup_pin.diagnosis.efforts.unexplained._is_foreign", foreign)
     found = prup_pin.diagnose(robot, log_of(robot, tmp_path / "y.csv", True))
     assert asked
     assert set(asked[0]) >= {"rigid", "heldout"}

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from prup_pin import load
-from prup_pin.diagnosis.efforts.bodies import held_body, other_link
-from prup_pin.diagnosis.efforts.chosen import fit, saved
-from prup_pin.diagnosis.efforts.gather import Efforts
-from prup_pin.diagnosis.efforts.normal import directions
-from prup_pin.diagnosis.efforts.relief import strain
-from prup_pin.diagnosis.efforts.search import scores
+from prup_pin.diagnosis.efforts.bayes_factors import held_body, other_link
+from prup_pin.diagnosis.efforts.evidence import scores
+from prup_pin.diagnosis.efforts.prepare import PreparedEfforts
+from prup_pin.diagnosis.efforts.problem import block_squares, fit, identifiable
+from prup_pin.diagnosis.efforts.search import strain
 from prup_pin.dynamics import InMotion, in_frame, motion_of
 from prup_pin.dynamics.inertial import of_pseudo_inertia, pseudo_inertia
 
@@ -40,7 +39,7 @@ def told(change, off):
 OFF = [0.02, *3 * [0.002], *6 * [0.001]]
 
 
-def odds(wrist, about_the_tool):
+def log_bayes_factors(wrist, about_the_tool):
     """Return the logarithm of how much likelier a held body is than another link, by a change about the tool."""
     mechanism, joint, _ = wrist
     moved = in_frame(mechanism.need_tool().placement)
@@ -59,12 +58,12 @@ def about_the_tool(wrist, change):
     ("mass", "centre"), [(0.4, (0.03, 0.0, 0.05)), (1.5, (0.0, -0.04, 0.1)), (3.0, (0.0, 0.0, 0.0))]
 )
 def test_a_body_of_its_own_near_the_tool_is_held_by_it(wrist, mass, centre):
-    assert odds(wrist, ball(mass, centre, 0.04)) > 3
+    assert log_bayes_factors(wrist, ball(mass, centre, 0.04)) > 3
 
 
 @pytest.mark.parametrize("share", [-0.6, 0.8, 2.0])
 def test_a_link_off_in_proportion_is_another_link(wrist, share):
-    assert odds(wrist, about_the_tool(wrist, share * wrist[2])) < -3
+    assert log_bayes_factors(wrist, about_the_tool(wrist, share * wrist[2])) < -3
 
 
 def test_a_link_whose_centre_is_elsewhere_is_another_link(wrist):
@@ -72,22 +71,22 @@ def test_a_link_whose_centre_is_elsewhere_is_another_link(wrist):
     moved = np.eye(4)
     moved[:3, 3] = 0.12, -0.08, 0.08
     change = of_pseudo_inertia(moved @ pseudo_inertia(wrist[2]) @ moved.T) - wrist[2]
-    assert odds(wrist, about_the_tool(wrist, change)) < -3
+    assert log_bayes_factors(wrist, about_the_tool(wrist, change)) < -3
 
 
 def test_a_score_counts_the_tolerances_that_a_law_takes_back():
     """A carriage whose mass is known to a hair, with friction that would like it to be another."""
     robot = load(AXIS)
     at = InMotion.of(robot.mechanism, motion_of(axis(1500, damping=200.0, limit=20.0), robot.mechanism))
-    efforts = Efforts(at, {"mass": 0.0005}, None)
-    given, start = efforts.gathered(), efforts.start()
-    ranked, _ = scores(given, start)
+    efforts = PreparedEfforts(at, {"mass": 0.0005})
+    start = efforts.start()
+    ranked, _ = scores(start)
 
-    def lost(chosen):
-        x, _ = fit(given, chosen)
-        return float(saved(given, chosen, x).sum() + (strain(chosen, x) ** 2).sum())
+    def lost(model):
+        x, _ = fit(model)
+        return float(block_squares(model, x).sum() + (strain(model) ** 2).sum())
 
-    assert (strain(start, fit(given, start)[0]) > 1).any()
+    assert (strain(start) > 1).any()
     plain = [score for score in ranked if not score.candidate.law.one_sided]
     assert len(plain) > 5
     for score in sorted(plain, key=lambda item: -item.gain)[:3]:
@@ -102,7 +101,7 @@ def test_what_columns_tell_does_not_hang_on_how_they_are_combined():
     kept = []
     for columns in (np.column_stack([q, np.ones(60)]), np.column_stack([q - 2.8, np.ones(60)])):
         free = columns - beside @ np.linalg.lstsq(beside, columns, rcond=None)[0]
-        basis = directions(free.T @ free, columns.T @ columns, 1e-4, 60.0)
+        basis = identifiable(free.T @ free, columns.T @ columns, 1e-4, 60.0)
         assert basis.shape == (2, 2)
         assert basis.T @ (free.T @ free) @ basis == pytest.approx(np.eye(2), abs=1e-8)
         kept.append(free @ basis @ (free @ basis).T)

@@ -99,8 +99,8 @@ def band_of(mechanism: Mechanism, recording: Recording) -> tuple[dict[str, float
 
 
 def coherent_band(at: InMotion) -> tuple[dict[str, float], float | None]:
-    """Return by driven joint the frequency [Hz] up to which its efforts are compared, and that below which what is left
-    is judged where motors vibrate: above it the motion has nothing but vibration. None where they do not.
+    """Return by driven joint the frequency [Hz] up to which its efforts are compared; and that below which the residual
+    is judged where motors vibrate, for above it the motion has nothing but vibration. None where they do not.
     """
     motion = at.motion
     highest = motion.band.highest
@@ -183,7 +183,7 @@ def _own_frequency(at: InMotion) -> float:
 
 
 def _background(at: InMotion, joint: int) -> tuple[Array, Array, Array]:
-    """Return what every drive has: of bodies, by how far off each may be (N, p), of a rotor, and the rest (N, q)."""
+    """Return columns of efforts of every drive: of bodies over their spread (N, p), of a rotor, and others (N, q)."""
     name, bodies = at.driven[joint], []
     for index in range(at.regressor.shape[2]):
         own = at.regressor[:, joint, index]
@@ -199,7 +199,7 @@ def _background(at: InMotion, joint: int) -> tuple[Array, Array, Array]:
 
 
 def _fitted(at: InMotion, joint: int, columns: tuple[Array, Array, Array], cutoff: float) -> tuple[Array, Array]:
-    """Return what bodies and rotor need (N,), and friction and offset (N,), by a fit below a frequency."""
+    """Return the effort of bodies and rotor (N,), and of friction and offset (N,), by a fit below a frequency."""
     bodies, rotor, rest = columns
     low_pass, piece = LowPass(cutoff, at.motion.rate), at.motion.piece
     asked = low_pass(at.motion.efforts[:, joint] - at.rigid[:, joint], piece)

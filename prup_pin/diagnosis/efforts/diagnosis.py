@@ -17,9 +17,9 @@ __all__ = ["EffortCurve", "EffortDiagnosis", "effort_curve_of"]
 
 @dataclass(frozen=True, eq=False)
 class EffortCurve:
-    """What a joint's effort asks for beyond all that is known but a finding, against what drives it.
+    """A joint's effort less the prediction of all but one finding, against the variable that drives this.
 
-    x (m,) and y (m,) with its standard error (m,); law (m,): what the finding gives there, or None.
+    Means x (m,) and y (m,), the standard error of y (m,); law (m,): the finding's own effort there, or None.
     """
 
     joint: str
@@ -34,14 +34,13 @@ class EffortCurve:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EffortDiagnosis:
-    """What the efforts say.
+    """The diagnosis of the efforts of a recording.
 
     joints (k) with `units`; time (n,), measured, rigid and predicted (n, k) efforts below `band` [Hz] by joint, with
-    speed, position (n, k) and which of them count (n, k). `shares`: what is left of each joint's effort, as a share of
-    it: 'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m] of a recorded sample, NaN where
-    nothing tells it, and `how` (k) it was told: 'declared', or 'innovations', 'rest', 'repeats', 'quantisation' of the
-    column itself; before, after: of the residual in multiples of it, each {'fit', 'heldout'}. curves: by the place of
-    a finding.
+    speed, position (n, k) and the samples that count, `good` (n, k). `shares`: residual of each joint's effort, as a
+    share of it: 'rigid', 'fit' and 'heldout'; under 'all' of all joints. `noise` (k,) [N or N m] of a recorded sample,
+    NaN where it is unknown, and `how` (k) it is known: 'declared', or 'innovations', 'rest', 'repeats', 'quantisation'
+    of the column itself; before, after: the residual in multiples of it, each {'fit', 'heldout'}.
     """
 
     joints: tuple[str, ...]
@@ -81,7 +80,7 @@ class EffortDiagnosis:
 
 
 def effort_curve_of(finding: Finding, efforts: EffortDiagnosis | None) -> EffortCurve | None:
-    """Return what the efforts ask for at a finding's joint, against what drives it; None where nothing was drawn."""
+    """Return the curve of a finding at its joint; None where it has none."""
     if efforts is None or (finding.effect is not None and not isinstance(finding.effect.law, EffortLaw)):
         return None
     against = {law.against for law in EFFORT_LAWS if law.physics == finding.physics and law.against}

@@ -29,7 +29,7 @@ from ..criteria import (
     EFFORT_SURE,
     EFFORT_UNIT,
 )
-from .columns import column_blocks, kept_samples
+from .problem import column_blocks, kept_samples
 
 __all__ = ["Gains", "gains_of", "in_newtons", "law_of_gains"]
 

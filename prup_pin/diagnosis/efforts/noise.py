@@ -1,9 +1,9 @@
-"""How much recorded efforts scatter, told by what does not depend on any model of the robot.
+"""The noise of recorded efforts, by the column alone: without any model of the robot.
 
-What a fit leaves is no noise: it holds all that the fit lacks, and divided by itself it is always one. But a drive's
-effort tells of its own noise whatever robot it moves. Bodies, springs and gears have inertia, so that their efforts
-follow from what they were an instant before: what a long autoregression of the recorded column cannot foretell came
-from elsewhere. The middle of it is taken, since friction turns round at once, but seldom. Where all joints stand,
+The residual of a fit is no noise: it holds all that the fit lacks, and divided by itself it is always one. But a
+column of efforts shows its own noise whatever robot it moves. Bodies, springs and gears have inertia, so that their
+efforts follow from what they were an instant before: what a long autoregression of the recorded column cannot foretell
+came from elsewhere. The middle of it is taken, since friction turns round at once, but seldom. Where all joints stand,
 nothing changes but noise, about what settles slowly. And a column of counts is off by a step over the root of twelve.
 Each sees a part: innovations what is white, rest what is slower too, where there is any. The largest counts. Postures
 one after the other foretell nothing; there it is rows that repeat the one before in all but their efforts.
@@ -46,9 +46,9 @@ _MIDDLE = 0.6745
 
 @dataclass(frozen=True)
 class EffortNoise:
-    """The noise of one sample of a recorded effort [N or N m], NaN where nothing tells it; how; and the rate [Hz].
+    """The noise of one sample of a recorded effort [N or N m], NaN where it is unknown, and the rate [Hz].
 
-    how: 'innovations', 'rest', 'repeats', 'quantisation', 'declared'; '' where nothing tells it.
+    how: it is known by 'innovations', 'rest', 'repeats', 'quantisation', 'declared'; '' where it is unknown.
     """
 
     size: float
@@ -56,13 +56,13 @@ class EffortNoise:
     rate: float
 
     def below(self, frequency: float) -> float:
-        """Return what is left of it below a frequency [Hz]: at rest it may be slow, the others are white."""
+        """Return the noise below a frequency [Hz]: at rest it may be slow, the others are white."""
         share = 1.0 if self.how == "rest" else min(2 * frequency / self.rate, 1.0)
         return self.size * float(np.sqrt(share))
 
 
 def noise_of(recording: Recording, at: InMotion) -> Mapping[str, EffortNoise]:
-    """Return the noise of a sample of each effort, as recorded: declared, or what the recording alone tells of it."""
+    """Return the noise of a recorded sample of each effort: declared, or by the recording alone."""
     if declared := recording.noise.effort:
         return dict.fromkeys(at.driven, EffortNoise(declared, "declared", at.motion.rate))
     return noise_of_efforts(recording, at.driven)
@@ -120,7 +120,7 @@ def _parts(time: Array, run: np.ndarray, rows: np.ndarray) -> Iterator[np.ndarra
 
 
 def _innovations(parts: Sequence[Array]) -> float:
-    """Return the size of what the samples before do not foretell, of columns without a break."""
+    """Return the size of innovations of an autoregression, of columns without a break."""
     count = sum(len(part) for part in parts)
     order = min(_ORDER, count // _FOR_EACH)
     parts = [part for part in parts if len(part) > order]
@@ -200,6 +200,6 @@ def _step(values: Array) -> float:
 
 
 def _scatter(left: Array, fitted: int) -> float:
-    """Return the standard deviation of what was left after so many coefficients were fitted, by its middle."""
+    """Return the standard deviation of residuals after so many coefficients were fitted, by their median."""
     free = np.sqrt(len(left) / max(len(left) - fitted, 1))
     return float(np.median(np.abs(left))) / _MIDDLE * free

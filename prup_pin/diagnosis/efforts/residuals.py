@@ -1,76 +1,135 @@
-"""What is left of efforts: in multiples of their noise, and as shares of what was measured."""
+"""Residuals of efforts: in multiples of their noise, as shares of what was measured, and against what drives them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
 import numpy as np
 
+from ...laws.efforts.variables import VARIABLES, variable_of
 from ...spatial import Array
-from .chosen import saved
-from .outcome import Outcome
+from .diagnosis import EffortCurve
+from .final_state import FinalState
+from .problem import EffortCandidate, block_squares
 
-__all__ = ["residuals_of", "rms_of", "shares_of"]
+__all__ = ["EffortResiduals", "curves_of", "residuals_of", "rms_of"]
+
+#: Means that a curve is drawn through.
+_BINS = 24
 
 
-def residuals_of(
-    outcome: Outcome, added: Array, noise: Array
-) -> tuple[dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
-    """Return the residual in multiples of the noise (k,) before and after, of all and by joint.
+class EffortResiduals(NamedTuple):
+    """Efforts (n, k) in the recording's unit at the kept samples: measured, as drawn, predicted, and predicted where
+    each block was not fitted; and the residual.
 
-    NaN where the noise is unknown. What is left above where it is judged counts as white noise does, at most: a motor
-    that vibrates is none of the rigid robot's matter.
+    before, after: root mean square in multiples of the noise, {'fit', 'heldout'}; by_joint: {'before', 'after'} of
+    each; shares: of the measured effort of each joint and of 'all', {'rigid', 'fit', 'heldout'}.
     """
-    every, good = outcome.efforts.every, outcome.efforts.away_from_ends(outcome.motion.band.highest)
-    told = outcome.motion.efforts - outcome.at.rigid / outcome.scale
-    left = outcome.motion.efforts - outcome.at.rigid - added
-    judged, piece = outcome.efforts.judged, outcome.motion.piece
-    cutoffs = np.array(judged.cutoffs)
-    white = np.zeros_like(noise) if outcome.motion.standing else np.maximum(1 - 2 * cutoffs / outcome.motion.rate, 0.0)
-    squares = []
-    for values in (told, left):
-        inside = judged(values, piece)
-        parts = [np.where(good, part[every], 0.0) for part in (inside, values - inside)]
-        inner, outer = (np.square(part).sum(axis=0) / np.maximum(good.sum(axis=0), 1) / noise**2 for part in parts)
-        squares.append(inner + np.minimum(outer, white))
-    counts = good.sum(axis=0) * np.isfinite(noise)
-    before, after = (_of_all(each, counts) for each in squares)
+
+    measured: Array
+    rigid: Array
+    predicted: Array
+    held_out: Array
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    by_joint: Mapping[str, Mapping[str, float]]
+    shares: Mapping[str, Mapping[str, float]]
+
+
+def residuals_of(final: FinalState) -> EffortResiduals:
+    """Return the efforts and residuals of a final state."""
+    efforts, driven = final.efforts, final.at.driven
+    measured, rigid = efforts.measured[efforts.kept] * final.scale, efforts.rigid[efforts.kept]
+    predicted = (rigid + final.explained) * final.scale
+    held_out = measured - efforts.held_out_residual(final.model) * final.scale
+    squares, counts = _squares_over_noise(final)
+    before, after = (_root_mean(each, counts) for each in squares)
     by_joint = {
         name: {"before": float(np.sqrt(squares[0][k])), "after": float(np.sqrt(squares[1][k]))}
-        for k, name in enumerate(outcome.at.driven)
+        for k, name in enumerate(driven)
     }
-    return {"fit": before, "heldout": before}, {"fit": after, "heldout": after * _held_ratio(outcome)}, by_joint
-
-
-def _of_all(squares: Array, counts: Array) -> float:
-    """Return the root mean square of all joints' samples by the mean squares of each (k,), of so many samples (k,)."""
-    known = counts > 0
-    return float(np.sqrt(squares[known] @ counts[known] / counts[known].sum())) if known.any() else float("nan")
-
-
-def _held_ratio(outcome: Outcome) -> float:
-    """Return how much larger held-out blocks' residual is than the fitted one, root mean square."""
-    fitted = float(saved(outcome.given, outcome.named, outcome.x_named).sum())
-    return float(np.sqrt(max(outcome.held.sum() / max(fitted, np.finfo(float).tiny), 1.0)))
-
-
-def shares_of(outcome: Outcome, predicted: Array, held: Array) -> dict[str, dict[str, float]]:
-    """Return what is left of each joint's effort below the cut-off, as a share of it, and of all together.
-
-    predicted (n, k); held (n, k): where each block of time was not fitted.
-    """
-    efforts = outcome.efforts
-    measured, rigid = efforts.measured[efforts.every] * outcome.scale, efforts.rigid[efforts.every]
-    out: dict[str, dict[str, float]] = {}
-    columns = {name: [k] for k, name in enumerate(outcome.at.driven)}
-    for name, where in {**columns, "all": list(range(measured.shape[1]))}.items():
+    fitted = float(block_squares(final.model, final.x).sum())
+    ratio = float(np.sqrt(max(final.held_out.sum() / max(fitted, np.finfo(float).tiny), 1.0)))
+    shares: dict[str, dict[str, float]] = {}
+    columns = {name: [k] for k, name in enumerate(driven)}
+    for name, where in {**columns, "all": list(range(len(driven)))}.items():
         good = efforts.good[:, where]
         size = max(rms_of(measured[:, where][good]), np.finfo(float).tiny)
-        out[name] = {
+        shares[name] = {
             key: rms_of((measured - values)[:, where][good]) / size
-            for key, values in (("rigid", rigid), ("fit", predicted), ("heldout", held))
+            for key, values in (("rigid", rigid), ("fit", predicted), ("heldout", held_out))
         }
-    return out
+    ends = {"fit": before, "heldout": before}, {"fit": after, "heldout": after * ratio}
+    return EffortResiduals(measured, rigid, predicted, held_out, *ends, by_joint, shares)
+
+
+def _squares_over_noise(final: FinalState) -> tuple[list[Array], Array]:
+    """Return the mean squares (k,) of the residual over the noise, as drawn and fitted; and the samples of each (k,).
+
+    NaN where the noise is unknown. Above the band where it is judged, the residual counts as white noise does, at most:
+    a motor that vibrates is none of the rigid robot's matter.
+    """
+    motion, judged, noise = final.motion, final.efforts.judged, final.noise_sizes
+    good = final.efforts.away_from_ends(motion.band.highest)
+    cutoffs = np.array(judged.cutoffs)
+    white = np.zeros_like(noise) if motion.standing else np.maximum(1 - 2 * cutoffs / motion.rate, 0.0)
+    squares = []
+    for values in (motion.efforts - final.at.rigid / final.scale, motion.efforts - final.at.rigid - final.added):
+        inside = judged(values, motion.piece)
+        parts = [np.where(good, part[final.efforts.kept], 0.0) for part in (inside, values - inside)]
+        inner, outer = (np.square(part).sum(axis=0) / np.maximum(good.sum(axis=0), 1) / noise**2 for part in parts)
+        squares.append(inner + np.minimum(outer, white))
+    return squares, good.sum(axis=0) * np.isfinite(noise)
+
+
+def _root_mean(squares: Array, counts: Array) -> float:
+    """Return the root mean square of all joints' samples by mean squares (k,) of so many samples (k,)."""
+    known = counts > 0
+    return float(np.sqrt(squares[known] @ counts[known] / counts[known].sum())) if known.any() else float("nan")
 
 
 def rms_of(values: Array) -> float:
     """Return the root mean square of values; NaN where there is none."""
     return float(np.sqrt(np.mean(values**2))) if np.size(values) else float("nan")
+
+
+def curves_of(final: FinalState) -> Iterator[EffortCurve]:
+    """Yield, for each finding that one variable drives, its effort and the residual against that variable."""
+    efforts = final.efforts
+    left = (efforts.measured[efforts.kept] - efforts.rigid[efforts.kept] - final.explained) * final.scale
+    for term in (*final.laws, *final.curves):
+        joint, curve, variable = term.place.name, term.law.is_curve, term.law.against
+        if not variable or joint not in final.at.driven:
+            continue
+        column = final.at.driven.index(joint)
+        good = efforts.good[:, column]
+        same = [] if term.is_of_time else [term]
+        if not curve:
+            same = [other for other in final.laws if other.place.name == joint and other.law.against == variable]
+            if same[0] is not term:
+                continue  # drawn once, together
+        own = np.zeros(len(left))
+        for other in same:
+            own = own + _effort_of(final, other)[:, column] * final.scale[column]
+        x = variable_of(final.at, joint, variable)[efforts.kept]
+        drawn = _means(x[good], (left[:, column] + own)[good], None if curve or not own.any() else own[good])
+        driven = final.mechanism.joint(joint)
+        unit = VARIABLES[variable][1 if driven.slides else 0]
+        yield EffortCurve(joint, variable, *drawn, unit, driven.effort_unit)
+
+
+def _effort_of(final: FinalState, term: EffortCandidate) -> Array:
+    """Return the effort (n, k) of one term of the final model alone."""
+    x, own = np.zeros_like(final.x), final.model.slice_of(term)
+    x[own] = final.x[own]
+    return final.efforts.at_kept(final.efforts.modelled(final.model, x)[0])
+
+
+def _means(x: Array, y: Array, law: Array | None) -> tuple[Array, Array, Array, Array | None]:
+    """Return means of neighbours by x, as many in each: of x, of y, its standard error, and of the law."""
+    order = np.argsort(x, kind="stable")
+    parts = [part for part in np.array_split(order, _BINS) if len(part) > 1]
+    error = np.array([y[part].std(ddof=1) / np.sqrt(len(part)) for part in parts])
+    means = [None if each is None else np.array([each[part].mean() for part in parts]) for each in (x, y, law)]
+    return means[0], means[1], error, means[2]  # type: ignore[return-value]

@@ -1,50 +1,47 @@
-"""Which laws the efforts ask for: forward by what they save on held-out blocks, backward where they save nothing.
+"""Which laws do the efforts ask for? Forward by what they save on held-out blocks, backward where they save nothing.
 
-Chance is judged by turning the sign of whole blocks of the residual: what is only correlated noise then looks as it
-did, and what a law explains is gone.
+After that one law is tried in the place of others, and laws are sought by strain: toleranced parameters share among
+them what one link or load of another size would explain alone. Every one of several then lies beyond its tolerance, no
+law saves anything beside them, and but for their tolerances the data cannot tell it from them. Such a law enters by the
+strain that it takes off.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from scipy.special import gammaincc
 
 from ...laws.efforts import Body
 from ...spatial import Array
 from ..criteria import (
-    EFFORT_CHANCE,
-    EFFORT_FLIPS,
     EFFORT_GAIN,
     EFFORT_GAIN_ALONE,
-    EFFORT_INDISTINCT,
+    EFFORT_RELIEF,
     EFFORT_STALE,
     EFFORT_SURE,
     MOST_EFFORT_TERMS,
     beyond_tolerance,
 )
-from .beside import Beside
-from .chosen import Chosen, fit
-from .columns import EffortCandidate, Gathered
-from .normal import Normal, directions
+from .evidence import CrossValidation, held_out, no_worse, relative_gain, scores, standard_error
+from .nonlinear import refined
+from .prepare import PreparedEfforts
+from .problem import EffortCandidate, EffortModel, fit
 
 __all__ = [
-    "Score",
-    "can_be",
-    "excluded",
-    "held_out",
-    "kinds_of_most",
+    "cost_of",
+    "is_plausible",
+    "kinds_of_most_drives",
     "pruned",
-    "replaces",
-    "scores",
+    "relieving_curve",
     "searched",
-    "surely",
-    "threshold",
-    "uncertainty",
+    "squared_strain",
+    "strain",
+    "sure_of_all",
+    "with_relieving_laws",
 ]
 
 #: Candidates of a round that are tried on held-out blocks, of all; half as many of each joint.
@@ -55,328 +52,193 @@ _FEWEST_OF_KIND = 3
 _ONE_LINK = (Body.LINK, Body.SCALED_LINK)
 #: Times that a law may come in at a place: once more after it was made needless by what was itself needless later.
 _ENTRIES = 2
+#: How much more strain than any law a curve of no law takes off, to be what is there.
+_FAR_MORE = 1.25
+
+_Key = tuple[str, str, str]
 
 
-@dataclass(frozen=True)
-class Score:
-    """How strongly data ask for a candidate: probability of its being chance, as a logarithm, and its coefficients."""
-
-    candidate: EffortCandidate
-    log_chance: float
-    gain: float
-    coefficients: Array
-    possible: bool
-
-
-def held_out(given: Gathered, chosen: Chosen) -> Array:
-    """Return the squares that each block has left when it was not fitted, (B,)."""
-    return Beside(given, chosen).left
-
-
-def pulls(given: Gathered, chosen: Chosen) -> tuple[Array, Array, Array]:
-    """Return what pulls at all columns, block by block (B, P), freed of what is fitted; R (P, P) beside it; and (P,)
-    what pulls in all, by the tolerances too, of which a column would take parameters back."""
-    where = chosen.where
-    x, matrix = fit(given, chosen)
-    columns, total = given.columns, given.columns.total
-    pull = columns.pulls(columns.residual(where, x))
-    cross = Normal.of(matrix).solve(total[where])  # (p, P)
-    pull = pull - pull[:, where] @ cross
-    rest = total - total[:, where] @ cross + given.precision()
-    return pull, rest, pull.sum(axis=0) + (given.precision(where) @ x) @ cross
-
-
-def scores(given: Gathered, chosen: Chosen) -> tuple[list[Score], Array]:
-    """Return a score of each candidate that is not chosen, and the logarithm of the best chance of each flip (R,).
-
-    A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
-    those follow a chi squared with as many degrees of freedom as their mean and scatter tell.
-    """
-    pull, rest, true = pulls(given, chosen)
-    signs = _flips(given.columns.count)
-    flipped, total = signs @ pull, given.columns.total
-    longest = float(np.diag(total).max(initial=0.0))
-    taken = {term.where.start for term in chosen.terms}
-    found: list[tuple[EffortCandidate, float, Array, bool]] = []
-    chances, freedoms = [], []
-    for candidate in given.candidates:
-        if candidate.where.start in taken:
-            continue
-        own = candidate.where
-        basis = directions(rest[own, own], total[own, own], EFFORT_INDISTINCT, longest)
-        if not basis.size:
-            continue
-        chance = ((flipped[:, own] @ basis) ** 2).sum(axis=1)
-        gain = float(((true[own] @ basis) ** 2).sum())
-        mean, spread = chance.mean(), chance.var()
-        if not mean > 0 or not spread > 0:
-            continue
-        coefficients = basis @ (basis.T @ true[own])
-        possible = True
-        # beside what it replaces, a richer law is only told by how it differs
-        if candidate.law.one_sided and not any(replaces(candidate, term) for term in chosen.terms):
-            deviation = np.sqrt((basis**2).sum(axis=1) * mean / basis.shape[1])
-            possible = bool((coefficients > -EFFORT_SURE * deviation).all() and (coefficients > 0).any())
-        if possible:
-            values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
-            possible = candidate.law.one_sided or candidate.law.plausible(candidate.place, values_here, given.mechanism)
-        possible = possible and candidate.law.agrees(coefficients, candidate.values)
-        found.append((candidate, gain, coefficients, possible))
-        freedoms.append(2 * mean**2 / spread)
-        chances.append(np.append(chance, gain) * freedoms[-1] / mean)
-    if not found:
-        return [], np.zeros(len(signs))
-    # chi squared's tail, of all candidates at once
-    with np.errstate(divide="ignore"):
-        logs = np.log(gammaincc(np.array(freedoms)[:, None] / 2, np.array(chances) / 2))
-    scored = [
-        Score(candidate, min(0.0, float(chance + np.log(candidate.law.looked_at))), gain, coefficients, possible)
-        for (candidate, gain, coefficients, possible), chance in zip(found, logs[:, -1], strict=True)
-    ]
-    return scored, np.minimum(0.0, logs[:, :-1].min(axis=0))
-
-
-def _flips(blocks: int) -> Array:
-    """Return the signs (R, blocks) by which blocks of a residual are turned; the same for the same number of blocks."""
-    return np.random.default_rng(blocks).choice([-1.0, 1.0], (EFFORT_FLIPS, blocks))
-
-
-def threshold(best: Array) -> float:
-    """Return the chance that a law must be below, all laws looked at together."""
-    return float(np.quantile(best, EFFORT_CHANCE))
-
-
-def uncertainty(saving: Array) -> float:
-    """Return the standard error of a sum over blocks (B,), by their scatter."""
-    return float(np.std(saving, ddof=1) * np.sqrt(len(saving)))
-
-
-def worth(before: Array, after: Array) -> tuple[float, float]:
-    """Return the share of held-out squares (B,) that a term saves, and how sure that is, in standard errors.
-
-    By logarithms of the squares: each block has a size of its own, and where one holds most of them the others could
-    make no saving sure.
-    """
-    tiny = np.finfo(float).tiny
-    share = float((before - after).sum() / max(before.sum(), tiny))
-    if len(before) < 2:
-        return share, 0.0
-    ratios = np.log(np.maximum(before, tiny)) - np.log(np.maximum(after, tiny))
-    return share, float(ratios.sum()) / max(uncertainty(ratios), tiny)
-
-
-def searched(
-    given: Gathered,
-    start: Chosen,
-    refresh: Callable[[Gathered, Chosen], tuple[Gathered, Chosen]] | None = None,
-    closer: Callable[..., tuple[Gathered, Chosen]] | None = None,
-    tell: Callable[[float], None] = lambda share: None,
-) -> tuple[Gathered, Chosen]:
-    """Return the laws that the efforts ask for.
-
-    `refresh`: makes columns anew that depend on what is known; `closer`: looks for better scanned values of terms.
-    """
-    chosen = start
-    refused: Counter[tuple[str, str, str]] = Counter()
-    left: set[tuple[str, str, str]] = set()
+def searched(efforts: PreparedEfforts, model: EffortModel, tell: Callable[[float], None]) -> EffortModel:
+    """Return the model that the efforts ask for, from one to begin with."""
+    refused: Counter[_Key] = Counter()
+    left: set[_Key] = set()
     while True:
-        given, chosen = _forward(given, chosen, refused, refresh, closer, tell)
-        needed = pruned(given, chosen, chosen.terms)
+        model = _forward(efforts, model, refused, tell)
+        needed = pruned(model, model.terms)
         # what only imitated a plainer law leaves its place to that, once
-        gone = {_key(term) for term in chosen.terms if not any(term is other for other in needed.terms)}
-        chosen = needed
+        gone = {term.key for term in model.terms if term not in needed.terms}
+        model = needed
         if gone <= left:
             break
         left |= gone
         refused.update(dict.fromkeys(gone, _ENTRIES))
     # bodies first: what follows from what is known acts on them
-    chosen = chosen.of(sorted(chosen.terms, key=lambda term: term.law.of_what_is_known))
-    if closer is not None and chosen.terms:
-        given, chosen = closer(given, chosen, range(len(chosen.terms) - 1, -1, -1), True)
-        given, chosen = _with_new(given, chosen, [], refused, None)
-        given, chosen = _simpler(given, chosen, closer)
-    return given, chosen
+    model = model.with_terms(sorted(model.terms, key=lambda term: term.law.of_what_is_known))
+    if model.terms:
+        model = refined(efforts, model, range(len(model.terms) - 1, -1, -1), at_last=True)
+        model = _with_new(efforts, model, [], refused)
+        model = _simpler(efforts, model)
+    return model
 
 
 def _forward(
-    given: Gathered,
-    chosen: Chosen,
-    refused: Counter[tuple[str, str, str]],
-    refresh: Callable[[Gathered, Chosen], tuple[Gathered, Chosen]] | None,
-    closer: Callable[..., tuple[Gathered, Chosen]] | None,
+    efforts: PreparedEfforts,
+    model: EffortModel,
+    refused: Counter[_Key],
     tell: Callable[[float], None],
-) -> tuple[Gathered, Chosen]:
-    """Return what is chosen with all laws that come in, one after the other."""
+) -> EffortModel:
+    """Return the model with all laws that enter, one after the other."""
     fresh, squares = True, np.inf
-    while len(chosen.terms) < MOST_EFFORT_TERMS:
-        beside = Beside(given, chosen)
-        tell(1 - np.exp(-len(chosen.terms) / 8))
-        if refresh is not None and not fresh and beside.left.sum() < EFFORT_STALE * squares:
-            given, chosen = refresh(given, chosen)
-            beside, fresh = Beside(given, chosen), True
+    while len(model.terms) < MOST_EFFORT_TERMS:
+        validation = CrossValidation(model)
+        tell(1 - np.exp(-len(model.terms) / 8))
+        if not fresh and validation.squares.sum() < EFFORT_STALE * squares:
+            model = efforts.refreshed(model)
+            validation, fresh = CrossValidation(model), True
         if fresh:
-            squares = float(beside.left.sum())
-        new = _entering(given, chosen, beside, refused)
-        if refresh is not None and not fresh and (not new or any(term.law.of_what_is_known for term in new)):
-            given, chosen = refresh(given, chosen)
-            beside, fresh, squares = Beside(given, chosen), True, float(beside.left.sum())
-            new = _entering(given, chosen, beside, refused)
+            squares = float(validation.squares.sum())
+        new = _entering(model, validation, refused)
+        if not fresh and (not new or any(term.law.of_what_is_known for term in new)):
+            model = efforts.refreshed(model)
+            validation, fresh, squares = CrossValidation(model), True, float(validation.squares.sum())
+            new = _entering(model, validation, refused)
         if not new:
             break
-        given, chosen = _with_new(given, chosen, new, refused, closer)
+        model = _with_new(efforts, model, new, refused)
         fresh = False
-    return given, chosen
+    return model
 
 
-def _entering(
-    given: Gathered, chosen: Chosen, beside: Beside, refused: Mapping[tuple[str, str, str], int]
-) -> list[EffortCandidate]:
-    """Return the terms that come in next: the best one, and the best of other joints that nothing wider explains."""
-    ranked, best = scores(given, chosen)
-    limit = threshold(best)
-    likely = [
-        score
-        for score in ranked
+def _entering(model: EffortModel, validation: CrossValidation, refused: Mapping[_Key, int]) -> list[EffortCandidate]:
+    """Return the terms that enter next: the best one, and the best of other joints that nothing wider explains."""
+    ranked, limit = scores(model)
+    columns = model.problem.columns
+    joints_of = {
+        score.candidate: columns.joints_of(score.candidate)
+        for score in sorted(ranked, key=lambda score: -score.gain)
         if score.possible
         and score.log_chance < limit
-        and refused.get(_key(score.candidate), 0) < _ENTRIES
-        and not any(excluded(term, score.candidate) for term in chosen.terms)
-    ]
-    touched = {id(score): _joints(given, score.candidate) for score in likely}
-    likely = sorted(likely, key=lambda score: -score.gain)
+        and refused.get(score.candidate.key, 0) < _ENTRIES
+        and not any(term.excludes(score.candidate) for term in model.terms)
+    }
     # the best of all, and the best of every joint
-    kept = {id(score): score for score in likely[:_TRIED]}
-    for joint in range(given.columns.target.shape[1]):
-        kept |= {id(score): score for score in [s for s in likely if joint in touched[id(s)]][: _TRIED // 2]}
-    candidates = [score.candidate for score in kept.values()]
-    tried = []
-    for candidate, after in zip(candidates, beside.with_each(candidates), strict=True):
-        if _earns(beside, candidate, beside.left, after) and shows_beside(given, chosen, candidate):
-            tried.append((float((beside.left - after).sum()), after, candidate))
+    best = list(joints_of)[:_TRIED]
+    for joint in range(columns.target.shape[1]):
+        best += [candidate for candidate, own in joints_of.items() if joint in own][: _TRIED // 2]
+    candidates, tried = list(dict.fromkeys(best)), []
+    for candidate, after in zip(candidates, validation.with_each(candidates), strict=True):
+        if _earns(validation, candidate, validation.squares, after) and _shows_beside(model, candidate):
+            tried.append((float((validation.squares - after).sum()), after, candidate))
     new: list[EffortCandidate] = []
     taken: set[int] = set()
     while tried:
         one = _simplest(tried)
-        joints = _joints(given, one)
+        joints = joints_of[one]
         if new and len(joints) > 1:
             break
-        if can_be(given, _with_all(_without_replaced(chosen, one), [*new, one]), one):
+        if is_plausible(_replaced_by(one, model).with_term(*new, one), one):
             new.append(one)
-            taken |= joints
-            tried = [item for item in tried if not taken & _joints(given, item[2]) or len(_joints(given, item[2])) > 1]
             if len(joints) > 1:
                 break
+            taken |= joints
+            tried = [item for item in tried if not taken & joints_of[item[2]] or len(joints_of[item[2]]) > 1]
         tried = [item for item in tried if item[2] is not one]
     return new
 
 
 def _with_new(
-    given: Gathered,
-    chosen: Chosen,
+    efforts: PreparedEfforts,
+    model: EffortModel,
     new: Sequence[EffortCandidate],
-    refused: Counter[tuple[str, str, str]],
-    closer: Callable[..., tuple[Gathered, Chosen]] | None,
-) -> tuple[Gathered, Chosen]:
-    """Return what is chosen with new terms, without those whose place they take and those that they make needless."""
+    refused: Counter[_Key],
+) -> EffortModel:
+    """Return the model with new terms, without those whose place they take and those that they make needless."""
     for term in new:
-        rest = _without_replaced(chosen, term)
-        after = _with_all(rest, [term])
+        rest, columns = _replaced_by(term, model), model.problem.columns
+        size = columns.size
         # a richer law competes with the best of its own values: those of what it replaces have been looked for
-        wider, size = given, given.columns.size
-        if closer is not None:
-            wider, after = closer(given, after, [len(after.terms) - 1])
-        if rest is not chosen and not _earns_its_place(wider, chosen, after, after.terms[-1]):
-            given.columns.cut(size)
-            refused[_key(term)] += _ENTRIES
+        after = refined(efforts, rest.with_term(term), [len(rest.terms)])
+        if rest.terms != model.terms and not _is_earned(model, after, after.terms[-1]):
+            columns.cut(size)
+            refused[term.key] += _ENTRIES
             continue
-        given, chosen = wider, after
-    chosen = _all_links(given, chosen)
+        model = after
+    model = _all_links(model)
     while True:
-        old = chosen.terms[: len(chosen.terms) - len(new)]
-        worse = _needless(given, chosen, old)
+        old = model.terms[: len(model.terms) - len(new)]
+        worse = _needless(model, old)
         if worse is None:
-            return given, chosen
-        refused[_key(worse)] += 1
-        chosen = chosen.without(worse)
+            return model
+        refused[worse.key] += 1
+        model = model.without(worse)
 
 
-def _all_links(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen with all links in the place of several.
+def _all_links(model: EffortModel) -> EffortModel:
+    """Return the model with all links in the place of several.
 
     Several that are not as drawn say that the robot is another one than was drawn: the others are not to be taken on
     trust then. What this motion hardly tells of them another one may ask for.
     """
-    every = next((c for c in given.candidates if c.law.body is Body.ALL_LINKS), None)
-    if every is None or every in chosen.terms or len(_others(given, chosen)) < 2:
-        return chosen
-    tried = chosen.of((*(term for term in chosen.terms if not replaces(every, term)), every))
-    left = Beside(given, tried).left
-    apart = left - Beside(given, chosen).left
-    error = uncertainty(apart)
-    if not float(apart.sum()) < EFFORT_SURE * error or _one_would_do(given, chosen, left):
-        return chosen
-    return tried
+    every = next((c for c in model.problem.candidates if c.law.body is Body.ALL_LINKS), None)
+    if every is None or every in model.terms or len(_others(model)) < 2:
+        return model
+    tried = _replaced_by(every, model).with_term(every)
+    left = CrossValidation(tried).squares
+    taken = no_worse(left, CrossValidation(model).squares) and not _one_would_do(model, left)
+    return tried if taken else model
 
 
-def _one_would_do(given: Gathered, chosen: Chosen, left: Array) -> bool:
+def _one_would_do(model: EffortModel, left: Array) -> bool:
     """Return whether one law that is no link's takes links back within tolerance, and leaves no more than `left`."""
     plain = [
         score
-        for score in scores(given, chosen)[0]
+        for score in scores(model)[0]
         if score.possible
         and score.candidate.law.body not in (*_ONE_LINK, Body.ALL_LINKS)
-        and not any(excluded(term, score.candidate) for term in chosen.terms)
+        and not any(term.excludes(score.candidate) for term in model.terms)
     ]
-    plain = sorted(plain, key=lambda score: -score.gain)[:_TRIED]
-    candidates = [score.candidate for score in plain]
-    for candidate, after in zip(candidates, Beside(given, chosen).with_each(candidates), strict=True):
-        apart = after - left
-        no_more = float(apart.sum()) < EFFORT_SURE * uncertainty(apart)
-        if no_more and len(_others(given, chosen.with_term(candidate))) < 2:
-            return True
-    return False
+    candidates = [score.candidate for score in sorted(plain, key=lambda score: -score.gain)[:_TRIED]]
+    return any(
+        no_worse(after, left) and len(_others(model.with_term(candidate))) < 2
+        for candidate, after in zip(candidates, CrossValidation(model).with_each(candidates), strict=True)
+    )
 
 
-def _others(given: Gathered, chosen: Chosen) -> set[str]:
+def _others(model: EffortModel) -> set[str]:
     """Return the links that are not as drawn: by a law, or beyond their tolerance."""
-    x, _ = fit(given, chosen)
-    limit = beyond_tolerance(len(chosen.base))
-    beyond = {
-        given.links[i] for i, amount in zip(chosen.base, x, strict=False) if i in given.links and abs(amount) > limit
-    }
-    return beyond | {term.place.name for term in chosen.terms if term.law.body in _ONE_LINK}
+    limit, off = beyond_tolerance(len(model.toleranced)), strain(model)
+    links = model.problem.links
+    beyond = {links[i] for i, own in zip(model.toleranced, off, strict=True) if i in links and own > limit}
+    return beyond | {term.place.name for term in model.terms if term.law.body in _ONE_LINK}
 
 
-def _simpler(
-    given: Gathered, chosen: Chosen, closer: Callable[..., tuple[Gathered, Chosen]]
-) -> tuple[Gathered, Chosen]:
-    """Return what is chosen with one law in the place of others where these do not earn what they have more."""
-    for others, single in _simplifications(given, chosen):
-        if not all(any(term is other for other in chosen.terms) for term in others):
+def _simpler(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+    """Return the model with one law in the place of others where these do not earn what they have more."""
+    for others, single in _simplifications(model):
+        if not all(term in model.terms for term in others):
             continue
-        rest = chosen.of(term for term in chosen.terms if not any(term is other for other in others))
-        single = [c for c in single if not any(excluded(term, c) or replaces(c, term) for term in rest.terms)]
+        rest = model.without(*others)
+        single = [c for c in single if not any(term.excludes(c) or c.replaces(term) for term in rest.terms)]
         if not single:
             continue
-        best = single[int(np.argmin(Beside(given, rest).with_each(single).sum(axis=1)))]
-        tried, one = closer(given, rest.with_term(best), [len(rest.terms)])
-        links = _others(tried, one) if best.law.body else set()
-        richer = [term for term in others if _earns_its_place(tried, one, chosen, term)]
-        if not richer and len(links) < 2 and can_be(tried, one, one.terms[-1]):
-            given, chosen = tried, one
-        given.columns.cut(len(given.prior))
-    return given, chosen
+        best = single[int(np.argmin(CrossValidation(rest).with_each(single).sum(axis=1)))]
+        one = refined(efforts, rest.with_term(best), [len(rest.terms)])
+        links = _others(one) if best.law.body else set()
+        richer = [term for term in others if _is_earned(one, model, term)]
+        if not richer and len(links) < 2 and is_plausible(one, one.terms[-1]):
+            model = one
+        model.problem.columns.cut(len(model.problem.prior))
+    return model
 
 
-def _simplifications(
-    given: Gathered, chosen: Chosen
-) -> Iterator[tuple[tuple[EffortCandidate, ...], list[EffortCandidate]]]:
+def _simplifications(model: EffortModel) -> Iterator[tuple[tuple[EffortCandidate, ...], list[EffortCandidate]]]:
     """Yield terms, and candidates with fewer columns of which one may stand for all of these.
 
     One law or two at a joint may be another one, or a plainer one of their family; and what several drives have alike
     may be one thing of all of them.
     """
-    own = [term for term in chosen.terms if not chosen.stays(term)]
+    candidates = model.problem.candidates
+    own = [term for term in model.terms if not model.is_nuisance(term)]
     for terms in (*((term,) for term in own), *combinations(own, 2)):
         joint, columns = terms[0].place.name, sum(term.size for term in terms)
         if all(term.place.name == joint for term in terms):
@@ -384,147 +246,184 @@ def _simplifications(
                 terms,
                 [
                     c
-                    for c in given.candidates
+                    for c in candidates
                     if c.size < columns
-                    and (c.place.name == joint or replaces(terms[0], c))
-                    and not any(_key(c) == _key(term) or (replaces(c, term) and c.size > term.size) for term in terms)
+                    and (c.place.name == joint or terms[0].replaces(c))
+                    and not any(c.key == term.key or (c.replaces(term) and c.size > term.size) for term in terms)
                 ],
             )
     for physics in dict.fromkeys(term.law.physics for term in own):
         alike = tuple(term for term in own if term.law.physics == physics and term.place.name != "robot")
         if len(alike) > 1 and not any(term.law.body for term in alike):
-            yield alike, [c for c in given.candidates if c.name == (physics, "robot")]
+            yield alike, [c for c in candidates if c.name == (physics, "robot")]
 
 
-def _earns_its_place(given: Gathered, before: Chosen, after: Chosen, term: EffortCandidate) -> bool:
-    old, new = Beside(given, before), Beside(given, after)
-    return _earns(old, term, old.left, new.left)
+def _is_earned(before: EffortModel, after: EffortModel, term: EffortCandidate) -> bool:
+    """Return whether the model after, which has a term, saves enough of what the one before leaves."""
+    old = CrossValidation(before)
+    return _earns(old, term, old.squares, held_out(after))
 
 
-def _earns(beside: Beside, term: EffortCandidate, before: Array, after: Array) -> bool:
+def _earns(validation: CrossValidation, term: EffortCandidate, before: Array, after: Array) -> bool:
     """Return whether a term saves enough of the squares of the joints in which it acts, and surely."""
     saving = float((before - after).sum())
-    least = EFFORT_GAIN if beside.chosen.background else EFFORT_GAIN_ALONE
-    if worth(before, after)[1] <= EFFORT_SURE or saving <= least * beside.left_in(term):
+    least = EFFORT_GAIN if validation.model.keeps_nuisances else EFFORT_GAIN_ALONE
+    if relative_gain(before, after)[1] <= EFFORT_SURE or saving <= least * validation.squares_at(term):
         return False
     return saving > term.law.least_gain * float(before.sum())
 
 
-def shows_beside(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
-    """Return whether a term shows beside plainer laws too, which it might imitate."""
-    words = set(term.law.unlike(term.place))
-    if not words:
+def _shows_beside(model: EffortModel, term: EffortCandidate) -> bool:
+    """Return whether a term earns its place beside plainer laws too, which it might imitate."""
+    names = set(term.law.unlike(term.place))
+    if not names:
         return True
-    there = {other.name for other in chosen.terms}
+    missing = names - {other.name for other in model.terms}
     plainer: dict[tuple[str, str], EffortCandidate] = {}
-    for other in given.candidates:
-        if other.name in words - there:
+    for other in model.problem.candidates:
+        if other.name in missing:
             plainer.setdefault(other.name, other)
-    rest = chosen.of(other for other in chosen.terms if other is not term)
-    beside = Beside(given, _with_all(rest, list(plainer.values())))
-    return _earns(beside, term, beside.left, beside.with_each([term])[0])
+    validation = CrossValidation(model.without(term).with_term(*plainer.values()))
+    return _earns(validation, term, validation.squares, validation.with_each([term])[0])
 
 
-def replaces(term: EffortCandidate, other: EffortCandidate) -> bool:
-    """Return whether a term takes another one's place: it is the same thing, told richer."""
-    if term.law.body is Body.ALL_LINKS:
-        return other.law.body is not None
-    same = term.law.family == other.law.family != "" and term.place.name == other.place.name
-    return same and _key(term) != _key(other)
+def _replaced_by(term: EffortCandidate, model: EffortModel) -> EffortModel:
+    """Return the model without the terms whose place a new one takes."""
+    return model.without(*(other for other in model.terms if term.replaces(other)))
 
 
-def _without_replaced(chosen: Chosen, term: EffortCandidate) -> Chosen:
-    """Return what is chosen without terms whose place another one takes; the same where it takes none."""
-    rest = tuple(other for other in chosen.terms if not replaces(term, other))
-    return chosen if len(rest) == len(chosen.terms) else chosen.of(rest)
-
-
-def _with_all(chosen: Chosen, terms: Sequence[EffortCandidate]) -> Chosen:
-    return chosen.of((*chosen.terms, *terms))
-
-
-def _joints(given: Gathered, term: EffortCandidate) -> frozenset[int]:
-    """Return the joints in which a term acts."""
-    return frozenset(np.flatnonzero(given.columns.touched[term.where].any(axis=0)).tolist())
-
-
-def can_be(given: Gathered, chosen: Chosen, term: EffortCandidate) -> bool:
-    """Return whether a term's values can be, fitted together with all others."""
-    x, _ = fit(given, chosen)
-    own = x[chosen.own(term)]
+def is_plausible(model: EffortModel, term: EffortCandidate) -> bool:
+    """Return whether a term has values that its law can have, fitted together with all others."""
+    x, _ = fit(model)
+    own = x[model.slice_of(term)]
     values = term.law.fitted(term.place, own, term.values)
-    return term.law.plausible(term.place, values, given.mechanism) and term.law.agrees(own, term.values)
-
-
-def excluded(term: EffortCandidate, other: EffortCandidate) -> bool:
-    """Return whether one is the other with other values, or told plainer."""
-    if _key(term) == _key(other) or (term.name == other.name and term.law.told_by_values):
-        return term.law.is_same(term.values, other.values)
-    if term.law.body is Body.ALL_LINKS and other.law.body:
-        return True
-    if term.law.family == other.law.family != "" and term.place.name == other.place.name:
-        return other.size < term.size  # a richer one may take its place
-    return False
-
-
-def _key(candidate: EffortCandidate) -> tuple[str, str, str]:
-    return (*candidate.name, candidate.place.aspect)
+    return term.law.plausible(term.place, values, model.problem.mechanism) and term.law.agrees(own, term.values)
 
 
 def _simplest(tried: Sequence[tuple[float, Array, EffortCandidate]]) -> EffortCandidate:
     """Return the best candidate, or one with fewer columns that is as good as the data can tell."""
-    best_gain, best_after, best = max(tried, key=lambda item: item[0])
-    chosen = best
-    for _gain, after, candidate in tried:
+    best_gain, best_after, simplest = max(tried, key=lambda item: item[0])
+    for _, after, candidate in tried:
         apart = after - best_after
-        error = uncertainty(apart)
-        if float(apart.sum()) < max(EFFORT_SURE * error, 0.02 * best_gain) and candidate.size < chosen.size:
-            chosen = candidate
-    for _gain, after, candidate in tried:
+        least = max(EFFORT_SURE * standard_error(apart), 0.02 * best_gain)
+        if float(apart.sum()) < least and candidate.size < simplest.size:
+            simplest = candidate
+    for _, after, candidate in tried:
         # twins: the same columns under two names; the earlier one of the library
-        same = candidate.size == chosen.size and candidate.where.start < chosen.where.start
+        same = candidate.size == simplest.size and candidate.where.start < simplest.where.start
         if same and abs(float((after - best_after).sum())) < 0.005 * best_gain:
-            chosen = candidate
-    return chosen
+            simplest = candidate
+    return simplest
 
 
-def kinds_of_most(given: Gathered, terms: Sequence[EffortCandidate]) -> dict[str, list[EffortCandidate]]:
-    """Return those of some terms that are of a kind that every drive has, by kind, where most drives have it."""
-    common = {other.law.physics for other in given.candidates if other.law.everywhere}
+def kinds_of_most_drives(
+    model: EffortModel, terms: Sequence[EffortCandidate] | None = None
+) -> dict[str, list[EffortCandidate]]:
+    """Return, by physics, the terms of laws that every drive has, where most drives have them; of all, or of some."""
+    problem = model.problem
+    common = {other.law.physics for other in problem.candidates if other.law.everywhere}
     kinds: dict[str, list[EffortCandidate]] = {}
-    for term in terms:
-        if term.law.physics in common and term.place.name in given.mechanism.actuated:
+    for term in model.terms if terms is None else terms:
+        if term.law.physics in common and term.place.name in problem.mechanism.actuated:
             kinds.setdefault(term.law.physics, []).append(term)
-    most = max(_FEWEST_OF_KIND, given.columns.target.shape[1] / 2)
+    most = max(_FEWEST_OF_KIND, problem.columns.target.shape[1] / 2)
     return {kind: own for kind, own in kinds.items() if len({term.place.name for term in own}) >= most}
 
 
-def surely(given: Gathered, chosen: Chosen) -> Chosen:
-    """Return what is chosen without what every drive has where held-out blocks do not ask for it."""
-    common = [term for term in chosen.terms if chosen.stays(term)]
-    return pruned(given, replace(chosen, background=False), common)
+def sure_of_all(model: EffortModel) -> EffortModel:
+    """Return the model without nuisances that held-out blocks do not ask for; the others are terms like any."""
+    common = [term for term in model.terms if model.is_nuisance(term)]
+    return pruned(replace(model, keeps_nuisances=False), common)
 
 
-def pruned(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> Chosen:
-    """Return what is chosen without those of the `doubtful` terms that the others make needless."""
-    while (worse := _needless(given, chosen, doubtful)) is not None:
-        chosen = chosen.without(worse)
-    return chosen
+def pruned(model: EffortModel, doubtful: Sequence[EffortCandidate]) -> EffortModel:
+    """Return the model without those of the `doubtful` terms that the others make needless."""
+    while (worse := _needless(model, doubtful)) is not None:
+        model = model.without(worse)
+    return model
 
 
-def _needless(given: Gathered, chosen: Chosen, doubtful: Sequence[EffortCandidate]) -> EffortCandidate | None:
-    """Return which of the doubtful terms the others make needless on held-out blocks, the most needless first."""
-    old = [term for term in chosen.terms if any(term is other for other in doubtful) and not chosen.stays(term)]
+def _needless(model: EffortModel, doubtful: Sequence[EffortCandidate]) -> EffortCandidate | None:
+    """Return the most needless of the doubtful terms on held-out blocks; None where each is needed."""
+    old = [term for term in model.terms if term in doubtful and not model.is_nuisance(term)]
     if not old:
         return None
-    beside = Beside(given, chosen)
+    validation = CrossValidation(model)
     least: tuple[float, EffortCandidate | None] = (np.inf, None)
-    for term, without in zip(old, beside.without_each(old), strict=True):
-        saving = float((without - beside.left).sum())
+    for term, without in zip(old, validation.without_each(old), strict=True):
+        saving = float((without - validation.squares).sum())
         # without a needless term less may be left than nothing, but for rounding
-        left, numbers = beside.left_in(term) + saving, np.finfo(float)
+        left, numbers = validation.squares_at(term) + saving, np.finfo(float)
         share = saving / max(left, numbers.eps * abs(saving), numbers.tiny)
-        earns = _earns(beside, term, without, beside.left) and shows_beside(given, chosen, term)
+        earns = _earns(validation, term, without, validation.squares) and _shows_beside(model, term)
         if not earns and share < least[0]:
             least = share, term
     return least[1]
+
+
+# -- laws that take the strain off tolerances --------------------------------------------------------------------------
+
+
+def strain(model: EffortModel) -> Array:
+    """Return by how many of its tolerances each toleranced parameter of a model is off (p,)."""
+    return np.abs(fit(model)[0][: len(model.toleranced)])
+
+
+def squared_strain(model: EffortModel) -> float:
+    """Return the sum of squared strains, which counts beside squared residuals."""
+    return float((strain(model) ** 2).sum())
+
+
+def cost_of(model: EffortModel) -> float:
+    """Return the held-out squares and the squared strain of a model."""
+    return float(held_out(model).sum()) + squared_strain(model)
+
+
+def with_relieving_laws(efforts: PreparedEfforts, model: EffortModel) -> EffortModel:
+    """Return the model with laws that take parameters back within their tolerances, one for several.
+
+    Where a curve of no law takes off far more strain than any law, none enters. What made up for such a law goes.
+    """
+    limit, before = beyond_tolerance(len(model.toleranced)), model.terms
+    while (strain(model) > limit).any():
+        model, curves = efforts.with_curves(model)
+        laws = _reliefs(model, model.problem.without_curves().candidates)
+        if not laws:
+            break
+        most = max(relief for relief, _ in laws)
+        if any(relief > max(_FAR_MORE * most, most + limit**2) for relief, _ in _reliefs(model, curves)):
+            break
+        good = [law for relief, law in laws if relief > most - limit**2]
+        model = model.with_term(min(good, key=lambda law: (law.size, law.where.start)))
+    if len(model.terms) > len(before):
+        fewer = pruned(model, before)
+        if not (strain(fewer) > max(limit, strain(model).max())).any():
+            model = fewer
+    return model
+
+
+def relieving_curve(model: EffortModel, curves: Sequence[EffortCandidate]) -> EffortCandidate | None:
+    """Return the curve of no law that takes most strain off where parameters lie beyond their tolerances, or None."""
+    return max(_reliefs(model, curves), key=lambda item: item[0], default=(0.0, None))[1]
+
+
+def _reliefs(model: EffortModel, candidates: Sequence[EffortCandidate]) -> list[tuple[float, EffortCandidate]]:
+    """Return candidates that take off most of the strain beyond tolerance, with how much, squared."""
+    limit = beyond_tolerance(len(model.toleranced))
+    before = strain(model)
+    if not (before > limit).any():
+        return []
+    left = held_out(model)
+    found: list[tuple[float, EffortCandidate]] = []
+    for law in candidates:
+        if any(term.excludes(law) or law.replaces(term) for term in model.terms):
+            continue  # two shapes of one thing are a third shape
+        tried = model.with_term(law)
+        after = strain(tried)
+        relief = float((before**2).sum() - (after**2).sum())
+        fewer = (after > limit).sum() < (before > limit).sum()
+        if not fewer or relief < EFFORT_RELIEF * float((before[before > limit] ** 2).sum()):
+            continue
+        if no_worse(held_out(tried), left) and is_plausible(tried, law):
+            found.append((relief, law))
+    return found

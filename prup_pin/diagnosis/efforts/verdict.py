@@ -1,210 +1,159 @@
-"""From what was fitted to a diagnosis: what is found, what stays unknown, and all that is told of it."""
+"""From the final state to a diagnosis: verdict, findings, the corrected model, the next motion and remarks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...spatial import Array
-from ..criteria import (
-    EFFORT_FOREIGN,
-    EFFORT_LOUD,
-    EFFORT_NO_MATTER,
-    EFFORT_NO_NOISE,
-    EFFORT_SURE,
-    EFFORT_UNTOLD,
-    FEWEST_EFFORT_BLOCKS,
-)
+from ...laws import Effect, Place
+from ...laws.efforts import Body, curve_by_position
+from ...laws.efforts.deviations import effects_of_deviations
+from ...mechanism.assumed import masses_in_doubt
+from ...numbers import number
 from ..diagnosis import Finding
-from .advice import advice_of, remarks_of
-from .columns import EffortCandidate
-from .curves import curves_of
-from .detectable import efforts_not_detectable
 from .diagnosis import EffortDiagnosis
-from .effects import effects_of
+from .final_state import FinalState
 from .findings import beyond_found, gains_found, laws_found
-from .noise import EffortNoise
-from .outcome import Outcome
-from .residuals import residuals_of, rms_of, shares_of
-from .search import worth
-from .unknown import (
-    body_unknown,
-    changing_unknown,
-    curve_unknown,
-    foreign_unknown,
-    loud_unknown,
-    unknown_at,
-    unmoved_unknown,
-    untold_unknown,
-    worse_unknown,
-)
+from .gains import law_of_gains
+from .identify import efforts_not_detectable
+from .problem import EffortCandidate
+from .residuals import curves_of, residuals_of
+from .unexplained import structure_left, unexplained
 
 __all__ = ["effort_diagnosis_of"]
 
 
-def effort_diagnosis_of(outcome: Outcome) -> EffortDiagnosis:
-    """Return the diagnosis of what was fitted."""
-    efforts, motion = outcome.efforts, outcome.motion
-    added = efforts.added(outcome.named, outcome.x_named)
-    every = efforts.every
-    measured, rigid = efforts.measured[every] * outcome.scale, efforts.rigid[every]
-    predicted = (rigid + efforts.filter(added)[every]) * outcome.scale
-    told = outcome.noise
-    declared = bool(outcome.recording.noise.effort)
-    noise = outcome.noise_sizes
-    before, after, by_joint = residuals_of(outcome, added, noise)
-    findings = [
-        *gains_found(outcome),
-        *laws_found(outcome),
-    ]
-    unknown = [
-        *(curve_unknown(outcome, term) for term in outcome.free),
-        *(body_unknown(outcome, term) for term in outcome.impossible),
-    ]
-    beyond = list(beyond_found(outcome))
-    remarks = remarks_of(outcome)
-    if unknown and beyond:
+def effort_diagnosis_of(final: FinalState) -> EffortDiagnosis:
+    """Return the diagnosis of a final state."""
+    efforts, motion, driven = final.efforts, final.motion, final.at.driven
+    residuals = residuals_of(final)
+    findings, structure = [*gains_found(final), *laws_found(final)], structure_left(final)
+    beyond, remarks = list(beyond_found(final)), _remarks_of(final)
+    if structure and beyond:
         # what no law explains drives them: they are no findings of their own
         names = ", ".join(name for finding in beyond for name in finding.parameters)
         remarks.append(f"{names} would lie beyond tolerance, but may only stand for what is unknown")
     else:
         findings += beyond
     findings.sort(key=lambda finding: -finding.heldout_gain)
-    held = measured - efforts.held_out_residual(outcome.given, outcome.named) * outcome.scale
-    shares = shares_of(outcome, predicted, held)
-    if outcome.given.columns.count < FEWEST_EFFORT_BLOCKS:
-        unknown = [unknown_at("robot", f"{len(every)} samples of efforts are too few to judge anything by others")]
-    else:
-        unknown = unknown or (
-            list(_beyond_declared(after, by_joint))
-            if declared
-            else list(_unmoved(outcome, measured, rigid, predicted, by_joint))
-            or list(_changing(outcome, added, told))
-            or list(_no_noise(outcome, measured, shares, by_joint))
-        )
-        if not unknown and _is_foreign(shares["all"]):
-            unknown = [foreign_unknown(shares["all"]["rigid"], shares["all"]["heldout"])]
-        named = {finding.location for finding in unknown}
-        unknown += [item for item in _worse(outcome, measured, rigid, held, shares) if item.location not in named]
-    doubtful = _doubtful(outcome, unknown)
+    unknown = unexplained(final, residuals, structure)
+    doubtful = _doubtful(final, unknown)
     remarks += [
         f"what {name} needs by its position is held beyond the travel that was seen: no law for it was found that "
         "explains all"
         for name in dict.fromkeys(term.place.name for term in doubtful)
     ]
-    advice = advice_of(outcome, findings, unknown)
-    unknown += [stretch.finding() for stretch in outcome.stretches]
-    verdict = "unexplained" if unknown else "explained" if findings else "nothing_missing"
+    advice = _advice_of(final, findings, unknown)
+    unknown += [interval.finding() for interval in final.outliers]
     return EffortDiagnosis(
-        joints=outcome.at.driven,
-        units=tuple(outcome.mechanism.joint(name).effort_unit for name in outcome.at.driven),
-        time=motion.time[every],
-        measured=measured,
-        rigid=rigid,
-        predicted=predicted,
-        speed=np.column_stack([outcome.at.speed(name)[every] for name in outcome.at.driven]),
-        position=np.column_stack([outcome.at.position(name)[every] for name in outcome.at.driven]),
+        joints=driven,
+        units=tuple(final.mechanism.joint(name).effort_unit for name in driven),
+        time=motion.time[efforts.kept],
+        measured=residuals.measured,
+        rigid=residuals.rigid,
+        predicted=residuals.predicted,
+        speed=np.column_stack([final.at.speed(name)[efforts.kept] for name in driven]),
+        position=np.column_stack([final.at.position(name)[efforts.kept] for name in driven]),
         good=efforts.good,
-        band=dict(zip(outcome.at.driven, motion.band.cutoffs, strict=True)),
-        noise=noise * outcome.scale,
-        how=tuple(told[name].how for name in outcome.at.driven),
-        before=before,
-        after=after,
-        by_joint=by_joint,
-        shares=shares,
+        band=dict(zip(driven, motion.band.cutoffs, strict=True)),
+        noise=final.noise_sizes * final.scale,
+        how=tuple(final.noise[name].how for name in driven),
+        before=residuals.before,
+        after=residuals.after,
+        by_joint=residuals.by_joint,
+        shares=residuals.shares,
         findings=(*findings, *unknown),
-        effects=tuple(effects_of(outcome, doubtful)),
-        curves=tuple(curves_of(outcome)),
-        verdict=verdict,
-        not_detectable=tuple(efforts_not_detectable(outcome)),
+        effects=tuple(_effects_of(final, doubtful)),
+        curves=tuple(curves_of(final)),
+        verdict="unexplained" if unknown else "explained" if findings else "nothing_missing",
+        not_detectable=tuple(efforts_not_detectable(final)),
         advice=advice,
-        remarks=(*outcome.doubts, *remarks),
-        rows=motion.rows[every],
+        remarks=(*final.doubts, *remarks),
+        rows=motion.rows[efforts.kept],
         standing=motion.standing,
     )
 
 
-def _is_foreign(share: Mapping[str, float]) -> bool:
-    """Return True where the drawing foretells less than nothing of the efforts, and no correction most of them.
-
-    A correction that takes the drawn efforts away leaves the noise, which speaks for no robot at all.
-    """
-    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > EFFORT_UNTOLD
-
-
-def _beyond_declared(after: Mapping[str, float], by_joint: Mapping[str, Mapping[str, float]]) -> Iterator[Finding]:
-    """Yield that what is left is more than the noise that was declared."""
-    if after["fit"] > EFFORT_LOUD:
-        worst = max(by_joint, key=lambda name: by_joint[name]["after"])
-        yield loud_unknown(worst, by_joint[worst]["after"])
-
-
-def _no_noise(
-    outcome: Outcome,
-    measured: Array,
-    shares: Mapping[str, Mapping[str, float]],
-    by_joint: Mapping[str, Mapping[str, float]],
-) -> Iterator[Finding]:
-    """Yield that too much is left to be noise, by what the recording alone tells of that: where most of it is."""
-    sizes = {name: rms_of(measured[outcome.efforts.good[:, k], k]) for k, name in enumerate(outcome.at.driven)}
-    loud = [
-        name
-        for name in outcome.at.driven
-        if shares[name]["heldout"] > EFFORT_UNTOLD and not by_joint[name]["after"] <= EFFORT_NO_NOISE
-    ]
-    if loud:
-        worst = max(loud, key=lambda name: shares[name]["heldout"] * sizes[name])
-        yield untold_unknown(worst, shares["all"]["heldout"], shares[worst]["heldout"], by_joint[worst]["after"])
-
-
-def _unmoved(
-    outcome: Outcome, measured: Array, rigid: Array, predicted: Array, by_joint: Mapping[str, Mapping[str, float]]
-) -> Iterator[Finding]:
-    """Yield joints whose effort changes though their position never does: by more than noise and what friction holds.
-
-    Friction at rest may hold any part of what the load on the joint changes by, and no more.
-    """
-    scatter = EFFORT_NO_NOISE * outcome.noise_sizes * outcome.scale
-    for column, name in enumerate(outcome.at.driven):
-        good = outcome.efforts.good[:, column]
-        if outcome.at.moves(name) or outcome.motion.standing or not good.any():
-            continue
-        size, left = rms_of(measured[good, column]), float(np.std((measured - predicted)[good, column]))
-        held = float(np.hypot(np.std(rigid[good, column]), scatter[column]))
-        if left > max(EFFORT_NO_MATTER * size, held):
-            yield unmoved_unknown(name, left / size, by_joint[name]["after"])
-
-
-def _changing(outcome: Outcome, added: Array, told: Mapping[str, EffortNoise]) -> Iterator[Finding]:
-    """Yield that what is left follows some motion by amounts that change, where the motion has its power."""
-    efforts, motion = outcome.efforts, outcome.motion
-    judged, names = efforts.judged, outcome.at.driven
-    measured, left = (
-        judged(values, motion.piece)[efforts.every] * outcome.scale
-        for values in (motion.efforts, motion.efforts - outcome.at.rigid - added)
-    )
-    noise = [told[name].below(cutoff) for name, cutoff in zip(names, judged.cutoffs, strict=True)]
-    yield from changing_unknown(efforts, left, measured, np.nan_to_num(noise))
-
-
-def _worse(
-    outcome: Outcome, measured: Array, rigid: Array, held: Array, shares: Mapping[str, Mapping[str, float]]
-) -> Iterator[Finding]:
-    """Yield joints of which the corrected model predicts the effort surely worse than the drawing, by what matters."""
-    for column, name in enumerate(outcome.at.driven):
-        drawn, left = shares[name]["rigid"], shares[name]["heldout"]
-        if not (left > EFFORT_NO_MATTER and left > (1 + EFFORT_NO_MATTER) * drawn):
-            continue
-        counts = outcome.efforts.good[:, column]
-        first, last = (np.where(counts, measured[:, column] - values[:, column], 0.0) ** 2 for values in (rigid, held))
-        parts = outcome.given.columns.parts
-        _, sure = worth(*(np.array([float(squares[part].sum()) for part in parts]) for squares in (last, first)))
-        if sure > EFFORT_SURE:
-            yield worse_unknown(name, drawn, left)
-
-
-def _doubtful(outcome: Outcome, unknown: Sequence[Finding]) -> list[EffortCandidate]:
+def _doubtful(final: FinalState, unknown: Sequence[Finding]) -> list[EffortCandidate]:
     """Return laws by a joint's position beside which structure is left: beyond its travel they say nothing."""
-    places = {finding.location for finding in unknown} & set(outcome.at.driven)
-    return [term for term in outcome.named.terms if term.law.within_travel and term.place.name in places]
+    places = {finding.location for finding in unknown} & set(final.at.driven)
+    return [term for term in final.model.terms if term.law.within_travel and term.place.name in places]
+
+
+def _advice_of(final: FinalState, findings: Sequence[Finding], unknown: Sequence[Finding]) -> str:
+    """Return which motion to record next; empty where nothing is in doubt."""
+    slow = [
+        name
+        for name in final.at.driven
+        if not final.at.moves(name) or final.motion.still[:, final.motion.names.index(name)].mean() > 0.5
+        if name in final.motion.names
+    ]
+    if slow:
+        return f"record again with {', '.join(slow)} in motion, at several speeds and both ways"
+    if unknown:
+        where = unknown[0].location
+        return (
+            f"move {where} alone, slowly and fast, over its whole travel and both ways, with the others in several "
+            "postures: that tells apart what depends on its speed, its position and its load"
+        )
+    doubtful = [finding.location for finding in findings if finding.alternatives]
+    moving = [name for name in doubtful if name in final.at.driven]
+    if moving:
+        return f"move {moving[0]} at several constant speeds, both ways, and accelerate it hard in between"
+    return ""
+
+
+def _remarks_of(final: FinalState) -> list[str]:
+    """Return remarks on the motion, and on what it cannot tell."""
+    motion, efforts = final.motion, final.efforts
+    remarks = list(motion.remarks)
+    for column, name in enumerate(final.at.driven):
+        left_out = 1 - (efforts.good | motion.saturated[efforts.kept])[:, column].mean()
+        if left_out > 0.02:
+            remarks.append(
+                f"{name} stands still in {number(100 * left_out, 2)} % of the samples: friction takes any value there, "
+                "and they were left out for it"
+            )
+    remarks += masses_in_doubt(final.mechanism)
+    rank, count = efforts.inertial_rank()
+    if count:
+        remarks.append(
+            f"this motion tells {rank} combinations of the {count} inertial parameters of the moving links; "
+            "the others stay as drawn"
+        )
+    for term in final.laws:
+        if term.law.body is Body.ALL_LINKS:
+            untold = _by_link(efforts.base_parameters(term.law).silent)
+            remarks.append(f"this motion tells nothing of {untold}: they stay as drawn")
+    silent = [name for name in final.mechanism.actuated if name not in motion.names]
+    if silent:
+        remarks.append(f"no position was recorded of {', '.join(silent)}: taken to stand at home")
+    return remarks
+
+
+def _by_link(names: Sequence[str]) -> str:
+    """Return names of parameters in words, link by link."""
+    links: dict[str, list[str]] = {}
+    for name in names:
+        link, _, what = name.rpartition(".")
+        links.setdefault(link, []).append(what)
+    return "; ".join(f"{link}: {', '.join(what)}" for link, what in links.items())
+
+
+def _effects_of(final: FinalState, doubtful: Sequence[EffortCandidate]) -> Iterator[Effect]:
+    """Yield all effects of the corrected model: laws, and toleranced parameters. doubtful: laws told as curves."""
+    yield from effects_of_deviations(final.efforts.deviations, final.x[: len(final.model.toleranced)])
+    for term in final.model.terms:
+        own = final.x[final.model.slice_of(term)]
+        if term in doubtful:
+            # as a curve through knots, which ends where its joint's travel does
+            efforts = term.law.efforts_per(term.place, term.values, final.at) @ own
+            yield Effect(*curve_by_position(term.place.name, efforts, final.at))
+            continue
+        for law, place, values in term.law.parts(term.place, term.law.fitted(term.place, own, term.values)):
+            yield final.effect(law, place, values)
+    if final.gains is not None:
+        law = law_of_gains()
+        for name, gain in zip(final.at.driven, final.gains.gains, strict=True):
+            yield Effect(law, Place(name, law.variant), {law.linear[0]: float(gain - 1)})

@@ -1,9 +1,9 @@
-"""Short stretches of time that are none of the robot's own: brakes that fell in, something that it ran into.
+"""Outlier intervals: short stretches of time that no law describes, as brakes that fell in or a collision.
 
-All laws of the library and curves of no law, fitted together, follow what comes again as joints move; what happens once
-they leave where it stands. Such a stretch is left out, the fit is made again without it, and so on until nothing loud
-is left. It is told where it lies far beyond all that is left elsewhere, and beyond what a fit to the rest may be wrong
-there: of a motion that is not made a second time the rest tells little.
+All laws of the library and curves of no law, fitted together, follow what comes again as joints move, and leave what
+happens once. Such an interval is left out, the fit is made again without it, and so on until no outlier is left. It is
+reported where it lies far beyond all residuals elsewhere, and beyond the uncertainty of the fit to the rest there: of a
+motion that is not made a second time the rest tells little.
 """
 
 from __future__ import annotations
@@ -19,48 +19,31 @@ from ...dynamics import InMotion
 from ...dynamics.smoothing import pieces
 from ...numbers import number
 from ...spatial import Array
-from ..criteria import (
-    EFFORT_EVENT,
-    EFFORT_EVENT_APART,
-    EFFORT_EVENT_LOUD,
-    MOST_EFFORT_EVENTS,
-    MOST_IN_EFFORT_EVENTS,
-)
+from ..criteria import EFFORT_EVENT, EFFORT_EVENT_APART, EFFORT_EVENT_LOUD, MOST_EFFORT_EVENTS, MOST_IN_EFFORT_EVENTS
 from ..diagnosis import Finding
-from .columns import Gathered
-from .normal import unit_lengths
+from .problem import EffortProblem, column_scales
 
-__all__ = ["Outlying", "Stretch", "outlying", "stands_out", "stretches_of"]
+__all__ = ["OutlierInterval", "is_outlying", "outlier_intervals"]
 
 #: Kept samples that are looked at together, and those at an end of a piece where filters have not settled.
 _WINDOW, _END = 4, 8
-#: Share of the loudest window that others must have to be left out with it.
+#: Share of the loudest window's residual that others must have to be left out with it.
 _AS_LOUD = 0.5
-#: Multiples of the noise that still belong to a stretch, and samples between two of them.
+#: Multiples of the noise that still belong to an interval, and samples between two of them.
 _AROUND, _BETWEEN = 3.0, 6
 #: Of unit columns, squared: keeps combinations that nothing tells where they are.
 _ROUNDING = 1e-9
-#: Periods of the cut-off on either side that go with a stretch.
+#: Periods of the cut-off on either side that go with an interval.
 _SPREAD = 1.0
-#: Share of the loudest joint's that another joint must have to be told.
+#: Share of the loudest joint's residual that another joint must have to be named.
 _OF_MOST = 0.2
 
 
 @dataclass(frozen=True)
-class Outlying:
-    """Kept samples `first` to `last` that no law describes: joints (by place), and so many times their noise."""
+class OutlierInterval:
+    """From `begin` to `end` [s] no law describes the efforts of `joints`: `times` the residual elsewhere.
 
-    first: int
-    last: int
-    joints: tuple[int, ...]
-    times: float
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """From `begin` to `end` [s] no law describes the efforts of `joints`: so many `times` what is left elsewhere.
-
-    rows: of the recording, the first and the last that go with it.
+    rows: the first and the last row of the recording that belong to it.
     """
 
     begin: float
@@ -70,7 +53,7 @@ class Stretch:
     rows: tuple[int, int]
 
     def finding(self) -> Finding:
-        """Return what is told of it."""
+        """Return its finding, of something unknown."""
         where = self.joints[0] if len(self.joints) == 1 else "robot"
         text = (
             f"between t = {number(self.begin, 4)} s and {number(self.end, 4)} s: not described by any law. "
@@ -81,37 +64,24 @@ class Stretch:
         return Finding("unknown", where, tuple(dict.fromkeys((where, *self.joints))), {}, 0.0, text)
 
 
-def stretches_of(at: InMotion, every: np.ndarray, found: Sequence[Outlying]) -> list[Stretch]:
-    """Return stretches of a recording; `every` (n,): which samples of the motion were kept."""
-    motion, out = at.motion, []
-    spread = _SPREAD / motion.band.highest
-    for one in found:
-        begin, end = (float(motion.time[every[place]]) for place in (one.first, one.last))
-        near = motion.piece == motion.piece[every[one.first]]
-        near &= (motion.time >= begin - spread) & (motion.time <= end + spread)
-        rows = motion.rows[near]
-        joints = tuple(at.driven[joint] for joint in one.joints)
-        out.append(Stretch(begin, end, joints, one.times, (int(rows[0]), int(rows[-1]))))
-    return out
+def is_outlying(interval: OutlierInterval, rows: np.ndarray, residual: Array, good: np.ndarray) -> bool:
+    """Return whether a residual (n, k) at samples of rows (n,) lies far beyond the noise in an interval."""
+    first, last = interval.rows
+    inside = ((rows >= first) & (rows <= last))[:, None] & good
+    times = np.where(inside, residual / _noise(residual, good & ~inside), 0.0)
+    return bool(np.sqrt((times**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)).max() > EFFORT_EVENT_LOUD)
 
 
-def stands_out(stretch: Stretch, rows: np.ndarray, left: Array, good: np.ndarray) -> bool:
-    """Return whether what laws leave (n, k) at kept samples, of `rows` (n,), is loud in a stretch."""
-    first, last = stretch.rows
-    inside = (rows >= first) & (rows <= last)
-    noise = _noise(left, good & ~inside[:, None])
-    times = np.where(good & inside[:, None], left / noise, 0.0)
-    count = np.maximum((good & inside[:, None]).sum(axis=0), 1)
-    return bool(np.sqrt((times**2).sum(axis=0) / count).max() > EFFORT_EVENT_LOUD)
+def outlier_intervals(
+    problem: EffortProblem, x: Array, good: np.ndarray, at: InMotion, kept: np.ndarray
+) -> list[OutlierInterval]:
+    """Return the outlier intervals in order of time; none where residuals are large all over.
 
-
-def outlying(given: Gathered, x: Array, good: np.ndarray, piece: np.ndarray) -> list[Outlying]:
-    """Return the stretches that nothing describes, in time; none where what is left is loud all over.
-
-    given: columns of all laws and curves, on plain weights, and x their fit; good (n, k): samples that count, of pieces
-    `piece` (n,).
+    problem: columns of all laws and curves, not whitened, and x (P,) their fit, at the samples `kept` (n,) of a motion;
+    good (n, k): those that count.
     """
-    rest = _Rest(given, x, good)
+    rest, motion = _Rest(problem, x, good), at.motion
+    piece, spread = motion.piece[kept], _SPREAD / motion.band.highest
     windows = list(_windows(piece))
     while True:
         loud = np.array([rest.loudness(window) for window in windows])
@@ -125,7 +95,7 @@ def outlying(given: Gathered, x: Array, good: np.ndarray, piece: np.ndarray) -> 
             return []
     around = np.abs(rest.left / rest.noise).max(axis=1) > _AROUND
     spans = sorted(_spans(rest.out, around, piece), key=rest.strength)
-    # what is only loud beside a loud one, or as all is fitted without it, is put back
+    # what is only large beside a larger one, or as all is fitted without it, is put back
     for rows in spans[:-1]:
         tried = rest.including(rows)
         if tried.loudness(rows) < EFFORT_EVENT_LOUD:
@@ -133,20 +103,26 @@ def outlying(given: Gathered, x: Array, good: np.ndarray, piece: np.ndarray) -> 
     loudest = max((rest.loudness(window) for window in windows if not rest.out[window].any()), default=0.0)
     found = []
     for rows in sorted(spans, key=lambda rows: rows.start):
-        if rest.out[rows].any() and rest.strength(rows) > max(EFFORT_EVENT, EFFORT_EVENT_APART * loudest):
-            by_joint = np.sqrt(np.mean((rest.left[rows] / rest.noise) ** 2, axis=0))
-            joints = np.flatnonzero(by_joint > _OF_MOST * by_joint.max())
-            found.append(Outlying(rows.start, rows.stop - 1, tuple(joints.tolist()), float(by_joint.max())))
+        if not (rest.out[rows].any() and rest.strength(rows) > max(EFFORT_EVENT, EFFORT_EVENT_APART * loudest)):
+            continue
+        by_joint = np.sqrt(np.mean((rest.left[rows] / rest.noise) ** 2, axis=0))
+        joints = tuple(at.driven[joint] for joint in np.flatnonzero(by_joint > _OF_MOST * by_joint.max()))
+        begin, end = (float(motion.time[kept[place]]) for place in (rows.start, rows.stop - 1))
+        near = motion.piece == motion.piece[kept[rows.start]]
+        near &= (motion.time >= begin - spread) & (motion.time <= end + spread)
+        of_recording = motion.rows[near]
+        ends = int(of_recording[0]), int(of_recording[-1])
+        found.append(OutlierInterval(begin, end, joints, float(by_joint.max()), ends))
     return found if len(found) <= MOST_EFFORT_EVENTS else []
 
 
 class _Rest:
-    """A fit to all samples but those `out` (n,): what it leaves (n, k), there too, and the noise (k,) elsewhere."""
+    """A fit to all samples but those `out` (n,): its residual (n, k) at all, and the noise (k,) of the others."""
 
-    def __init__(self, given: Gathered, x: Array, good: np.ndarray):
-        columns = given.columns
+    def __init__(self, problem: EffortProblem, x: Array, good: np.ndarray):
+        columns = problem.columns
         self._columns, self._every, self._good = columns, range(columns.size), good
-        self._matrix, self._pull = columns.total + given.precision(), columns.moment.sum(axis=0)
+        self._matrix, self._pull = columns.total + problem.precision(), columns.moment.sum(axis=0)
         self.out = np.zeros(len(good), bool)
         self._leave(x)
 
@@ -167,20 +143,20 @@ class _Rest:
         return other
 
     def without(self, parts: Sequence[slice]) -> _Rest:
-        """Return the fit to all but some more samples."""
+        """Return the fit without some more samples."""
         return self._with(np.concatenate([np.arange(part.start, part.stop) for part in parts]), -1.0)
 
     def including(self, rows: slice) -> _Rest:
-        """Return the fit to some samples too, as far as they were out."""
+        """Return the fit with some samples that were out."""
         return self._with(np.arange(rows.start, rows.stop)[self.out[rows]], 1.0)
 
     def loudness(self, rows: slice) -> float:
-        """Return the root mean square of what is left in some samples, in multiples of the noise of the worst joint."""
+        """Return the root mean square residual of some samples over the noise, of the worst joint."""
         times, count = (self.left[rows] / self.noise) ** 2, self._good[rows].sum(axis=0)
         return float(np.sqrt((times.sum(axis=0) / np.maximum(count, 1)).max()))
 
     def strength(self, rows: slice) -> float:
-        """Return the same of all joints, and less what the fit to the rest may be wrong there."""
+        """Return the residual of some samples, of all joints, over its uncertainty: noise, and the fit to the rest."""
         there = [self._good[rows, joint] for joint in range(len(self.noise))]
         tables = self._columns.dense(self._every, rows)
         table = np.concatenate([own[at] for own, at in zip(tables, there, strict=True)])
@@ -191,8 +167,8 @@ class _Rest:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Return the solution (p, ...) of normal equations that a little shrinkage keeps definite."""
-    scale = unit_lengths(np.diag(matrix))
+    """Return the solution (p, ...) of normal equations, kept definite by a little shrinkage."""
+    scale = column_scales(np.diag(matrix))
     factor = cho_factor(matrix * scale[:, None] * scale + _ROUNDING * np.eye(len(scale)))
     return (scale * cho_solve(factor, (scale * right.T).T).T).T
 
@@ -204,7 +180,7 @@ def _windows(piece: np.ndarray) -> Iterator[slice]:
 
 
 def _noise(left: Array, good: np.ndarray) -> Array:
-    """Return the noise of each joint (k,), whatever a few samples are."""
+    """Return the noise (k,) of each joint's residual by its median, whatever a few samples are."""
     sizes = [
         1.4826 * float(np.median(np.abs(own[at]))) if at.any() else 0.0 for own, at in zip(left.T, good.T, strict=True)
     ]
@@ -212,7 +188,7 @@ def _noise(left: Array, good: np.ndarray) -> Array:
 
 
 def _spans(out: np.ndarray, around: np.ndarray, piece: np.ndarray) -> Iterator[slice]:
-    """Yield the stretches of samples that are left out (n,), with those beside them that are still `around`."""
+    """Yield the intervals of samples that are left out (n,), with neighbours that are still off, `around` (n,)."""
     for where in pieces(piece):
         here, near = out[where], around[where]
         at = np.flatnonzero(here)

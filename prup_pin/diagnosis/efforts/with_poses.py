@@ -1,26 +1,34 @@
-"""Poses and efforts of one recording give one diagnosis."""
+"""Poses and efforts of one recording in one diagnosis: of a motion, or of what drives hold at rest."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...channels import Noise
+from ...errors import InputError
+from ...laws import LAWS, Effect
 from ...mechanism import Mechanism
 from ...recordings import Recording, Together, suspicions
+from ...robot import Robot
+from ...simulation import as_recorded, simulate
+from ...spatial import Array
+from ..criteria import EFFORT_TARED, MOST_SAMPLES
 from ..diagnosis import VERDICTS, Diagnosis, Finding
 from ..prepare import unused_columns
+from .diagnose import diagnose_efforts
 from .diagnosis import EffortDiagnosis
 
 __all__ = [
+    "diagnosis_of_efforts",
     "has_efforts",
     "has_poses",
     "joined",
-    "of_efforts",
     "together_in_time",
     "unused_by_efforts",
+    "with_efforts_at_rest",
 ]
 
 #: Columns that belong to the efforts' own model.
@@ -54,6 +62,7 @@ def together_in_time(recordings: Sequence[Recording], mechanism: Mechanism) -> R
 
 
 def _by_channel(efforts: EffortDiagnosis) -> dict[str, dict[str, float]]:
+    """Return multiples of the noise and shares of each effort, and of all together."""
     out = {f"effort {name}": {**efforts.by_joint[name], **_shares(efforts, name)} for name in efforts.joints}
     if len(efforts.joints) > 1:
         ends = {"before": efforts.before["fit"], "after": efforts.after["fit"]}
@@ -72,7 +81,7 @@ def _shares(efforts: EffortDiagnosis, name: str) -> dict[str, float]:
     }
 
 
-def of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechanism: Mechanism) -> Diagnosis:
+def diagnosis_of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechanism: Mechanism) -> Diagnosis:
     """Return the diagnosis of recordings that hold efforts alone."""
     unused: list[str] = []
     remarks: list[str] = []
@@ -105,7 +114,7 @@ def of_efforts(efforts: EffortDiagnosis, recordings: Sequence[Recording], mechan
 
 
 def unused_by_efforts(recording: Recording, mechanism: Mechanism, standing: bool) -> list[str]:
-    """Return the columns that hold numbers and have no part where efforts alone are compared."""
+    """Return the columns with numbers that are not used where efforts alone are compared."""
     names, _ = unused_columns(recording, mechanism)
     own = ("tau.", "q.") if standing else _OWN
     unused = [name for name in names if not name.startswith(own) or _strange(name, mechanism)]
@@ -115,9 +124,9 @@ def unused_by_efforts(recording: Recording, mechanism: Mechanism, standing: bool
 
 
 def joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
-    """Return one diagnosis of both channels: the worse verdict, what each of them found, most important first.
+    """Return one diagnosis of both channels: the worse verdict, and the findings of both, most important first.
 
-    A thing that both found is told once, by the channel where it shows more.
+    What both found is one finding, of the channel where it shows more.
     """
     findings: list[Finding] = []
     for finding in sorted((*poses.findings, *efforts.findings), key=lambda item: -item.heldout_gain):
@@ -152,3 +161,51 @@ def _strange(column: str, mechanism: Mechanism) -> bool:
     """Return whether a column is of a joint that the robot does not have, or does not drive."""
     kind, _, joint = column.partition(".")
     return joint not in (mechanism.actuated if kind == "tau" else {item.name for item in mechanism.joints})
+
+
+def with_efforts_at_rest(poses: Diagnosis, robot: Robot, recordings: Sequence[Recording]) -> Diagnosis:
+    """Return a diagnosis of poses with the findings of the drives' efforts at rest.
+
+    The efforts are compared with those of the robot that the poses show, deformed and under its weight. Where they
+    cannot be, the remarks say why.
+    """
+    adapted = as_recorded(robot, recordings)
+    recording = together_in_time(recordings, adapted.robot.mechanism)
+    if len(recording) > MOST_SAMPLES:
+        recording = recording.select(np.linspace(0, len(recording) - 1, MOST_SAMPLES).astype(int))
+    try:
+        held, told = _held(adapted.robot, recording, poses.effects)
+        efforts = diagnose_efforts(adapted.robot, recording, held=held)
+    except InputError as error:
+        return replace(poses, remarks=(*poses.remarks, f"the efforts were not compared: {error}"))
+    return _joined(poses, replace(efforts, remarks=(*told, *efforts.remarks)))
+
+
+def _held(robot: Robot, recording: Recording, effects: Sequence[Effect]) -> tuple[Mapping[str, Array], list[str]]:
+    """Return the effort (N,) of each drive under load and weight, without weight where they are tared; and remarks."""
+    found = [effect for effect in effects if effect.law.weighs]
+    others = [effect for effect in effects if not effect.law.weighs]
+    bare = simulate(robot, recording, others).efforts
+    law, mechanism = next(law for law in LAWS if law.weighs), robot.mechanism
+    weight = found or [Effect(law, place, law.starts(place, mechanism)[0]) for place in law.places(mechanism)]
+    if not weight:
+        return bare, []
+    heavy = simulate(robot, recording, (*others, *weight)).efforts
+    left = [sum(float(np.nansum((recording.efforts[name] - one[name]) ** 2)) for name in one) for one in (bare, heavy)]
+    if left[0] < EFFORT_TARED * left[1]:
+        return bare, ["the efforts do not hold the robot's weight: they were taken as those beyond it"]
+    return heavy, []
+
+
+def _joined(poses: Diagnosis, efforts: EffortDiagnosis) -> Diagnosis:
+    """Return one diagnosis of poses and of efforts at rest.
+
+    Friction takes any value at rest, up to its limit: what no law of efforts explains is a remark and no verdict.
+    """
+    named = [finding for finding in efforts.findings if finding.physics != "unknown"]
+    unknown = [finding for finding in efforts.findings if finding.physics == "unknown"]
+    told = [f"of the efforts at rest: {item.statement}; friction takes any value there" for item in unknown]
+    verdict = "explained" if named and poses.verdict == "nothing_missing" else poses.verdict
+    remarks = (*efforts.remarks, *told)
+    whole = joined(poses, replace(efforts, findings=tuple(named), verdict=verdict, advice="", remarks=remarks))
+    return replace(whole, not_detectable=poses.not_detectable)

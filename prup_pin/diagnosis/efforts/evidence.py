@@ -1,0 +1,277 @@
+"""What speaks for a law: squares that it saves on blocks held out, and the chance that it would save as much by itself.
+
+Every fold's normal equations are solved once for a model; one term more or less is then a small system beside it
+(Schur's complement), so that a whole library is cross-validated at the price of a few fits. Chance is judged by turning
+the sign of whole blocks of the residual: what is only correlated noise then looks as it did, and what a law explains is
+gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import gammaincc
+
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_CHANCE,
+    EFFORT_FLIPS,
+    EFFORT_INDISTINCT,
+    EFFORT_SURE,
+)
+from .problem import EffortCandidate, EffortModel, NormalEquations, column_scales, fit, identifiable
+
+__all__ = [
+    "CrossValidation",
+    "Score",
+    "gradients",
+    "held_out",
+    "no_worse",
+    "relative_gain",
+    "scores",
+    "standard_error",
+]
+
+#: Of unit columns, squared, for each of them: keeps combinations that nothing tells where they are.
+_ROUNDING = 1e-11
+#: What is left of unit columns beside the others, squared, below which nothing is told by it.
+_NOTHING = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class _Fold:
+    """The fit without the blocks of a fold: coefficients x (p,) of the columns `where` (p,) that are not zero."""
+
+    number: int
+    where: np.ndarray
+    x: Array
+    factor: tuple[Array, bool]
+    scale: Array
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution of the normal equations for right sides (p, ...)."""
+        if not len(self.where):
+            return right
+        return self.scale[:, None] * cho_solve(self.factor, self.scale[:, None] * right)
+
+
+class CrossValidation:
+    """A model fitted with every fold of blocks left out once.
+
+    `squares` (B,): squared residuals of each block where it was not fitted; `by_joint` (k,): the same by joint.
+    """
+
+    def __init__(self, model: EffortModel):
+        self.model, self.problem = model, model.problem
+        columns = self.problem.columns
+        self._total, self._moment = columns.total, columns.moment.sum(axis=0)
+        where, bounded = np.array(model.where, int), model.one_sided
+        whole = self._total[where[:, None], where] + self.problem.precision(where)
+        self.folds: list[_Fold] = []
+        self._rest = np.empty_like(columns.target)
+        for number, rows in enumerate(columns.rows):
+            matrix, kept = whole - columns.folded[number, where[:, None], where], np.arange(len(where))
+            fold = self._solved(number, where, matrix)
+            while (negative := bounded[kept] & (fold.x < 0)).any():
+                kept = kept[~negative]
+                fold = self._solved(number, where[kept], matrix[kept[:, None], kept])
+            self.folds.append(fold)
+            self._rest[rows] = columns.residual(fold.where, fold.x, rows)
+        squares = columns.by_block(self._rest**2)
+        self.squares, self.by_joint = squares.sum(axis=1), squares.sum(axis=0)
+
+    def squares_at(self, term: EffortCandidate) -> float:
+        """Return the held-out squares of the joints in which a term acts."""
+        return float(self.by_joint[self.problem.columns.touched[term.where].any(axis=0)].sum())
+
+    def with_each(self, candidates: Sequence[EffortCandidate]) -> Array:
+        """Return the held-out squares with one candidate more, (candidates, B)."""
+        columns, prior = self.problem.columns, self.problem.prior
+        out = np.tile(self.squares, (len(candidates), 1))
+        if not candidates:
+            return out
+        new = np.unique(np.concatenate([np.arange(c.where.start, c.where.stop) for c in candidates]))
+        at = [np.searchsorted(new, np.arange(c.where.start, c.where.stop)) for c in candidates]
+        precision = self.problem.precision(new)
+        for fold in self.folds:
+            cross = self._others(fold.number, new, fold.where)
+            across = fold.solve(cross.T)
+            own = self._others(fold.number, new, new) + precision
+            whole, rest = np.diag(self._total)[new] + prior[new], own - cross @ across
+            gradient = self._moments(fold.number, new) - cross @ fold.x
+            steps = np.zeros((columns.size, len(candidates)))
+            for index, (candidate, mine) in enumerate(zip(candidates, at, strict=True)):
+                x = _least(rest[np.ix_(mine, mine)], gradient[mine], whole[mine], candidate.law.one_sided)
+                steps[new[mine], index] = x
+                steps[fold.where, index] -= across[:, mine] @ x
+            self._change(out, fold, steps)
+        return out
+
+    def without_each(self, terms: Sequence[EffortCandidate]) -> Array:
+        """Return the held-out squares with one term less, (terms, B)."""
+        columns = self.problem.columns
+        out = np.tile(self.squares, (len(terms), 1))
+        for fold in self.folds:
+            steps = np.zeros((columns.size, len(terms)))
+            inverse = fold.solve(np.eye(len(fold.where)))
+            for index, term in enumerate(terms):
+                own = np.flatnonzero((fold.where >= term.where.start) & (fold.where < term.where.stop))
+                if not len(own):
+                    continue
+                scale = fold.scale[own]
+                middle = inverse[np.ix_(own, own)] / scale[:, None] / scale
+                steps[fold.where, index] = -inverse[:, own] @ (
+                    np.linalg.lstsq(middle, fold.x[own] / scale, rcond=1e-12)[0] / scale
+                )
+            self._change(out, fold, steps)
+        return out
+
+    def _others(self, number: int, rows: np.ndarray, columns: np.ndarray) -> Array:
+        """Return the products of columns over all blocks but those of a fold."""
+        at = (rows[:, None], columns)
+        return self._total[at] - self.problem.columns.folded[number][at]
+
+    def _moments(self, number: int, where: np.ndarray) -> Array:
+        """Return the products of columns with the target over all blocks but those of a fold."""
+        columns = self.problem.columns
+        return self._moment[where] - columns.moment[np.ix_(columns.folds[number], where)].sum(axis=0)
+
+    def _solved(self, number: int, where: np.ndarray, own: Array) -> _Fold:
+        # by what all blocks say: a column may live in this fold alone
+        scale = column_scales(np.diag(self._total)[where] + self.problem.prior[where])
+        scaled = own * scale[:, None] * scale
+        scaled[np.diag_indices_from(scaled)] += _ROUNDING * max(len(where), 1)
+        factor = cho_factor(scaled) if len(where) else (np.zeros((0, 0)), False)
+        fold = _Fold(number, where, np.zeros(len(where)), factor, scale)
+        return replace(fold, x=fold.solve(self._moments(number, where)[:, None])[:, 0])
+
+    def _change(self, out: Array, fold: _Fold, steps: Array) -> None:
+        """Add to the held-out squares (K, B) what steps (P, K) of the coefficients change in a fold."""
+        columns = self.problem.columns
+        used, blocks, rows = np.flatnonzero(steps.any(axis=1)), columns.folds[fold.number], columns.rows[fold.number]
+        for (at, table), rest in zip(columns.some(used, rows), self._rest[rows].T, strict=True):
+            moved = steps[used[at]].T @ table
+            out[:, blocks] += np.add.reduceat(moved * (moved - 2 * rest), columns.starts[blocks] - rows.start, axis=1)
+
+
+def _least(matrix: Array, moment: Array, whole: Array, one_sided: bool) -> Array:
+    """Return the solution of a small system (p, p); `whole` (p,): its diagonal before others were projected out."""
+    normal = NormalEquations.of(matrix, whole, _NOTHING)
+    x = normal.solve(moment)
+    if one_sided and (x < 0).any():
+        if len(x) == 1 or not len(normal.values):
+            return np.zeros(len(x))
+        return normal.bounded(moment, np.ones(len(x), bool))
+    return x
+
+
+@dataclass(frozen=True)
+class Score:
+    """How strongly data ask for a candidate: the logarithm of the probability that chance saves as much as `gain`.
+
+    possible: whether its coefficients are values that the law can have.
+    """
+
+    candidate: EffortCandidate
+    log_chance: float
+    gain: float
+    possible: bool
+
+
+def held_out(model: EffortModel) -> Array:
+    """Return the squared residuals (B,) of each block where it was not fitted."""
+    return CrossValidation(model).squares
+
+
+def gradients(model: EffortModel) -> tuple[Array, Array, Array]:
+    """Return products of all columns with the residual of a model, which is projected out, by block (B, P); products of
+    the columns with each other after that, prior included (P, P); and the gradient (P,) of half of all squares, those
+    of strained tolerances included.
+    """
+    problem, where = model.problem, model.where
+    x, matrix = fit(model)
+    columns, total = problem.columns, problem.columns.total
+    gradient = columns.gradients(columns.residual(where, x))
+    cross = NormalEquations.of(matrix).solve(total[where])  # (p, P)
+    gradient = gradient - gradient[:, where] @ cross
+    rest = total - total[:, where] @ cross + problem.precision()
+    return gradient, rest, gradient.sum(axis=0) + (problem.precision(where) @ x) @ cross
+
+
+def scores(model: EffortModel) -> tuple[list[Score], float]:
+    """Return a score of each candidate beside a model, and the logarithm of chance below which one of them counts.
+
+    A candidate's score is the squares that it would save, as a multiple of what it saves of sign-flipped residuals;
+    those follow a chi squared with as many degrees of freedom as their mean and scatter tell. The threshold is a
+    quantile of the best candidate of each flip.
+    """
+    problem = model.problem
+    gradient, rest, true = gradients(model)
+    blocks = problem.columns.count
+    signs = np.random.default_rng(blocks).choice([-1.0, 1.0], (EFFORT_FLIPS, blocks))
+    flipped, total = signs @ gradient, problem.columns.total
+    longest = float(np.diag(total).max(initial=0.0))
+    taken = {term.where.start for term in model.terms}
+    found: list[tuple[EffortCandidate, float, bool]] = []
+    chances, freedoms = [], []
+    for candidate in problem.candidates:
+        if candidate.where.start in taken:
+            continue
+        own = candidate.where
+        basis = identifiable(rest[own, own], total[own, own], EFFORT_INDISTINCT, longest)
+        if not basis.size:
+            continue
+        chance = ((flipped[:, own] @ basis) ** 2).sum(axis=1)
+        gain = float(((true[own] @ basis) ** 2).sum())
+        mean, spread = chance.mean(), chance.var()
+        if not mean > 0 or not spread > 0:
+            continue
+        coefficients = basis @ (basis.T @ true[own])
+        possible = True
+        # beside a plainer form of it, a richer law has only the difference as coefficients
+        if candidate.law.one_sided and not any(candidate.replaces(term) for term in model.terms):
+            deviation = np.sqrt((basis**2).sum(axis=1) * mean / basis.shape[1])
+            possible = bool((coefficients > -EFFORT_SURE * deviation).all() and (coefficients > 0).any())
+        if possible and not candidate.law.one_sided:
+            values_here = candidate.law.fitted(candidate.place, coefficients, candidate.values)
+            possible = candidate.law.plausible(candidate.place, values_here, problem.mechanism)
+        found.append((candidate, gain, possible and candidate.law.agrees(coefficients, candidate.values)))
+        freedoms.append(2 * mean**2 / spread)
+        chances.append(np.append(chance, gain) * freedoms[-1] / mean)
+    if not found:
+        return [], 0.0
+    # chi squared's tail, of all candidates at once
+    with np.errstate(divide="ignore"):
+        logs = np.log(gammaincc(np.array(freedoms)[:, None] / 2, np.array(chances) / 2))
+    scored = [
+        Score(candidate, min(0.0, float(chance + np.log(candidate.law.looked_at))), gain, possible)
+        for (candidate, gain, possible), chance in zip(found, logs[:, -1], strict=True)
+    ]
+    return scored, float(np.quantile(np.minimum(0.0, logs[:, :-1].min(axis=0)), EFFORT_CHANCE))
+
+
+def standard_error(saving: Array) -> float:
+    """Return the standard error of a sum over blocks (B,), by their scatter."""
+    return float(np.std(saving, ddof=1) * np.sqrt(len(saving)))
+
+
+def no_worse(after: Array, before: Array) -> bool:
+    """Return whether held-out squares (B,) are not surely larger after than before."""
+    apart = after - before
+    return float(apart.sum()) < EFFORT_SURE * standard_error(apart)
+
+
+def relative_gain(before: Array, after: Array) -> tuple[float, float]:
+    """Return the share of held-out squares (B,) that is saved, and the saving in standard errors, by logarithms.
+
+    Each block has a size of its own: where one holds most of the squares, the others could make no saving sure.
+    """
+    tiny = np.finfo(float).tiny
+    share = float((before - after).sum() / max(before.sum(), tiny))
+    if len(before) < 2:
+        return share, 0.0
+    ratios = np.log(np.maximum(before, tiny)) - np.log(np.maximum(after, tiny))
+    return share, float(ratios.sum()) / max(standard_error(ratios), tiny)

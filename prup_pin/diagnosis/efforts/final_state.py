@@ -1,0 +1,221 @@
+"""What was fitted to efforts, and which of it is a law by name: what imitates something else is not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ...laws import Effect, Law, Place
+from ...laws.efforts import Body
+from ...recordings import Recording
+from ...robot import Robot
+from ...spatial import Array
+from ..chances import hotelling_sf, student_ppf, student_sf
+from ..criteria import EFFORT_GAIN, EFFORT_IMITATED, EFFORT_MATTERS, EFFORT_PLAINLY, EFFORT_SURE, FALSE_ALARM
+from .evidence import held_out, relative_gain
+from .gains import Gains
+from .inertial import BaseParameters, consistent_fit
+from .noise import EffortNoise
+from .outliers import OutlierInterval
+from .prepare import PreparedEfforts
+from .problem import EffortCandidate, EffortModel, NormalEquations, fit
+from .search import squared_strain, sure_of_all
+
+__all__ = ["FinalState"]
+
+
+class ChangedParameters(NamedTuple):
+    """Base parameters (b,): their change from the drawing, half the 95 % interval of that, and the probability that
+    chance alone would change any of them so much.
+    """
+
+    base: BaseParameters
+    change: Array
+    reach: Array
+    chance: Array
+
+
+class FinalState:
+    """The final fit, and which of its terms are laws by name; findings, figures and the verdict are read from it.
+
+    `model`: what the corrected model holds, with coefficients `x` (p,) and their `normal` matrix (p, p); `with_time`:
+    the same with curves over time; `laws`: terms that are findings by name; `impossible`: links whose parameters no
+    body has; `curves`: curves of no law; `scale` (k,): reported per true effort; `noise`: of a recorded sample of each
+    effort; `held_out` (B,): squared residuals of blocks that were not fitted; `squared_strain`: of toleranced
+    parameters.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        recording: Recording,
+        efforts: PreparedEfforts,
+        noise: Mapping[str, EffortNoise],
+        model: EffortModel,
+        curves: Sequence[EffortCandidate],
+        imitating: Sequence[EffortCandidate],
+        gains: Gains | None = None,
+        outliers: Sequence[OutlierInterval] = (),
+        doubts: Sequence[str] = (),
+    ):
+        self.gains, self.outliers, self.doubts = gains, outliers, doubts
+        # all figures are in the recording's own unit
+        self.scale = np.ones(len(efforts.at.driven)) if gains is None else gains.gains
+        self.recording, self.efforts, self.noise = recording, efforts, noise
+        self.problem, self.with_time, self.curves = model.problem, model, list(curves)
+        self.mechanism, self.at, self.motion = robot.mechanism, efforts.at, efforts.at.motion
+        # another recording has its own time
+        self.model = model.with_terms(term for term in model.terms if not term.is_of_time)
+        sure = sure_of_all(self.model).terms
+        self.laws = [term for term in sure if not term.law.is_curve and term not in imitating]
+        self.x, self._apart, self.normal = self._coefficients()
+        self.laws = self._material(self.laws)
+        self.held_out = held_out(self.model)
+        self.impossible = self._impossible_bodies(fit(self.model)[0])
+        self.laws = [term for term in self.laws if not self._imitates_impossible(term)]
+        self.squared_strain = squared_strain(self.model)
+
+    def _coefficients(self) -> tuple[Array, Array, Array]:
+        """Return the coefficients (p,) of the prediction, of bodies that can exist; how much they depend on the weights
+        of joints and frequencies (p,); and their normal matrix.
+
+        Whitened, unless plain weights leave less of the efforts in their own units on held-out blocks: where what
+        is left is what laws and curves lack, it is no noise. Two weights would tell the same of a model that lacks
+        nothing, but for noise (Hausman 1978): what they tell apart is what it lacks, and no block's scatter shows it.
+        """
+        efforts, bodies = self.efforts, self.efforts.bodies_within_tolerance
+        x, matrix = consistent_fit(self.model, bodies)
+        if not len(x) or efforts.at.motion.standing:
+            return x, np.zeros_like(x), matrix
+        plain = efforts.unwhitened(self.model)
+        other = consistent_fit(plain, bodies)[0]
+        apart = other - x
+        if relative_gain(efforts.held_out_unwhitened(self.model), held_out(plain))[0] > EFFORT_PLAINLY:
+            x = other
+        return x, apart, matrix
+
+    def _impossible_bodies(self, x: Array) -> list[EffortCandidate]:
+        """Return links whose parameters no body has, by a free fit x (p,): they imitate something else.
+
+        Where bodies that can exist leave as little, parameters beyond any body are the free fit's own error.
+        """
+        bodies = [term for term in self.laws if term.law.body]
+        if not bodies:
+            return []
+        _, covariance, _ = self.covariances
+        reach = EFFORT_SURE * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        beyond = []
+        for term in bodies:
+            own = self.model.slice_of(term)
+            if term.law.impossible(term.place, x[own], reach[own], self.mechanism):
+                beyond.append(term)
+        if not beyond:
+            return []
+        possible, _ = consistent_fit(self.model, self.efforts.bodies_within_tolerance)
+        columns, where = self.problem.columns, self.model.where
+        free, bound = (float((columns.residual(where, each) ** 2).sum()) for each in (x, possible))
+        return beyond if bound - free > EFFORT_GAIN * bound else []
+
+    def _imitates_impossible(self, term: EffortCandidate) -> bool:
+        """Return whether a law is an impossible body, or hardly saves anything without one at its joint."""
+        if term in self.impossible:
+            return True
+        beside = [other for other in self.impossible if self.joint_of(other.place.name) == term.place.name]
+        return any(self.held_out_saving(other) > EFFORT_IMITATED * self.held_out_saving(term) for other in beside)
+
+    @cached_property
+    def covariances(self) -> tuple[Array, Array, int]:
+        """The coefficients' covariance by white noise alone; by the scatter of whole blocks and what depends on the
+        weights beside that; and the degrees of freedom of the scatter.
+        """
+        columns, where = self.problem.columns, self.model.where
+        gradients = columns.gradients(columns.residual(where, self.x), where)
+        middle = gradients.T @ gradients
+        white = NormalEquations.of(self.normal, least=1e-12).solve(np.eye(len(self.normal)))
+        count = self.problem.columns.count
+        degrees = max(count - 1, 1)
+        return white, white @ middle @ white * count / degrees + white + np.outer(self._apart, self._apart), degrees
+
+    def _material(self, laws: Sequence[EffortCandidate]) -> list[EffortCandidate]:
+        """Return the laws that add to some joint's effort as much as one sample could show, where that is known.
+
+        Gears yield, filters have other shapes: thousands of samples tell of a rigid robot that it is none. What every
+        drive has is a finding where it surely is not zero.
+        """
+        columns, least = self.efforts.columns_of(self.model), np.nan_to_num(self.noise_sizes)
+        found = []
+        for term in laws:
+            own = self.model.slice_of(term)
+            if self.model.is_nuisance(term):
+                matters = bool(self.x[own].any()) and self.p_value(term) <= FALSE_ALARM
+            else:
+                added = np.sqrt(np.mean((columns[:, :, own] @ self.x[own]) ** 2, axis=0))
+                matters = bool((added > EFFORT_MATTERS * least).any())
+            if matters:
+                found.append(term)
+        return found
+
+    @cached_property
+    def added(self) -> Array:
+        """The efforts (N, k) of the corrected model beyond the rigid robot's, not filtered."""
+        return self.efforts.modelled(self.model, self.x)[0]
+
+    @cached_property
+    def explained(self) -> Array:
+        """The same filtered, at the kept samples (n, k)."""
+        return self.efforts.at_kept(self.added)
+
+    @property
+    def noise_sizes(self) -> Array:
+        """The noise of a sample in N or N m, (k,); NaN of a joint of which nothing tells it."""
+        return np.array([self.noise[name].size for name in self.at.driven]) / self.scale
+
+    def p_value(self, term: EffortCandidate) -> float:
+        """Return the probability of coefficients as large as a law's where it does not act."""
+        _, covariance, degrees = self.covariances
+        if term.law.body is Body.ALL_LINKS:
+            return float(self.changed_parameters(term).chance.min(initial=1.0))
+        own = self.model.slice_of(term)
+        return hotelling_sf(self.x[own], covariance[own, own], degrees)
+
+    def changed_parameters(self, term: EffortCandidate) -> ChangedParameters:
+        """Return the base parameters of all links, and by how much each differs from the drawing."""
+        base = self.efforts.base_parameters(term.law)
+        _, covariance, degrees = self.covariances
+        own = self.model.slice_of(term)
+        change = base.matrix @ self.x[own]
+        deviation = np.sqrt(np.maximum(np.diag(base.matrix @ covariance[own, own] @ base.matrix.T), 0.0))
+        sure = np.abs(change) / np.maximum(deviation, np.finfo(float).tiny)
+        # one of so many that may differ by chance
+        chance = 2 * max(len(change), 1) * np.array([student_sf(size, degrees) for size in sure])
+        return ChangedParameters(base, change, student_ppf(0.975, degrees) * deviation, chance)
+
+    @property
+    def needless(self) -> EffortCandidate | None:
+        """The law by name of the largest p-value, if chance alone could make it so large; else None.
+
+        Held-out blocks ask for a law; what other weights would tell of it, and with the other sign, is not the law.
+        """
+        chances = [(self.p_value(term), term) for term in self.laws if not self.model.is_nuisance(term)]
+        chance, least = max(chances, key=lambda item: item[0], default=(0.0, None))
+        return least if chance > FALSE_ALARM else None
+
+    @property
+    def cost(self) -> float:
+        """The held-out squares and the squared strain of the final model."""
+        return float(self.held_out.sum()) + self.squared_strain
+
+    def held_out_saving(self, term: EffortCandidate) -> float:
+        """Return the held-out squares that a term saves beside all others."""
+        return float((held_out(self.model.without(term)) - self.held_out).sum())
+
+    def joint_of(self, link: str) -> str:
+        """Return the joint that carries a link."""
+        return str(self.mechanism.model.names[self.mechanism.frame(link).joint])
+
+    def effect(self, law: Law, place: Place, values: Mapping[str, float]) -> Effect:
+        """Return a law at a place with its own parameters among some values, for a simulation."""
+        return Effect(law, place, {q.name: float(values[q.name]) for q in law.quantities_at(place, self.mechanism)})

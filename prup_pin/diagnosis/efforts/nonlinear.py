@@ -1,0 +1,198 @@
+"""Nonlinear parameters of laws: a grid about scanned values, an optimum between them, and profile intervals.
+
+A law's efforts are linear in some of its parameters; the others are scanned, each value with columns of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...spatial import Array
+from ..criteria import EFFORT_INDISTINCT, EFFORT_SURE
+from .evidence import CrossValidation, relative_gain
+from .prepare import PreparedEfforts
+from .problem import EffortCandidate, EffortModel, NormalEquations, fit
+
+__all__ = ["optimised", "profile_intervals", "refined"]
+
+#: Farthest that the logarithm of a parameter is moved at a time, and squares of white noise that settle it.
+_FARTHEST, _SETTLED = 2.0, 0.5
+#: Logarithm of a parameter over its best value beyond which data do not bound it.
+_NEVER = 7.0
+
+
+def refined(
+    efforts: PreparedEfforts,
+    model: EffortModel,
+    which: Sequence[int],
+    at_last: bool = False,
+) -> EffortModel:
+    """Return the model with better nonlinear parameters by held-out blocks, then optimised.
+
+    which: indices of the terms, one after the other. at_last: a parameter that is zero may become larger; while laws
+    are missing it would stand for them.
+    """
+    columns = model.problem.columns
+    for place in which:
+        term, problem = model.terms[place], model.problem
+        law = term.law
+        values = law.fitted(term.place, fit(model)[0][model.slice_of(term)], term.values)
+        # what follows from what is known is looked at again with what is known now
+        again = [term.values] if law.of_what_is_known else []
+        count = len(law.free(term.values))
+        others = list(law.closer(term.place, values, efforts.at)) or again
+        others = [other for other in others if at_last or len(law.free(other)) <= count]
+        if not others:
+            continue
+        at, size = _motion_of(efforts, model, place), columns.size
+        places = columns.add(efforts.whitened(law.efforts_per(term.place, other, at)) for other in others)
+        prior = np.concatenate((problem.prior, np.tile(efforts.prior_of(law, term.place), len(others))))
+        tried = [EffortCandidate(law, term.place, other, own) for own, other in zip(places, others, strict=True)]
+        wider = efforts.with_candidates(columns, (*problem.candidates, *tried), prior)
+        squares = CrossValidation(model.without(term).in_problem(wider)).with_each([term, *tried])
+        best = int(np.argmin(squares.sum(axis=1)))
+        # what is zero so far must surely be something
+        more = best > 0 and len(law.free(tried[best - 1].values)) > count
+        if best == 0 or relative_gain(squares[0], squares[best])[1] <= (EFFORT_SURE if more else 0.0):
+            columns.cut(size)
+            continue
+        taken = tried[best - 1]
+        columns.cut(taken.where.stop)
+        problem = efforts.with_candidates(columns, problem.candidates, prior[: taken.where.stop])
+        model = model.replaced(place, taken).in_problem(problem)
+    return optimised(efforts, model, which)
+
+
+def optimised(efforts: PreparedEfforts, model: EffortModel, which: Sequence[int]) -> EffortModel:
+    """Return the model with nonlinear parameters where the squares are least, all coefficients free.
+
+    A friction that turns round on a way a little too long looks like a delay, where it is large.
+    """
+    from scipy.optimize import minimize  # heavy; not needed to load a robot
+
+    columns = model.problem.columns
+    for place in which:
+        term, problem = model.terms[place], model.problem
+        law, count = term.law, len(term.law.free(term.values))
+        if not count:
+            continue
+        profile = _Profile.of(efforts, model, place)
+
+        def cost(step: Array, profile: _Profile = profile) -> float:
+            return profile(np.clip(step, -_FARTHEST, _FARTHEST))
+
+        near = law.near(term.values)
+        simplex = np.vstack((np.zeros(count), near * np.eye(count)))
+        options = {"initial_simplex": simplex, "maxfev": 25 * count, "xatol": 0.02 * near, "fatol": _SETTLED}
+        found = minimize(cost, np.zeros(count), method="Nelder-Mead", options=options)
+        if not cost(np.zeros(count)) - found.fun > _SETTLED:
+            continue
+        values = _scaled(term, np.clip(found.x, -_FARTHEST, _FARTHEST))
+        size = columns.size
+        own = columns.add([efforts.whitened(law.efforts_per(term.place, values, profile.at))])[0]
+        prior = np.concatenate((problem.prior, efforts.prior_of(law, term.place)))
+        other = EffortCandidate(law, term.place, values, own)
+        wider = efforts.with_candidates(columns, problem.candidates, prior)
+        within = model.in_problem(wider)
+        before, after = CrossValidation(within.without(term)).with_each([term, other]).sum(axis=1)
+        if after < before:
+            model = within.replaced(place, other)
+        else:
+            columns.cut(size)
+    return model
+
+
+def profile_intervals(
+    efforts: PreparedEfforts, model: EffortModel, term: EffortCandidate, rise: float
+) -> dict[str, tuple[float, float]]:
+    """Return the interval of each nonlinear parameter in which the squares rise by less, all coefficients free.
+
+    Where data do not bound it, its own bounds do.
+    """
+    cost = _Profile.of(efforts, model, model.terms.index(term))
+    law, out, free = term.law, {}, term.law.free(term.values)
+    quantities = {q.name: q for q in law.quantities_at(term.place, model.problem.mechanism)}
+    least = cost(np.zeros(len(free)))
+    for name, axis in zip(free, np.eye(len(free)), strict=True):
+        down, up = (_edge(cost, way, least + rise, law.near(term.values)) for way in (-axis, axis))
+        out[name] = (
+            quantities[name].lower if down is None else float(_scaled(term, -down * axis)[name]),
+            quantities[name].upper if up is None else float(_scaled(term, up * axis)[name]),
+        )
+    others = law.closer(term.place, term.values, efforts.at)
+    for name in set(law.settled) - set(free):
+        # what is zero may be as much as the first size of it that the data refuse
+        sizes = sorted(values[name] for values in others if values.get(name))
+        refused = (size for size in sizes if cost.at_values({**term.values, name: size}) > least + rise)
+        out[name] = (quantities[name].lower, next(refused, quantities[name].upper))
+    return out
+
+
+def _scaled(term: EffortCandidate, step: Array) -> Mapping[str, float]:
+    """Return values of a term of which the free ones are exp(step) times as large."""
+    return term.law.scaled(term.values, np.exp(step).tolist())
+
+
+def _edge(cost: Callable[[Array], float], way: Array, most: float, first: float) -> float | None:
+    """Return the size > 0 of a step along `way` (p,) that costs `most`; None where none before `_NEVER` does."""
+    from scipy.optimize import brentq  # heavy; not needed to load a robot
+
+    inner, outer = 0.0, first
+    while cost(outer * way) < most:
+        inner, outer = outer, 2 * outer
+        if outer > _NEVER:
+            return None
+    return float(brentq(lambda size: cost(size * way) - most, inner, outer, xtol=0.02 * outer))
+
+
+def _motion_of(efforts: PreparedEfforts, model: EffortModel, place: int) -> InMotion:
+    """Return the motion that a law sees: with the efforts of the terms before it, where it depends on them."""
+    if not model.terms[place].law.of_what_is_known:
+        return efforts.at
+    before = model.with_terms(model.terms[:place])
+    return efforts.knowing(before, fit(before)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Profile:
+    """The squares left, less a constant, by nonlinear parameters of a term, all coefficients fitted.
+
+    columns: those of the other terms, by joint; residual (n, k) and normal equations of the fit without the term.
+    """
+
+    efforts: PreparedEfforts
+    term: EffortCandidate
+    at: InMotion
+    columns: list[Array]
+    residual: Array
+    normal: NormalEquations
+
+    @classmethod
+    def of(cls, efforts: PreparedEfforts, model: EffortModel, place: int) -> _Profile:
+        """Return the profile of a term of a model."""
+        term, columns = model.terms[place], model.problem.columns
+        others = model.without(term)
+        x, matrix = fit(others)
+        at, residual = _motion_of(efforts, model, place), columns.residual(others.where, x)
+        return cls(efforts, term, at, columns.dense(others.where), residual, NormalEquations.of(matrix))
+
+    def at_values(self, values: Mapping[str, float]) -> float:
+        """Return the squares at values of the nonlinear parameters."""
+        law, place = self.term.law, self.term.place
+        own = self.efforts.whitened(law.efforts_per(place, values, self.at))
+        matrix, gradient = np.diag(self.efforts.prior_of(law, place)), np.zeros(own.size)
+        cross = np.zeros((len(self.normal.scale), own.size))
+        for joint, (which, columns) in enumerate(own.joints):
+            matrix[np.ix_(which, which)] += columns.T @ columns
+            cross[:, which] += self.columns[joint].T @ columns
+            gradient[which] += columns.T @ self.residual[:, joint]
+        rest = matrix - cross.T @ self.normal.solve(cross)
+        return -float(gradient @ NormalEquations.of(rest, np.diag(matrix), EFFORT_INDISTINCT).solve(gradient))
+
+    def __call__(self, step: Array) -> float:
+        """Return the squares at logarithms of the free parameters over what they are."""
+        return self.at_values(_scaled(self.term, step))

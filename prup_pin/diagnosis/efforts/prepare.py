@@ -1,0 +1,376 @@
+"""From a motion to a problem: filtered and decimated efforts, columns of all laws, tolerances, whitening."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...dynamics.smoothing import Band, pieces
+from ...laws import Place
+from ...laws.efforts import CURVES, EFFORT_LAWS, ROUGH_CURVES, Body, EffortLaw
+from ...laws.efforts.deviations import effort_deviations, name_of_body
+from ...laws.efforts.effort_law import usual_way
+from ...spatial import Array
+from ..criteria import AR_ORDER, EFFORT_TOLD
+from .inertial import BaseParameters
+from .nuisance import learned_precisions, usual_precisions
+from .outliers import OutlierInterval, outlier_intervals
+from .problem import (
+    DesignMatrix,
+    EffortCandidate,
+    EffortModel,
+    EffortProblem,
+    SparseColumns,
+    Whitening,
+    autoregression,
+    column_blocks,
+    fit,
+    kept_samples,
+    usable,
+)
+
+__all__ = ["PreparedEfforts"]
+
+#: A law at a place, its nonlinear parameters, and its columns.
+_LawColumns = tuple[EffortLaw, Place, Mapping[str, float], SparseColumns]
+#: Periods of the cut-off at an end of a piece by which nothing is judged.
+_PERIODS = 1.5
+#: Samples whose regressors are multiplied at a time.
+_AT_ONCE = 4096
+
+
+class PreparedEfforts:
+    """The efforts of a robot in one motion, of which problems are made: whitened columns of all that competes.
+
+    `kept` (n,): the samples that remain after decimation, `good` (n, k): those of them that count; `measured`, `rigid`
+    (N, k): filtered; `target` (n, k): their difference at kept samples; `deviations`: toleranced parameters;
+    `outliers`: intervals of time that no law describes.
+    """
+
+    def __init__(self, at: InMotion, tolerances: Mapping[str, float], below: float | None = None):
+        """below: frequency [Hz] below which the residual is judged; None: the whole band."""
+        self.at, self.below = at, below
+        motion = at.motion
+        self.filter = lambda values: motion.band(values, motion.piece)
+        most = np.inf if below is None else below
+        self.judged = Band(tuple(min(most, cutoff) for cutoff in motion.band.cutoffs), motion.band.rate)
+        self.kept = kept_samples(at)
+        self.piece = motion.piece[self.kept]
+        self.blocks = column_blocks(self.kept, postures=len(np.unique(self.piece)) if motion.standing else 0)
+        self.measured = self.filter(motion.efforts)
+        self.rigid = self.filter(at.rigid)
+        self.target = (self.measured - self.rigid)[self.kept]
+        self.good = self._good()
+        self.deviations = effort_deviations(at, tolerances)
+        self._fixed: list[_LawColumns] = []
+        self._moving: list[tuple[EffortLaw, Place]] = []
+        for law in EFFORT_LAWS:
+            for place in law.places(at.mechanism) if law.competes else ():
+                if (law.of_motion and motion.standing) or not law.acts(place, at):
+                    continue
+                if law.of_what_is_known:
+                    self._moving.append((law, place))
+                    continue
+                for values in law.scanned(place, at):
+                    self._fixed.append((law, place, values, self.as_columns(law.efforts_per(place, values, at))))
+        self.outliers: list[OutlierInterval] = []
+        self._learned_priors: Mapping[tuple[str, str], Array] = {}
+        self._body_factor = 1.0
+        self.whitening, self._plain = self._whitened()
+
+    def at_kept(self, values: Array) -> Array:
+        """Return efforts (N, k, ...) filtered, at the kept samples (n, k, ...)."""
+        return self.filter(values)[self.kept]
+
+    def as_columns(self, efforts: Array) -> SparseColumns:
+        """Return columns of efforts (N, k, p): filtered, at the kept samples."""
+        return SparseColumns.of(self.at_kept(efforts))
+
+    def whitened(self, efforts: Array) -> SparseColumns:
+        """Return columns of efforts (N, k, p): filtered, at the kept samples, whitened."""
+        return self.whitening(self.as_columns(efforts))
+
+    def away_from_ends(self, cutoff: float) -> np.ndarray:
+        """Return the kept samples (n, k) by which the residual below a cut-off [Hz] is judged: not the ends of pieces,
+        where filters and rates have no other side, and nobody knows what a late signal was before.
+        """
+        motion, good = self.at.motion, self.good
+        if motion.standing:
+            return good
+        step = max(int(np.median(np.diff(self.kept))), 1)
+        end = int(np.ceil(_PERIODS * motion.rate / (step * cutoff)))
+        inside = good.copy()
+        for where in pieces(self.piece):
+            inside[where.start : where.start + end] = inside[max(where.stop - end, where.start) : where.stop] = False
+        return np.where(inside.any(axis=0), inside, good)
+
+    def _good(self) -> np.ndarray:
+        """Return the kept samples that count (n, k): not where a joint at rest is held by any friction up to its limit,
+        nor where a drive at its limit gives what it has, whatever is asked of it.
+        """
+        motion = self.at.motion
+        good = np.isfinite(self.measured[self.kept]) & ~motion.saturated[self.kept]
+        for column, name in enumerate(self.at.driven):
+            if name not in motion.names:
+                continue
+            still = motion.still[self.kept, motion.names.index(name)]
+            if still.mean() < 0.8:
+                good[:, column] &= ~still
+        return good
+
+    def _whitened(self) -> tuple[Whitening, Whitening]:
+        """Return the whitening of what all laws fitted together leave, and one by each joint's size alone."""
+        spread = np.nanstd(np.where(self.good, self.target, np.nan), axis=0)
+        flat = 1 / np.where(spread > 0, spread, 1.0)[:, None]
+        plain = Whitening(flat, usable(self.good, self.piece, 0))
+        problem = self._whole_problem(plain)
+        columns = problem.columns
+        _, more = self._appended(columns, plain, self._delayed_before_laws())
+        problem = self.with_candidates(columns, problem.candidates, np.concatenate((problem.prior, more)))
+        problem = self.with_curves(EffortModel(problem, ()), plain, ROUGH_CURVES)[0].problem
+        # a pinch of shrinkage: columns that are nearly alike must not blow up
+        prior = problem.prior + 1e-6 * np.diag(columns.total)
+        problem = self.with_candidates(columns, problem.candidates, prior)
+        everything = EffortModel(problem, tuple(range(columns.size)))
+        x, _ = fit(everything)
+        if not self.at.motion.standing:
+            self.outliers = outlier_intervals(problem, x, plain.good, self.at, self.kept)
+        residual = columns.residual(everything.where, x) / flat[:, 0]
+        orders = (0 if self.at.motion.standing else AR_ORDER, 0)
+        white, plain = (
+            Whitening(autoregression(residual, self.good, self.piece, order), usable(self.good, self.piece, order))
+            for order in orders
+        )
+        return white, plain
+
+    def _delayed_before_laws(self) -> Iterator[_LawColumns]:
+        """Yield what late encoders may add before any law is known: with bodies alone, and with dry friction too."""
+        nothing = np.zeros_like(self.at.rigid)
+        for law, place in self._moving:
+            if not (law.told_from_noise and place.name in self.at.driven):
+                continue
+            dry = self.at.along(place.name, self.at.dragged(place.name, usual_way(self.at, place.name)))
+            for known in (nothing, dry):
+                at = self._knowing(known, nothing)
+                values = law.scanned(place, at)[0]
+                yield law, place, values, self.as_columns(law.efforts_per(place, values, at))
+
+    def columns_of(self, model: EffortModel) -> Array:
+        """Return what each coefficient of a model adds (n, k, p) to the efforts at the kept samples."""
+        parts = [np.zeros((len(self.kept), len(self.at.driven), 0))]
+        if model.toleranced:
+            parts.append(self.at_kept(np.stack([self.deviations[i].efforts for i in model.toleranced], axis=-1)))
+        at, others = self.at, model.with_terms(term for term in model.terms if not term.law.of_what_is_known)
+        if others.terms != model.terms:
+            at = self.knowing(others, fit(model)[0][np.isin(model.where, others.where)])
+        for term in model.terms:
+            known = at if term.law.of_what_is_known else self.at
+            parts.append(self.at_kept(term.law.efforts_per(term.place, term.values, known)))
+        return np.concatenate(parts, axis=2)
+
+    def held_out_residual(self, model: EffortModel) -> Array:
+        """Return the residual of the filtered efforts (n, k) where each block was not fitted."""
+        columns, left = self.columns_of(model), self.target.copy()
+        for part in model.problem.columns.folds:
+            x, _ = fit(model, part)
+            for block in part:
+                rows = model.problem.columns.parts[block]
+                left[rows] -= columns[rows] @ x
+        return left
+
+    def unwhitened(self, model: EffortModel) -> EffortModel:
+        """Return the same model of its own columns alone, each joint weighed by its size and not whitened.
+
+        So is a prediction judged. The prior counts as much beside what is left as it does beside white noise.
+        """
+        problem, columns = model.problem, DesignMatrix(self._plain.target(np.nan_to_num(self.target)), self.blocks)
+        columns.add([self._plain(SparseColumns.of(self.columns_of(model)))])
+        new = {old: index for index, old in enumerate(model.where)}
+        terms = tuple(
+            replace(term, where=slice(new[term.where.start], new[term.where.start] + term.size)) for term in model.terms
+        )
+        left = float(self.held_out_unwhitened(model).sum()) / max(int(self._plain.good.sum()), 1)
+        bodies = {new[first]: left * block for first, block in problem.bodies.items() if first in new}
+        alone = EffortProblem(problem.mechanism, columns, terms, left * problem.prior[list(model.where)], bodies)
+        return EffortModel(alone, tuple(range(len(model.toleranced))), terms)
+
+    def held_out_unwhitened(self, model: EffortModel) -> Array:
+        """Return the held-out squares of all blocks (B,), each joint weighed by its size and not whitened."""
+        left = np.where(self.good, self.held_out_residual(model) * self._plain.filters[:, 0], 0.0)
+        return np.array([float((left[part] ** 2).sum()) for part in model.problem.columns.parts])
+
+    def with_curves(
+        self, model: EffortModel, whitening: Whitening | None = None, tried: Sequence[EffortLaw] = CURVES
+    ) -> tuple[EffortModel, list[EffortCandidate]]:
+        """Return the model with curves of no law among the candidates of its problem, and these."""
+        problem = model.problem
+        there = [candidate for candidate in problem.candidates if candidate.law.is_curve]
+        if there:
+            return model, there
+        curves: Iterable[_LawColumns] = (
+            (law, place, knots, self.as_columns(law.efforts_per(place, knots, self.at)))
+            for law in tried
+            for place in law.places(self.at.mechanism)
+            if law.acts(place, self.at) and not (law.of_motion and self.at.motion.standing)
+            for knots in law.scanned(place, self.at)
+        )
+        new, _ = self._appended(problem.columns, whitening or self.whitening, curves)
+        # where a block has a stretch of the way for itself, its knots are told by no other: they stay near nothing
+        prior = np.concatenate((problem.prior, np.zeros(problem.columns.size - len(problem.prior))))
+        sizes = np.sqrt(np.nanmean(np.where(self.good, self.target, np.nan) ** 2, axis=0))
+        for curve in new:
+            prior[curve.where] = 1 / max(sizes[self.at.driven.index(curve.place.name)], np.finfo(float).tiny) ** 2
+        return model.in_problem(self.with_candidates(problem.columns, (*problem.candidates, *new), prior)), new
+
+    def _appended(
+        self, columns: DesignMatrix, whitening: Whitening, laws: Iterable[_LawColumns]
+    ) -> tuple[list[EffortCandidate], list[float]]:
+        """Append columns of laws; return these as candidates, and the inverse variances of their coefficients."""
+        entered: list[tuple[EffortLaw, Place, Mapping[str, float]]] = []
+
+        def whitened() -> Iterator[SparseColumns]:
+            for law, place, values, seen in laws:
+                entered.append((law, place, values))
+                yield whitening(seen)
+
+        places = columns.add(whitened())
+        candidates = [EffortCandidate(*law, where) for law, where in zip(entered, places, strict=True)]
+        priors = [self.prior_of(law, place) for law, place, _ in entered if not law.is_curve]
+        return candidates, [value for prior in priors for value in prior]
+
+    def modelled(self, model: EffortModel, x: Array) -> tuple[Array, Array]:
+        """Return the efforts (N, k) of a model beyond the rigid robot's, not filtered, and of these those of bodies."""
+        out, bodies = np.zeros_like(self.at.rigid), np.zeros_like(self.at.rigid)
+        for index in model.toleranced:
+            more = x[index] * self.deviations[index].efforts
+            out += more
+            if self.deviations[index].inertial is not None:
+                bodies += more
+        for term in model.terms:
+            at = self._knowing(out, bodies) if term.law.of_what_is_known else self.at
+            more = term.law.efforts_per(term.place, term.values, at) @ x[model.slice_of(term)]
+            out += more
+            if term.law.of_bodies:
+                bodies += more
+        return out, bodies
+
+    def _knowing(self, known: Array, bodies: Array) -> InMotion:
+        return self.at.knowing(known.copy(), self.at.motion.efforts - self.at.rigid - known, bodies.copy())
+
+    def knowing(self, model: EffortModel, x: Array) -> InMotion:
+        """Return the motion with the efforts that a model explains known: laws that follow from them act on these."""
+        return self._knowing(*self.modelled(model, x))
+
+    def inertial_rank(self) -> tuple[int, int]:
+        """Return the number of identifiable combinations of inertial parameters, and the number of parameters."""
+        regressor, names = self.at.regressor, self.at.motion.names
+        size = regressor.shape[2] * 10
+        count = size
+        if self.at.trajectory.spread is None:
+            count = 10 * len({self.at.mechanism.joint(name).id for name in names})
+        gram = np.zeros((size, size))
+        for part in np.array_split(self.kept, len(self.kept) // _AT_ONCE + 1):
+            table = regressor[part].reshape(-1, size)
+            gram += table.T @ table
+        sizes = np.sqrt(np.diag(gram))
+        there = sizes > 1e-9 * sizes.max(initial=0.0)
+        values = np.linalg.eigvalsh(gram[np.ix_(there, there)] / np.outer(sizes[there], sizes[there]))
+        return int((values > EFFORT_TOLD * values.max(initial=0.0)).sum()), count
+
+    @property
+    def bodies_within_tolerance(self) -> list[tuple[int, Array] | None]:
+        """The joint and the body's parameters (10,) per tolerance of each toleranced parameter; None if of no body."""
+        mechanism = self.at.mechanism
+        joints = {name_of_body(mechanism, joint.id): joint.id for joint in mechanism.joints}
+        return [None if item.inertial is None else (joints[item.place], item.inertial) for item in self.deviations]
+
+    def base_parameters(self, law: EffortLaw) -> BaseParameters:
+        """Return the base parameters of a law of all links' inertial parameters."""
+        regressor = law.efforts_per(Place(""), {}, self.at)[self.kept]
+        return BaseParameters.of(regressor.reshape(-1, len(law.linear)), law.linear)
+
+    def _whole_problem(self, whitening: Whitening) -> EffortProblem:
+        """Return the problem of all but laws that follow from what is known."""
+        columns = DesignMatrix(whitening.target(np.nan_to_num(self.target)), self.blocks)
+        if self.deviations:
+            columns.add(whitening(self.as_columns(item.efforts[..., None])) for item in self.deviations)
+        candidates, prior = self._appended(columns, whitening, self._fixed)
+        for law in EFFORT_LAWS:
+            single = [candidate for candidate in candidates if candidate.law is law]
+            every = law.together([candidate.place for candidate in single])
+            if len(single) > 1 and every is not None:
+                where = slice(single[0].where.start, single[-1].where.stop)
+                candidates.append(EffortCandidate(every, every.places(self.at.mechanism)[0], {}, where))
+        self._own_size = columns.size
+        return self.with_candidates(columns, candidates, np.array([1.0] * len(self.deviations) + prior))
+
+    def with_candidates(
+        self, columns: DesignMatrix, candidates: Sequence[EffortCandidate], prior: Array
+    ) -> EffortProblem:
+        """Return the problem of these columns, candidates and inverse variances of the coefficients (P,)."""
+        links = {index: item.place for index, item in enumerate(self.deviations) if item.inertial is not None}
+        own = ((c.where.start, c.law.covariance_inverse(c.place, self.at.mechanism)) for c in candidates)
+        bodies = {first: block * self._body_factor for first, block in own if block is not None}
+        return EffortProblem(self.at.mechanism, columns, tuple(candidates), prior, bodies, links)
+
+    def with_learned_variances(self, model: EffortModel) -> tuple[PreparedEfforts, EffortModel]:
+        """Return efforts and model with priors of nuisances and bodies as wide as is likeliest of each kind."""
+        problem = model.problem
+        kinds, usual = usual_precisions(model)
+        factors = learned_precisions(model, kinds)
+        bodies = {term.law.physics for term in model.terms if term.law.body}
+        other = copy(self)
+        other._body_factor = next((factors[kind] for kind in kinds if kind in bodies), 1.0)
+        other._learned_priors = {name: factors[name[0]] * own for name, own in usual.items()}
+        prior = problem.prior.copy()
+        for candidate in problem.candidates:
+            if candidate.name in usual:
+                prior[candidate.where] = other.prior_of(candidate.law, candidate.place)
+        return other, model.in_problem(other.with_candidates(problem.columns, problem.candidates, prior))
+
+    def prior_of(self, law: EffortLaw, place: Place) -> Array:
+        """Return inverse variances (p,) of a law's coefficients, in the unit of the whitened noise."""
+        learned = self._learned_priors.get((law.physics, place.name)) if law.everywhere else None
+        return law.prior(place, self.at.mechanism) if learned is None else learned
+
+    def refreshed(self, model: EffortModel) -> EffortModel:
+        """Return the model in a problem with new columns of laws that follow from what is known; its terms stay."""
+        problem, columns = model.problem, model.problem.columns
+        size, terms = self._own_size, []
+        picked = list(range(size))
+        for term in model.terms:
+            if term.where.start >= self._own_size:
+                picked += range(term.where.start, term.where.stop)
+                term, size = replace(term, where=slice(size, size + term.size)), size + term.size
+            terms.append(term)
+        model = model.with_terms(terms)
+        columns.pick(picked)
+        fixed = [c for c in problem.candidates if c.where.start < self._own_size]
+        kept = [term for term in terms if term.where.start >= self._own_size]
+        prior = problem.prior[picked]
+        at = self.knowing(model, fit(model.in_problem(self.with_candidates(columns, (), prior)))[0])
+        moving = (
+            (law, place, values, self.as_columns(law.efforts_per(place, values, at)))
+            for law, place in self._moving
+            for values in law.scanned(place, at)
+        )
+        new, more = self._appended(columns, self.whitening, moving)
+        problem = self.with_candidates(columns, (*fixed, *kept, *new), np.concatenate((prior, more)))
+        return model.in_problem(problem)
+
+    def start(self, all_links: bool = False) -> EffortModel:
+        """Return the model before any law: toleranced parameters, and masses of all links if asked for."""
+        problem = self.refreshed(EffortModel(self._whole_problem(self.whitening), ())).problem
+        every = tuple(c for c in problem.candidates if all_links and c.law.body is Body.ALL_LINKS)
+        return EffortModel(problem, tuple(range(len(self.deviations))), every)
+
+    def start_with_nuisances(self, all_links: bool = False) -> EffortModel:
+        """Return the same with what every drive has as nuisances, links' masses too where none is toleranced."""
+        start = self.start(all_links)
+        weighed = start.terms or any(item.inertial is not None for item in self.deviations)
+        common = [c for c in start.problem.candidates if c.law.everywhere and not (c.law.body and weighed)]
+        return replace(start, terms=(*start.terms, *common), keeps_nuisances=True)

@@ -1,0 +1,313 @@
+"""What does no law explain? Structure that curves of no law or impossible bodies take away, and residuals that are no
+noise.
+
+A residual may follow the motion by another amount from one block of time to the next: friction that comes and goes. No
+law and no curve of one shape takes it away, and where no noise was declared it would pass for noise. But noise knows
+nothing of the motion: the residual, whitened and shifted in time against it, must follow it block by block as well as
+it does where it stands. A joint may follow its own motion, or that of any other: a cable drags both along.
+
+The residual of anything real follows the motion somehow: friction turns round a little otherwise than its law, and
+speeds have noise. So it counts only where it is a part of the effort that matters to who uses it, and more than noise,
+and as much of the residual as a curve of no law must be: a trace below it is what gears that yield leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...dynamics import InMotion
+from ...laws.efforts.effort_law import usual_way
+from ...laws.efforts.variables import variable_of
+from ...numbers import number
+from ...spatial import Array
+from ..criteria import (
+    EFFORT_CHANCE,
+    EFFORT_CURVE_OWN,
+    EFFORT_FLIPS,
+    EFFORT_FOREIGN,
+    EFFORT_LOUD,
+    EFFORT_NO_MATTER,
+    EFFORT_NO_NOISE,
+    EFFORT_SURE,
+    EFFORT_UNTOLD,
+    FEWEST_EFFORT_BLOCKS,
+)
+from ..diagnosis import Finding, heldout_gain
+from .conventions import CHECK_ROBOT
+from .evidence import held_out, relative_gain
+from .final_state import FinalState
+from .prepare import PreparedEfforts
+from .problem import Whitening, autoregression, usable
+from .residuals import EffortResiduals, rms_of
+
+__all__ = ["TimeVarying", "structure_left", "time_varying", "unexplained"]
+
+#: What a block may follow of its own joint's motion, and of another joint's.
+_OWN = ("direction", "speed", "position", "load")
+_OTHERS = ("speed", "acceleration", "position")
+#: Share of the recording by which it is shifted at least.
+_NEAR = 0.05
+#: Of the largest block's, below which a block tells nothing.
+_TELLS = 1e-9
+
+
+def structure_left(final: FinalState) -> list[Finding]:
+    """Return the findings of what curves of no law, or bodies that cannot exist, take away."""
+    found = []
+    whole = held_out(final.with_time).sum()
+    for term in final.curves:
+        joint, without = term.place.name, held_out(final.with_time.without(term)).sum()
+        share = heldout_gain(whole, without)
+        text = (
+            f"structure is left over at {joint} that no law of the library takes away; {term.law.summary} by a curve "
+            f"of its own would take away {100 * share:.0f} % of the square of what is left"
+            + ("" if term.is_of_time else ", and the corrected model follows it")
+        )
+        found.append(_unknown_at(joint, text, share))
+    for term in final.impossible:
+        joint, link, saved = final.joint_of(term.place.name), term.place.name, final.held_out_saving(term)
+        share = float(np.clip(saved / max(saved + float(final.held_out.sum()), np.finfo(float).tiny), 0.0, 1.0))
+        text = (
+            f"structure is left over at {joint} that no law of the library takes away; masses of {link} that no body "
+            f"has would take away {100 * share:.0f} % of its square; the corrected model keeps to a body that can be"
+        )
+        found.append(replace(_unknown_at(joint, text, share), candidates=(joint, link)))
+    return found
+
+
+def unexplained(final: FinalState, residuals: EffortResiduals, structure: list[Finding]) -> list[Finding]:
+    """Return the findings of what no law explains: the structure that is left, or a residual that is no noise."""
+    if final.problem.columns.count < FEWEST_EFFORT_BLOCKS:
+        text = f"{len(final.efforts.kept)} samples of efforts are too few to judge anything by others"
+        return [_unknown_at("robot", text)]
+    found = list(structure)
+    if not found and final.recording.noise.effort:
+        found = list(_beyond_declared(residuals))
+    elif not found:
+        found = list(_unmoved(final, residuals)) or list(_varying(final)) or list(_no_noise(final, residuals))
+    if not found and _is_foreign(residuals.shares["all"]):
+        found = [_foreign(residuals.shares["all"])]
+    named = {finding.location for finding in found}
+    return found + [item for item in _worse(final, residuals) if item.location not in named]
+
+
+def _unknown_at(where: str, statement: str, share: float = 0.0, advice: str = "") -> Finding:
+    """Return the finding of something unknown at a place, which would take away a share of the residual."""
+    return Finding("unknown", where, (where,), {}, share, statement, advice=advice)
+
+
+def _is_foreign(share: Mapping[str, float]) -> bool:
+    """Return whether the drawing predicts less than nothing of the efforts, and no correction most of them.
+
+    A correction that takes the drawn efforts away leaves the noise, which speaks for no robot at all.
+    """
+    return share["rigid"] > EFFORT_FOREIGN and share["heldout"] > EFFORT_UNTOLD
+
+
+def _foreign(share: Mapping[str, float]) -> Finding:
+    """Return the finding of a log that is hardly one of this robot."""
+    return _unknown_at(
+        "robot",
+        f"what the robot file leaves is {number(share['rigid'], 3)} times the efforts themselves, and with all that "
+        f"was corrected {number(100 * share['heldout'], 3)} % of them are left: this is hardly a log of this robot. "
+        f"{CHECK_ROBOT}",
+    )
+
+
+def _beyond_declared(residuals: EffortResiduals) -> Iterator[Finding]:
+    """Yield the joint of the largest residual, if that is more than the declared noise."""
+    if residuals.after["fit"] > EFFORT_LOUD:
+        worst = max(residuals.by_joint, key=lambda name: residuals.by_joint[name]["after"])
+        multiple = number(residuals.by_joint[worst]["after"], 3)
+        yield _unknown_at(
+            worst,
+            f"what is left at {worst} is {multiple} times the declared noise; no law of the library takes it away, and "
+            "it follows neither speed, position, load nor time",
+        )
+
+
+def _no_noise(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
+    """Yield the joint where most is left, if that is more than the noise that the recording alone shows."""
+    shares, by_joint = residuals.shares, residuals.by_joint
+    loud = {
+        name: shares[name]["heldout"] * rms_of(residuals.measured[final.efforts.good[:, column], column])
+        for column, name in enumerate(final.at.driven)
+        if shares[name]["heldout"] > EFFORT_UNTOLD and not by_joint[name]["after"] <= EFFORT_NO_NOISE
+    }
+    if loud:
+        worst = max(loud, key=lambda name: loud[name])
+        multiple, here, all_left = by_joint[worst]["after"], shares[worst]["heldout"], shares["all"]["heldout"]
+        times = (
+            f"{number(multiple, 3)} times what a sample of it scatters by itself"
+            if np.isfinite(multiple)
+            else "and nothing tells how much a sample of it scatters by itself"
+        )
+        yield _unknown_at(
+            worst,
+            f"{number(100 * here, 3)} % of the effort of {worst} are left, {times} ({number(100 * all_left, 3)} % of "
+            "all efforts); no law of the library takes it away, and no noise was declared that it could be",
+        )
+
+
+def _unmoved(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
+    """Yield joints whose effort changes though their position never does: by more than noise and what friction holds.
+
+    Friction at rest may hold any part of what the load on the joint changes by, and no more.
+    """
+    scatter = EFFORT_NO_NOISE * final.noise_sizes * final.scale
+    for column, name in enumerate(final.at.driven):
+        good = final.efforts.good[:, column]
+        if final.at.moves(name) or final.motion.standing or not good.any():
+            continue
+        measured, predicted, rigid = (
+            values[good, column] for values in (residuals.measured, residuals.predicted, residuals.rigid)
+        )
+        size, left = rms_of(measured), float(np.std(measured - predicted))
+        if left > max(EFFORT_NO_MATTER * size, float(np.hypot(np.std(rigid), scatter[column]))):
+            multiple = number(residuals.by_joint[name]["after"], 3)
+            yield _unknown_at(
+                name,
+                f"the position of {name} never changes, while its effort does by {multiple} times what a sample of "
+                f"it scatters by itself and {number(100 * (left / size), 3)} % of it: more than the load on it changes",
+                advice=f"check the column q.{name}: if {name} moved, it is not its position; if it stood, look what "
+                "else loaded it",
+            )
+
+
+def _worse(final: FinalState, residuals: EffortResiduals) -> Iterator[Finding]:
+    """Yield joints of which the corrected model predicts the effort surely worse than the drawing, by what matters."""
+    for column, name in enumerate(final.at.driven):
+        drawn, left = residuals.shares[name]["rigid"], residuals.shares[name]["heldout"]
+        if not (left > EFFORT_NO_MATTER and left > (1 + EFFORT_NO_MATTER) * drawn):
+            continue
+        counts, blocks = final.efforts.good[:, column], final.problem.columns.parts
+        squares = (
+            np.where(counts, (residuals.measured - values)[:, column], 0.0) ** 2
+            for values in (residuals.held_out, residuals.rigid)
+        )
+        _, sure = relative_gain(*(np.array([float(own[part].sum()) for part in blocks]) for own in squares))
+        if sure > EFFORT_SURE:
+            yield _unknown_at(
+                name,
+                f"with what was found {number(100 * left, 3)} % of the effort of {name} are left on blocks of time "
+                f"that were not fitted, as drawn {number(100 * drawn, 3)} %: what takes place there is none of the "
+                "laws that were found",
+            )
+
+
+def _varying(final: FinalState) -> Iterator[Finding]:
+    """Yield that the residual follows some motion by amounts that change, in the band where it is judged."""
+    efforts, motion, judged = final.efforts, final.motion, final.efforts.judged
+    measured, left = (
+        judged(values, motion.piece)[efforts.kept] * final.scale
+        for values in (motion.efforts, motion.efforts - final.at.rigid - final.added)
+    )
+    noise = [final.noise[name].below(cutoff) for name, cutoff in zip(final.at.driven, judged.cutoffs, strict=True)]
+    found = time_varying(efforts, left, measured, np.nan_to_num(noise))
+    if found is not None:
+        followed = f"its {found.variable}" if found.of == found.joint else f"the {found.variable} of {found.of}"
+        yield _unknown_at(
+            found.joint,
+            f"what is left at {found.joint} follows {followed} by an amount that changes with time, which would take "
+            f"away {number(100 * found.share, 2)} % of its square beyond chance and is {number(100 * found.size, 2)} % "
+            "of the joint's effort (root mean square): it is no noise, and no law of the library takes it away",
+            found.share,
+        )
+
+
+# -- what follows a motion by amounts that change ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TimeVarying:
+    """A joint whose residual follows a `variable` of the motion `of` a joint, by another amount in each block of time.
+
+    share: of the residual's squares, beyond chance, over those that chance would not take; size: root mean square of it
+    over that of the joint's effort.
+    """
+
+    joint: str
+    variable: str
+    of: str
+    share: float
+    size: float
+
+
+def time_varying(efforts: PreparedEfforts, left: Array, measured: Array, noise: Array) -> TimeVarying | None:
+    """Return what the residual (n, k) at the kept samples follows by amounts that change, or None.
+
+    measured (n, k): the efforts; noise (k,): of them; all in the band where they are judged. The test is the largest of
+    all joints and motions in the recording against each shifted one, in standard deviations of the shifted ones.
+    """
+    if efforts.at.motion.standing:
+        return None
+    good = efforts.away_from_ends(min(efforts.judged.cutoffs)) & np.isfinite(left)
+    left = np.where(good, left, 0.0)
+    white = Whitening(autoregression(left, good, efforts.piece), usable(good, efforts.piece))
+    starts = np.flatnonzero(np.diff(efforts.blocks, prepend=-1))
+    lags = np.unique(np.linspace(_NEAR, 1 - _NEAR, EFFORT_FLIPS) * len(left)).astype(int)
+    lags = np.concatenate(([0], lags))
+    found, own, others = [], [], []
+    for column, joint in enumerate(efforts.at.driven):
+        here = good[:, column]
+        size = float((measured[here, column] ** 2).sum())
+        # what is left in all is no matter, nor is what follows anything
+        least = max(EFFORT_NO_MATTER**2 * size, noise[column] ** 2 * here.sum())
+        plain = left[:, column]
+        if not float(plain @ plain) > least:
+            continue
+        rest = white.of_joint(column, plain)
+        motions = list(_motions(efforts.at, joint))
+        table = np.column_stack([_compared(efforts, column, values) for _, _, values in motions])
+        saved = _saved(rest, white.of_joint(column, table), starts, lags)
+        mean, spread = saved[1:].mean(axis=0), np.maximum(saved[1:].std(axis=0), np.finfo(float).tiny)
+        own += ((saved[0] - mean) / spread).tolist()
+        others.append(((saved[1:] - mean) / spread).max(axis=1))
+        plainly = _saved(plain, np.where(here[:, None], table, 0.0), starts, lags)
+        chance = plainly[1:].mean(axis=0)
+        follows = np.maximum(plainly[0] - chance, 0.0)
+        # amounts for each block take a part of anything away: of the rest
+        shares = follows / np.maximum(float(plain @ plain) - chance, np.finfo(float).tiny)
+        for (of, variable, _), squares, share in zip(motions, follows, shares, strict=True):
+            part = np.sqrt(squares / size) if squares > least else 0.0
+            found.append(TimeVarying(joint, variable, of, float(share), float(part)))
+    if not found:
+        return None
+    by_chance = (np.max(others, axis=0)[:, None] >= np.array(own)).mean(axis=0)
+    sure = [each for each, chance in zip(found, by_chance, strict=True) if chance < EFFORT_CHANCE and each.size > 0]
+    most = max(sure, key=lambda each: each.share, default=None)
+    return most if most is not None and most.share > EFFORT_CURVE_OWN else None
+
+
+def _motions(at: InMotion, joint: str) -> Iterator[tuple[str, str, Array]]:
+    """Yield what a joint's effort may follow: a joint, a variable of its motion, and the values of that (N,)."""
+    for of in (joint, *(other for other in at.motion.names if other != joint)):
+        for variable in (_OWN if of == joint else _OTHERS) if at.moves(of) else ():
+            if variable == "direction":
+                yield of, variable, at.dragged(of, usual_way(at, of))
+            elif variable == "acceleration":
+                yield of, variable, at.acceleration(of)
+            else:
+                yield of, variable, variable_of(at, of, variable)
+
+
+def _compared(efforts: PreparedEfforts, column: int, values: Array) -> Array:
+    """Return a variable (n,) filtered as the efforts of a joint, at the kept samples."""
+    return efforts.judged.of_joint(column)(values - values.mean(), efforts.at.motion.piece)[efforts.kept]
+
+
+def _saved(left: Array, columns: Array, starts: np.ndarray, lags: np.ndarray) -> Array:
+    """Return the squares (s, m) of a residual (n,), shifted by some samples (s,), that columns (n, m) take away.
+
+    Each column by one amount for each block; `starts` (b,): the first samples of blocks.
+    """
+    count, out = len(left), np.zeros((len(lags), columns.shape[1]))
+    sizes = np.add.reduceat(columns**2, starts)
+    told = sizes > _TELLS * sizes.max(axis=0, initial=0.0)
+    for start, end, size, tells in zip(starts, [*starts[1:], count], sizes, told, strict=True):
+        shifted = left[(np.arange(start, end) - lags[:, None]) % count]
+        out[:, tells] += (shifted @ columns[start:end, tells]) ** 2 / size[tells]
+    return out
