@@ -60,8 +60,10 @@ MOVED: dict[str, str] = {
     "views.scene.shapes": "views.scene.scene",
     "views.text.calibration_text": "views.text.diagnosis_text",
     "views.text.compensation_text": "views.text.simulation_text",
-    "views.text.effect_options": "views.text.simulation_text",
+    "views.text.effect_options": "cli.typed",
+    "views.text.joints": "views.text.values",
     "views.text.prospects_text": "views.text.check_text",
+    "views.text.quantities": "cli.typed",
     "views.text.sensitivity_text": "views.text.answer_text",
 }
 

@@ -28,12 +28,12 @@ from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
 from ..views.text.answer import yielding_beside
-from ..views.text.quantities import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 from ..views.text.simulation_text import print_compensation
 from ..views.text.sweep_text import axis_text, print_sweep
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
+from .typed import WRENCH_DIMENSIONS, parse_assignments, parse_list, parse_quantity
 
 #: Units of the half sides of the box of wrenches.
 _BOX = {"force": "N", "moment": "N m"}

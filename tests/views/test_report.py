@@ -16,11 +16,12 @@ import pytest
 
 import prup_pin
 from prup_pin.errors import InputError, MissingExtraError
+from prup_pin.numbers import quantity
 from prup_pin.views.report.levers import find_levers
 from prup_pin.views.report.pose_report import report_html
 from prup_pin.views.text.answer import Answer
-from prup_pin.views.text.quantities import length_text, workshop_text
 from prup_pin.views.text.tables import compliance_table, stiffness_table
+from prup_pin.views.text.values import workshop_text
 
 from . import chromium
 
@@ -118,8 +119,8 @@ def test_it_says_what_the_library_computes(robot, pose, page):
         for name, cells in zip(table.rows, table.cells, strict=True):
             assert f"{name} {' '.join(cells)}" in text
     moved = float(np.linalg.norm(answer.deflection[:3]))
-    assert f"The tool moves {length_text(moved)} and turns" in text
-    assert f"Sag {length_text(float(np.linalg.norm(robot.compliance(pose).sag()[:3])))}" in text
+    assert f"The tool moves {quantity(moved, 'm')} and turns" in text
+    assert f"Sag {quantity(float(np.linalg.norm(robot.compliance(pose).sag()[:3])), 'm')}" in text
     ranked = sorted(answer.shares, key=lambda name: -answer.shares[name])[:10]
     places = [text.index(f"{name} ", text.index("The ten softest parts")) for name in ranked]
     assert places[:2] == sorted(places[:2])
@@ -147,7 +148,7 @@ def test_a_rigid_part_takes_its_deflection_away(robot, pose, page):
     want = stiff.compliance(stiff.pose_from_configuration(pose.q)).deflection(WRENCH)
     rest = answer.deflection - answer.compliance.parts[name] @ WRENCH
     np.testing.assert_allclose(rest, want, rtol=1e-6, atol=1e-9)
-    assert f"if rigid: {length_text(float(np.linalg.norm(want[:3])))}" in words(page)
+    assert f"if rigid: {quantity(float(np.linalg.norm(want[:3])), 'm')}" in words(page)
 
 
 def test_levers_are_solved_anew_and_sorted(robot, pose, page):

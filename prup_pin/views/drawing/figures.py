@@ -23,9 +23,8 @@ from ..scene.colours import AXES, BEAM, ELLIPSOIDS, FAINT, GHOST, INK, LOAD, MAP
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, ranked
-from ..text.joints import pose_text
-from ..text.quantities import length_text
 from ..text.tables import load_text, percent_text
+from ..text.values import pose_text
 from .drawing import NARROW, WIDE, Drawing, Layout
 from .plotting import Figure, Line2D, ListedColormap, Patch, PolyCollection, Polygon, plain_axes, plain_words, sheet
 
@@ -321,7 +320,7 @@ def _write_title(
     lines = wrap(at, layout.line)
     if load is not None and load.any() and compliance is not None:
         moved = float(np.linalg.norm(compliance.deflection(load)[:3]))
-        line = f"under {wrench_text(np.round(load, 3))} the tool moves by {length_text(moved)}"
+        line = f"under {wrench_text(np.round(load, 3))} the tool moves by {quantity(moved, 'm')}"
         if scale:
             line += f"; deflection drawn × {number(scale)}"
         lines += wrap(line, layout.line)

@@ -23,8 +23,8 @@ from ..scene.elastic import Deflections, fitting_scale
 from ..scene.painter import Painter
 from ..scene.scene import Part, Scene
 from ..text.answer import Answer
-from ..text.joints import clean, coordinate_dimensions, dimension, limits
 from ..text.tables import rigid_texts, stiffness_table
+from ..text.values import clean, coordinate_dimensions, dimension, limits
 from .commands import changes, folders, packed, stage
 from .server import Message, Served, Server
 from .view import page_html, words

@@ -16,8 +16,8 @@ from ...robot import Robot
 from ...statics import Compliance
 from ..text.answer import Answer, ranked
 from ..text.diagnosis_words import channel_rows, effort_rows, finding_text, parameter_texts, verdict_text
-from ..text.joints import clean, pose_text
 from ..text.tables import MatrixTable, compliance_table, load_text, percent_text, rigid_texts, stiffness_tables
+from ..text.values import clean, pose_text
 
 #: Modules whose shares are listed.
 _SHOWN = 6

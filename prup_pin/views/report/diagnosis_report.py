@@ -35,7 +35,7 @@ from ..text.diagnosis_words import (
     summary_text,
     verdict_text,
 )
-from ..text.joints import clean, dimension
+from ..text.values import clean, dimension
 from .pose_report import Picture, page_template, picture
 
 #: Beyond so many points a drawing is a picture of pixels, lest the page grow heavy.

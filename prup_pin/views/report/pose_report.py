@@ -26,8 +26,6 @@ from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.colours import share_colours
 from ..text.answer import Answer, ranked, softest
-from ..text.joints import pose_text, position_text
-from ..text.quantities import workshop_text
 from ..text.tables import (
     assumptions,
     compliance_table,
@@ -47,6 +45,7 @@ from ..text.tables import (
     stiffness_tables,
     why_rigid,
 )
+from ..text.values import pose_text, position_text, workshop_text
 from .levers import STEP, Lever, find_levers
 
 _MINUS = "\u2212"

@@ -15,8 +15,7 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp, wrench_text
 from ...statics import Compliance
 from ..text.answer import ranked
-from ..text.joints import pose_text
-from ..text.quantities import length_text
+from ..text.values import pose_text
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below
@@ -327,7 +326,7 @@ class Painter:
         far = max(metres / float(self.size), radians)
         if scale * far > _FARTHEST:
             raise InputError(
-                f"the deflection of {length_text(metres)} cannot be drawn {number(scale, 3)} times larger: it would "
+                f"the deflection of {quantity(metres, 'm')} cannot be drawn {number(scale, 3)} times larger: it would "
                 f"leave the picture. Expected at most {number(nice_below(_FARTHEST / far), 3)}"
             )
         return scale
@@ -391,7 +390,7 @@ class Painter:
             return [], []
         frame = placement(axis_as_z(end - start), start)
         parts = _arrow("deflection", frame, length, 0.006 * self.size, MOVED, True)
-        text = length_text(factor * float(np.linalg.norm(moved.tool[:3])))
+        text = quantity(factor * float(np.linalg.norm(moved.tool[:3])), "m")
         parts.append(Part("deflection/start", Ball(0.011 * self.size), tool, MOVED, on_top=True))
         return parts, [Label("deflection", text, start + 0.5 * (end - start), start - self.up, MOVED, True)]
 
@@ -487,7 +486,7 @@ class Painter:
         if wrench is not None and moved is not None:
             if not headline:
                 lines.append(f"Load on the tool: {wrench_text(wrench)}")
-            moved_text = length_text(float(np.linalg.norm(moved.tool[:3])))
+            moved_text = quantity(float(np.linalg.norm(moved.tool[:3])), "m")
             angle = float(np.linalg.norm(moved.tool[3:]))
             rigid = angle * self.size < 1e-9 * float(np.linalg.norm(moved.tool[:3]))
             turned = "does not turn" if rigid else f"turns {quantity(angle, 'rad')}"

@@ -13,8 +13,6 @@ from ...robot import Robot
 from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, wrench_text
 from .answer import Answer, ranked
-from .joints import pose_text, position_text
-from .quantities import value_text, workshop_text
 from .tables import (
     MatrixTable,
     assumptions,
@@ -31,6 +29,7 @@ from .tables import (
     why_rigid,
 )
 from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table
+from .values import pose_text, position_text, value_text, workshop_text
 
 #: Width of a full bar.
 _BAR = 20

@@ -17,10 +17,9 @@ from ...numbers import number
 from ...parameters import Parameter, Quantity
 from ...recordings import KINDS_OF_TOLERANCE, Tolerances
 from ...robot import Robot
-from .joints import clean, joint_role, joint_type, limits, pose_text
-from .quantities import value_text
 from .tables import default_parameters, mobility_text, module_parameters, redundancy_text
 from .terminal import bullets, fits, heading, in_options, listed, make_table, paragraph, print_table
+from .values import clean, joint_role, joint_type, limits, pose_text, value_text
 
 
 def print_info(out: Console, robot: Robot, tolerances: Tolerances | None = None) -> None:

@@ -1,8 +1,7 @@
-"""Effects as they are typed; a simulation and a compensation as text for a terminal."""
+"""A simulation and a compensation as text for a terminal."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,15 +9,11 @@ from rich.console import Console
 from rich.text import Text
 
 from ...compensation import Compensation
-from ...errors import InputError, UnknownNameError
 from ...laws import Effect
-from ...mechanism import Mechanism
 from ...numbers import counted, number
 from ...recordings import Recording, suspicions
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
-from ...simulation.model_file import law_named, place_named
-from .quantities import UNITS, parse_quantity
 from .terminal import bullets, heading, listed, make_table, paragraph, print_table
 
 #: So many row numbers are listed.
@@ -95,61 +90,6 @@ def _unit(robot: Robot, channel: str) -> tuple[str, float]:
     if kind == "effort":
         return ("N", 1.0) if robot.mechanism.joint(name).slides else ("N m", 1.0)
     return ("µrad", 1e6) if channel.endswith("rotation") else ("µm", 1e6)
-
-
-# -- effects as they are typed -----------------------------------------------------------------------------------------
-
-
-_FORM = re.compile(r"\s*(?P<physics>[^@\s]+)@(?P<place>[^@=]*?)(?P<values>(?:\s+[^\s=]+=\S+)*)\s*")
-_EXPECTED = "expected 'physics@place[:aspect] name=value …', for example 'backlash@leg2/ball_nut half_gap=30um …'"
-
-
-def parse_effect(text: str, mechanism: Mechanism, option: str = "--effect") -> Effect:
-    """Return an effect on this robot; values are SI, or carry a unit. Raises InputError with what was expected."""
-    match = _FORM.fullmatch(text)
-    if match is None:
-        raise InputError(f"{option} '{text}': {_EXPECTED}; `prup-pin laws` lists them")
-    physics, typed = match["physics"], match["place"].strip()
-    try:
-        law_named(physics)
-        name, _, aspect = _split(typed, physics, mechanism)
-        place = place_named(physics, name, aspect, mechanism)
-        law = law_named(physics, place, mechanism)
-        quantities = {quantity.name: quantity for quantity in law.quantities_at(place, mechanism)}
-        values: dict[str, float] = {}
-        for assignment in match["values"].split():
-            key, _, value = assignment.partition("=")
-            if key not in quantities:
-                raise UnknownNameError(f"parameter of {physics}", key, list(quantities))
-            if key in values:
-                raise InputError(f"{key} is given twice")
-            values[key] = parse_quantity(value, _dimension(quantities[key].unit), option, text, text.index(assignment))
-        missing = [item for item in quantities.values() if item.name not in {*values, *law.optional}]
-        if missing:
-            usual = law.starts(place, mechanism)[0]
-            listed = ", ".join(
-                f"{item.name} ({item.expected()}; a fit starts at {number(usual[item.name])})" for item in missing
-            )
-            raise InputError(f"missing {listed}")
-        return Effect(law, place, values).checked(mechanism)
-    except InputError as error:
-        message = str(error)
-        raise InputError(message if message.startswith(option) else f"{option} '{text}': {message}") from None
-
-
-def _split(typed: str, physics: str, mechanism: Mechanism) -> tuple[str, str, str]:
-    """Return name and aspect of 'leg1/R_lambda:tilting'; names of a robot may hold a colon themselves."""
-    try:
-        place_named(physics, typed, "", mechanism)
-        return typed, "", ""
-    except InputError:
-        name, colon, aspect = typed.rpartition(":")
-        return (name.strip(), colon, aspect.strip()) if colon else (typed, "", "")
-
-
-def _dimension(unit: str) -> str:
-    plain = unit.replace(" ", "")
-    return next((name for name, units in UNITS.items() if plain in units), "number")
 
 
 # -- a compensation: what the path missed, what the commands leave -----------------------------------------------------

@@ -10,8 +10,8 @@ from rich.text import Text
 
 from ...numbers import counted, fixed, readable_unit
 from ...sweep import QUANTITIES, SweepFile, SweepResult
-from .joints import coordinate_text
 from .terminal import bullets, heading, listed, make_table, paragraph, print_table
+from .values import coordinate_text
 
 #: Quantities with more entries are named, not listed.
 _ENTRIES = 8

@@ -1,8 +1,10 @@
-"""Joints in words: type, dimension, limits, role."""
+"""Values in the units in which people read them: joints and their limits, coordinates, places, parameters."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,18 @@ from ...numbers import number
 from ...robot import Robot
 
 _ANGLES = ("rx", "ry", "rz")
+#: SI units of parameters, the units in which a workshop speaks of them, and the factor between.
+_WORKSHOP: Mapping[str, tuple[str, float]] = {
+    "m": ("mm", 1e3),
+    "m^2": ("mm²", 1e6),
+    "m^4": ("mm⁴", 1e12),
+    "Pa": ("GPa", 1e-9),
+    "N/m": ("N/µm", 1e-6),
+    "N m/rad": ("N m/mrad", 1e-3),
+    "rad": ("°", 180 / math.pi),
+    "kg/m^3": ("kg/m³", 1.0),
+    "1": ("", 1.0),
+}
 
 
 def joint_type(mechanism: Mechanism, name: str) -> str:
@@ -88,3 +102,21 @@ def position_text(metres: float) -> str:
 def clean(value: float) -> float:
     """Return zero for what is only rounding."""
     return 0.0 if abs(value) < 1e-9 else value
+
+
+def value_text(value: Any) -> str:
+    """Return a number, or the shape or entries of an array."""
+    array = np.asarray(value, float)
+    if array.ndim == 0:
+        return number(float(array), 6)
+    if array.ndim == 1 and array.size <= 12:
+        return " ".join(number(entry, 4) for entry in array)
+    return f"{' x '.join(map(str, array.shape))} numbers"
+
+
+def workshop_text(value: Any, unit: str) -> str:
+    """Return '20 mm' of 0.02 and 'm': an SI value, or an array, in the unit in which a workshop speaks of it."""
+    name, factor = _WORKSHOP.get(unit, (unit, 1.0))
+    scaled = np.asarray(value, float) * factor
+    text = value_text(scaled) if scaled.ndim else number(float(scaled), 5)
+    return text if text == "infinite" or not name else f"{text}{'' if name == '°' else ' '}{name}"
