@@ -28,8 +28,7 @@ from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
 from ..views.text.answer import yielding_beside
-from ..views.text.simulation_text import print_compensation
-from ..views.text.sweep_text import axis_text, print_sweep
+from ..views.text.many_poses import axis_text, print_compensation, print_sweep
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures
 from .options import Effects, ModelOption, Reading, RobotName, RobotOption, SetParameters, Workers, robot_beside
@@ -226,10 +225,8 @@ def _axis(name: str, kind: str, value: Any) -> str:
 
 def _print_quantities() -> None:
     """Print what can be asked of a pose."""
-    table = terminal.make_table(("name", "left"), ("what", "left"), ("unit", "left"))
-    for quantity in QUANTITIES.values():
-        table.add_row(quantity.name, quantity.summary, quantity.unit)
-    terminal.print_table(terminal.console(), table)
+    rows = [(quantity.name, quantity.summary, quantity.unit) for quantity in QUANTITIES.values()]
+    terminal.print_table(terminal.console(), terminal.make_table(("name", "what", "unit"), rows))
 
 
 # -- compensate --------------------------------------------------------------------------------------------------------

@@ -27,8 +27,7 @@ from ..robots import as_path, is_file
 from ..simulation import CorrectedModel
 from ..spatial import Array, as_wrench
 from ..statics import Compliance
-from ..views.text.tables import some
-from ..views.text.values import coordinate_dimensions, dimension
+from ..views.text.values import coordinate_dimensions, dimension, some
 from .typed import UNITS, WRENCH_DIMENSIONS, parse_assignments, parse_effect, parse_list, parse_quantity
 
 RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A name of `prup-pin robots`, or a URDF or MJCF file.")]

@@ -19,8 +19,7 @@ from prup_pin.errors import InputError, MissingExtraError
 from prup_pin.numbers import quantity
 from prup_pin.views.report.levers import find_levers
 from prup_pin.views.report.pose_report import report_html
-from prup_pin.views.text.answer import Answer
-from prup_pin.views.text.tables import compliance_table, stiffness_table
+from prup_pin.views.text.answer import Answer, compliance_table, stiffness_table
 from prup_pin.views.text.values import workshop_text
 
 from . import chromium

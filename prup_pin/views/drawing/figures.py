@@ -22,9 +22,8 @@ from ..scene.camera import FORCE_LENGTH, Camera, camera_of, hull
 from ..scene.colours import AXES, BEAM, ELLIPSOIDS, FAINT, GHOST, INK, LOAD, MAP, map_rgb, rgb_of, share_colours
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.skeleton import Skeleton, skeleton
-from ..text.answer import Answer, ranked
-from ..text.tables import load_text, percent_text
-from ..text.values import pose_text
+from ..text.answer import Answer, load_text, ranked
+from ..text.values import percent_text, pose_text
 from .drawing import NARROW, WIDE, Drawing, Layout
 from .plotting import Figure, Line2D, ListedColormap, Patch, PolyCollection, Polygon, plain_axes, plain_words, sheet
 

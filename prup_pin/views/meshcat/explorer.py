@@ -22,8 +22,7 @@ from ...spatial import WRENCH_NAMES, Array, as_wrench
 from ..scene.elastic import Deflections, fitting_scale
 from ..scene.painter import Painter
 from ..scene.scene import Part, Scene
-from ..text.answer import Answer
-from ..text.tables import rigid_texts, stiffness_table
+from ..text.answer import Answer, rigid_texts, stiffness_table
 from ..text.values import clean, coordinate_dimensions, dimension, limits
 from .commands import changes, folders, packed, stage
 from .server import Message, Served, Server

@@ -14,10 +14,9 @@ from ...errors import PrupPinError
 from ...numbers import number, quantity
 from ...robot import Robot
 from ...statics import Compliance
-from ..text.answer import Answer, ranked
+from ..text.answer import Answer, MatrixTable, compliance_table, load_text, ranked, rigid_texts, stiffness_tables
 from ..text.diagnosis_words import channel_rows, effort_rows, finding_text, parameter_texts, verdict_text
-from ..text.tables import MatrixTable, compliance_table, load_text, percent_text, rigid_texts, stiffness_tables
-from ..text.values import clean, pose_text
+from ..text.values import clean, percent_text, pose_text
 
 #: Modules whose shares are listed.
 _SHOWN = 6

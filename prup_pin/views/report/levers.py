@@ -14,7 +14,7 @@ from ...parameters import Parameter
 from ...robot import Robot
 from ...spatial import Array
 from ..text.answer import Answer
-from ..text.tables import module_parameters
+from ..text.values import module_parameters
 
 #: Relative change of a parameter.
 STEP = 0.1

@@ -25,27 +25,33 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
 from ..scene.colours import share_colours
-from ..text.answer import Answer, ranked, softest
-from ..text.tables import (
+from ..text.answer import (
+    Answer,
     assumptions,
     compliance_table,
-    default_parameters,
-    direction_text,
     displacement_cells,
     displacement_columns,
     displacement_units,
-    given_parameters,
     load_text,
-    mobility_text,
-    module_parameters,
-    percent_text,
-    redundancy_text,
+    ranked,
     rigid_texts,
-    some,
+    softest,
     stiffness_tables,
     why_rigid,
 )
-from ..text.values import pose_text, position_text, workshop_text
+from ..text.values import (
+    default_parameters,
+    direction_text,
+    given_parameters,
+    mobility_text,
+    module_parameters,
+    percent_text,
+    pose_text,
+    position_text,
+    redundancy_text,
+    some,
+    workshop_text,
+)
 from .levers import STEP, Lever, find_levers
 
 _MINUS = "\u2212"

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ...mechanism import Mechanism
+from ...kinematics import Mobility
+from ...mechanism import Mechanism, Module
 from ...numbers import number
+from ...parameters import Parameter
 from ...robot import Robot
+from ...spatial import Array
 
 _ANGLES = ("rx", "ry", "rz")
+#: A share below this many percent is rounding.
+_NO_PERCENT = 1e-10
 #: SI units of parameters, the units in which a workshop speaks of them, and the factor between.
 _WORKSHOP: Mapping[str, tuple[str, float]] = {
     "m": ("mm", 1e3),
@@ -120,3 +125,57 @@ def workshop_text(value: Any, unit: str) -> str:
     scaled = np.asarray(value, float) * factor
     text = value_text(scaled) if scaled.ndim else number(float(scaled), 5)
     return text if text == "infinite" or not name else f"{text}{'' if name == '°' else ' '}{name}"
+
+
+def direction_text(direction: Array) -> str:
+    """Return '(0.71 0 -0.71)'."""
+    return f"({' '.join(number(round(value, 2) + 0.0, 2) for value in direction)})"
+
+
+def percent_text(share: float | None, coarse: bool = False) -> str:
+    """Return a share in percent, without the sign; `coarse`: with one decimal from one percent on."""
+    if share is None:
+        return "-"
+    percent = 100 * share
+    if abs(percent) < _NO_PERCENT:
+        return "0"
+    if 0 < percent < 0.005:
+        return "<0.01"
+    return f"{percent:.{1 if coarse and percent >= 1 else 2}f}"
+
+
+def some(names: Sequence[str], most: int = 8) -> list[str]:
+    """Return names, and how many more there are beyond the first of them."""
+    return list(names) if len(names) <= most + 1 else [*names[:most], f"and {len(names) - most} more"]
+
+
+def mobility_text(mechanism: Mechanism, found: Mobility) -> str:
+    """Return '3 degrees of freedom = …'; a tree's are its joints'."""
+    freedoms = f"{found.mobility} degree{'s' if found.mobility != 1 else ''} of freedom"
+    if not found.closures:
+        return f"{freedoms}, {len(mechanism.actuated_dofs)} actuated"
+    return (
+        f"{freedoms} = {found.velocities} joint velocities - rank {found.rank} of "
+        f"{found.closures} closures; {len(mechanism.actuated_dofs)} actuated"
+    )
+
+
+def redundancy_text(found: Mobility) -> str:
+    """Return '1 closure equation', with the loops it can be blamed on."""
+    loops = f", in {', '.join(found.redundant_loops)}" if found.redundant_loops else ""
+    return f"{found.redundant} closure equation{'s' if found.redundant != 1 else ''}{loops}"
+
+
+def module_parameters(robot: Robot, module: Module) -> list[Parameter]:
+    """Return the parameters of a module in the order of its kind."""
+    return [robot.parameters[f"{module.name}.{quantity.name}"] for quantity in module.kind.quantities]
+
+
+def given_parameters(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return the parameters that somebody gave a value."""
+    return [parameter for parameter in parameters if parameter.source not in ("default", "derived")]
+
+
+def default_parameters(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return the parameters that nobody gave a value but that have one."""
+    return [p for p in parameters if p.source == "default" and not np.isnan(np.asarray(p.value, float)).all()]

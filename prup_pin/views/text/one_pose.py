@@ -12,8 +12,8 @@ from ...numbers import fixed, number, readable_unit
 from ...robot import Robot
 from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, wrench_text
-from .answer import Answer, ranked
-from .tables import (
+from .answer import (
+    Answer,
     MatrixTable,
     assumptions,
     compliance_table,
@@ -21,15 +21,14 @@ from .tables import (
     displacement_columns,
     displacement_units,
     load_text,
-    percent_text,
+    ranked,
     rigid_texts,
     sag_cells,
-    some,
     stiffness_tables,
     why_rigid,
 )
 from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table
-from .values import pose_text, position_text, value_text, workshop_text
+from .values import percent_text, pose_text, position_text, some, value_text, workshop_text
 
 #: Width of a full bar.
 _BAR = 20
@@ -114,18 +113,14 @@ def _print_deflection(out: Console, answer: Answer) -> None:
         rows[answer.frame] = answer.frame_deflection
     units = displacement_units(*rows.values())
     columns = displacement_columns(units)
-    table = make_table(("frame", "left"), *[(name, "right") for name in columns])
-    for name, values in rows.items():
-        table.add_row(name, *displacement_cells(values, units))
+    cells = {name: displacement_cells(values, units) for name, values in rows.items()}
+    table = make_table(["frame", *(f">{name}" for name in columns)], [(name, *own) for name, own in cells.items()])
     if fits(out, table):
         print_table(out, table)
         return
-    for name, values in rows.items():
+    for name, own in cells.items():
         paragraph(out, f"'{name}'")
-        shown = [
-            f"{column.partition(' ')[0]} {cell} {column.partition(' ')[2]}"
-            for column, cell in zip(columns, displacement_cells(values, units), strict=True)
-        ]
+        shown = [column.replace(" ", f" {cell} ", 1) for column, cell in zip(columns, own, strict=True)]
         listed(out, "moves", shown[:4])
         listed(out, "turns", shown[4:])
 
@@ -149,14 +144,12 @@ def _print_shares(out: Console, answer: Answer) -> None:
     names = [name for name in names if name not in small] if len(small) > _SMALL_ROWS else names
     largest = max(shares.values())
     amounts = fixed([answer.contributions[name] * factor for name in names])
-    barred = (True, False) if out.width < _BARRED else (True,)
-    for bars in barred:
-        table = make_table(("module", "left"), *([("", "left")] * bars), ("%", "right"), (unit, "right"))
-        for name, amount in zip(names, amounts, strict=True):
-            bar = [_bar(shares[name] / largest if largest > 0 else 0.0)] * bars
-            table.add_row(name, *bar, percent_text(shares[name]), amount)
-        if fits(out, table):
-            break
+    bars = [_bar(shares[name] / largest if largest > 0 else 0.0) for name in names]
+    cells = [(percent_text(shares[name]), amount) for name, amount in zip(names, amounts, strict=True)]
+    rows = [(name, bar, *own) for name, bar, own in zip(names, bars, cells, strict=True)]
+    table = make_table(("module", "", ">%", f">{unit}"), rows)
+    if out.width < _BARRED and not fits(out, table):
+        table = make_table(("module", ">%", f">{unit}"), [(row[0], *row[2:]) for row in rows])
     print_table(out, table)
     if len(small) > _SMALL_ROWS and carried:
         listed(out, "below 0.01", some(carried, _SMALL_NAMES), ", ")
@@ -208,18 +201,14 @@ def _print_matrix(out: Console, matrix: MatrixTable) -> None:
 
 def _matrix_table(matrix: MatrixTable, *blocks: slice) -> Table:
     """Return some columns of a matrix; blocks of equal units are set apart."""
-    headers: list[tuple[str, str]] = []
-    for index, block in enumerate(blocks):
-        headers += [("", "left")] * (index > 0) + [(name, "right") for name in matrix.columns[block]]
-    table = make_table(("", "left"), *headers)
-    for index, (name, cells) in enumerate(zip(matrix.rows, matrix.cells, strict=True)):
-        first, *others = (cells[block] for block in blocks)
-        table.add_row(
-            name,
-            *first,
-            *(cell for other in others for cell in ("|", *other)),
-            end_section=index == 2 and len(others) > 0,
-        )
+    headers = [name for block in blocks for name in ("", *(f">{name}" for name in matrix.columns[block]))]
+    rows = [
+        (name, *[cell for block in blocks for cell in ("|", *cells[block])][1:])
+        for name, cells in zip(matrix.rows, matrix.cells, strict=True)
+    ]
+    table = make_table(headers, rows)
+    if len(blocks) > 1:
+        table.rows[2].end_section = True
     return table
 
 
@@ -235,14 +224,15 @@ def print_stiffen_first(out: Console, sensitivity: Sensitivity) -> None:
     lines = sensitivity.stiffen_first
     load = wrench_text(sensitivity.loaded.wrench)
     heading(out, "Stiffen this first:", f"% of the deflection along the load ({load}) per % of the value")
-    heavier = any(line.per_kilogram is not None for line in lines[:_MOST])
-    columns = [("parameter", "left"), ("value", "right"), ("% per %", "right")]
-    table = make_table(*columns, *([("% per kg", "right")] if heavier else []))
-    percents = fixed([line.percent for line in lines[:_MOST]], 3)
-    for line, percent in zip(lines, percents, strict=False):
-        value = workshop_text(line.parameter.value, line.parameter.unit)
-        gained = "" if line.per_kilogram is None else number(line.per_kilogram, 3)
-        table.add_row(line.parameter.name, value, percent, *([gained] if heavier else []))
-    print_table(out, table)
+    shown = lines[:_MOST]
+    columns = [
+        [line.parameter.name for line in shown],
+        [workshop_text(line.parameter.value, line.parameter.unit) for line in shown],
+        fixed([line.percent for line in shown], 3),
+        ["" if line.per_kilogram is None else number(line.per_kilogram, 3) for line in shown],
+    ]
+    wide = 4 if any(columns[3]) else 3  # what a kilogram brings, where any value brings mass
+    names = ("parameter", ">value", ">% per %", ">% per kg")
+    print_table(out, make_table(names[:wide], zip(*columns[:wide], strict=True)))
     if len(lines) > _MOST:
         paragraph(out, f"{len(lines) - _MOST} more move it less; --json FILE writes all.")
