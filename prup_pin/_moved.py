@@ -54,6 +54,7 @@ MOVED: dict[str, str] = {
     "imports.wrench_columns": "imports.columns",
     "imports.yaml_keys": "imports.map",
     "recordings.tool_path": "recordings.recording",
+    "views.drawing.effort_figures": "views.drawing.diagnosis_figures",
     "views.drawing.ellipsoid": "views.drawing.figures",
     "views.meshcat.boundary": "views.meshcat.view",
     "views.report.diagnosis_json": "views.report.as_json",

@@ -13,7 +13,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,9 @@ from ..text.values import (
     workshop_text,
 )
 from .levers import STEP, Lever, find_levers
+
+if TYPE_CHECKING:
+    from ..drawing.plotting import Figure
 
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
@@ -372,16 +375,13 @@ def _drawing(robot: Robot, answer: Answer, scale: float | None) -> Picture:
     from ..drawing.figures import pose_figure
 
     load = answer.load.wrench if answer.load.wrench.any() else None
-    pose, compliance = answer.compliance.pose, answer.compliance
-    return picture(lambda narrow: pose_figure(robot, pose, compliance, load, scale, narrow=narrow))
+    return picture(pose_figure, robot, answer.compliance.pose, answer.compliance, load, scale)
 
 
 def _chart(answer: Answer) -> Picture | None:
     from ..drawing.figures import shares_figure
 
-    if answer.shares is None:
-        return None
-    return picture(lambda narrow: shares_figure(answer.compliance, answer.load.wrench, narrow=narrow))
+    return None if answer.shares is None else picture(shares_figure, answer.compliance, answer.load.wrench)
 
 
 class Picture(NamedTuple):
@@ -391,22 +391,18 @@ class Picture(NamedTuple):
     narrow: str
 
 
-def picture(draw: Callable[[bool], Any], pixels: bool = False) -> Picture:
-    """Return what `draw` draws, told whether it is to be narrow, for pages of any width."""
-    return Picture(svg(lambda: draw(False), pixels), svg(lambda: draw(True), pixels))
+def picture(draw: Callable[..., Figure], *about: Any, pixels: bool = False) -> Picture:
+    """Return what `draw` draws of something, wide and `narrow`, as data addresses, for pages of any width.
 
-
-def svg(draw: Callable[[], Any], pixels: bool = False) -> str:
-    """Return a figure as a data address; as an image it can neither run scripts nor fetch anything.
-
-    With `pixels` it is a PNG, for figures of very many points.
+    As an image a figure can neither run scripts nor fetch anything. With `pixels` it is a PNG, for very many points.
     """
-    buffer = io.BytesIO()
+    kind, metadata = ("png", {"Software": None}) if pixels else ("svg", {"Date": None, "Creator": None})
+    address = f"data:image/{'png' if pixels else 'svg+xml'};base64,"
+    found = []
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
-        if pixels:
-            draw().savefig(buffer, format="png", dpi=160, metadata={"Software": None})
-        else:
-            draw().savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    kind = "png" if pixels else "svg+xml"
-    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+        for narrow in (False, True):
+            buffer = io.BytesIO()
+            draw(*about, narrow=narrow).savefig(buffer, format=kind, dpi=160 if pixels else "figure", metadata=metadata)
+            found.append(address + base64.b64encode(buffer.getvalue()).decode("ascii"))
+    return Picture(*found)
