@@ -56,6 +56,7 @@ MOVED: dict[str, str] = {
     "recordings.tool_path": "recordings.recording",
     "views.drawing.effort_figures": "views.drawing.diagnosis_figures",
     "views.drawing.ellipsoid": "views.drawing.figures",
+    "views.drawing.path_figures": "views.drawing.sweep_figures",
     "views.meshcat.boundary": "views.meshcat.view",
     "views.report.diagnosis_json": "views.report.as_json",
     "views.scene.shapes": "views.scene.scene",

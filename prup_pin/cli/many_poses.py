@@ -263,7 +263,7 @@ def compensate(
     written = [out, out.with_suffix(".json")]
     write_commands(replace(found, commands=commands), out)
     if plots is not None:
-        from ..views.drawing.path_figures import path_figure
+        from ..views.drawing.sweep_figures import path_figure
 
         written += write_figures(plots, {"path": path_figure(found)}, "--plots")
     print_compensation(terminal.console(), loaded, effects, found)

@@ -1,4 +1,7 @@
-"""Maps of a sweep: any quantity over two coordinates, shares of modules, two models side by side. Needs matplotlib."""
+"""Maps of a sweep: any quantity over two coordinates, shares of modules, two models side by side; a path's errors.
+
+Needs matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,12 @@ from math import ceil
 
 import numpy as np
 
+from ...compensation import Compensation
 from ...errors import InputError
 from ...numbers import number, readable_unit
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
-from ..scene.colours import FAINT, INK, map_colour
+from ..scene.colours import FAINT, FOUND, INK, map_colour
 from .plotting import Figure, ListedColormap, MaxNLocator, Patch, plain_axes, plain_words, sheet
 
 #: Quantities that no map shows: where the robot stands, and matrices.
@@ -25,6 +29,8 @@ _SHARE_DIGITS = 9
 _STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 _SIZE = 2.9  # of a map [in]
 _LEVELS = 12
+#: What a path misses after compensation.
+_AFTER = "#0B6AA8"
 #: Of more entries two stand side by side.
 _TALL = 4
 
@@ -296,3 +302,38 @@ def _label(axes, found: Swept) -> None:
     axes.set_facecolor("#f3f4f6")
     axes.spines[:].set_color(FAINT)
     axes.spines[:].set_linewidth(0.6)
+
+
+# -- a path before and after compensation ------------------------------------------------------------------------------
+
+
+@plain_words
+def path_figure(found: Compensation) -> Figure:
+    """Return what the tool misses along a path before and after compensation, a panel for each coordinate.
+
+    What is left stands beside it at its own scale.
+    """
+    count = len(found.names)
+    figure = sheet(7.2, 1.55 * count + 0.9, None, "constrained")
+    grid = figure.subplots(count, 2, sharex=True, squeeze=False)
+    time, several = found.commands.time, len(found.commands.run_names) > 1
+    across = np.arange(1, len(found) + 1) if several else time
+    for row, (name, unit) in enumerate(zip(found.names, found.units, strict=True)):
+        left, right = grid[row]
+        before, after = found.before[:, row], found.after[:, row]
+        drawn = (("before", before, FOUND), ("after", after, _AFTER))
+        for axes, curves in ((left, drawn), (right, drawn[1:])):
+            shown, factor = readable_unit(float(np.nanmax(np.abs(curves[0][1]), initial=0.0)), unit)
+            axes.axhline(0, color=INK, lw=0.6)
+            for word, errors, colour in curves:
+                axes.plot(across, factor * errors, color=colour, lw=1.4, label=word)
+            axes.set_ylabel(f"{name} [{shown}]")
+    grid[0, 0].set_title("What the loaded tool misses", fontsize=10, color=INK)
+    grid[0, 1].set_title("What compensation leaves of it", fontsize=10, color=INK)
+    lines, words = grid[0, 0].get_legend_handles_labels()
+    figure.legend(lines, words, frameon=False, fontsize=8, ncols=2, loc="outside upper left")
+    for axes in grid[-1]:
+        axes.set_xlabel("row" if several else "time [s]")
+    for axes in grid.flat:
+        plain_axes(axes, 8, None)
+    return figure
