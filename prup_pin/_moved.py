@@ -58,6 +58,7 @@ MOVED: dict[str, str] = {
     "views.drawing.ellipsoid": "views.drawing.figures",
     "views.drawing.path_figures": "views.drawing.sweep_figures",
     "views.meshcat.boundary": "views.meshcat.view",
+    "views.notebook": "views.report",
     "views.report.diagnosis_json": "views.report.as_json",
     "views.scene.shapes": "views.scene.scene",
     "views.text.answer_text": "views.text.one_pose",

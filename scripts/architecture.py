@@ -85,7 +85,7 @@ BOXES = {
     "compensation": Box(14, LEFT, LEFT_OUT, "commands that cancel what is wrong"),
     "channels": Box(13, RIGHT, LEFT_OUT, "measured less simulated, its noise"),
     "diagnosis": Box(14, RIGHT, LEFT_OUT, "locate, compete, judge"),
-    "views": Box(15, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, notebook, scene, drawing, meshcat, report"),
+    "views": Box(15, (LEFT[0], RIGHT[1]), BOTH, "what people see: text, scene, drawing, meshcat, report"),
     "cli": Box(16, (LEFT[0], RIGHT[1]), BOTH, "the command prup-pin"),
 }
 #: Rooms that are made to be added to.

@@ -35,7 +35,7 @@ from ..text.diagnosis_words import (
     verdict_text,
 )
 from ..text.values import clean, dimension
-from .pose_report import Picture, page_template, picture
+from .pages import Picture, page_template, picture
 
 #: Beyond so many points a drawing is a picture of pixels, lest the page grow heavy.
 _MOST_DRAWN = 200
@@ -52,6 +52,7 @@ def diagnosis_html(diagnosis: Diagnosis, robot: Robot, recording: Recording | Se
     return template.render(
         name=robot.name,
         version=__version__,
+        script_hashes=[],
         path=robot.mechanism.description.path.name,
         recording=", ".join(Path(item.path).name or "the recording" for item in recordings),
         many=len(recordings) > 1,

@@ -9,11 +9,9 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-import io
 import re
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +28,8 @@ from ..text.answer import (
     assumptions,
     compliance_table,
     displacement_cells,
-    displacement_columns,
-    displacement_units,
+    displacements,
+    group_rows,
     load_text,
     ranked,
     rigid_texts,
@@ -43,19 +41,16 @@ from ..text.values import (
     default_parameters,
     direction_text,
     given_parameters,
-    mobility_text,
+    mobility_rows,
     module_parameters,
     percent_text,
     pose_text,
     position_text,
-    redundancy_text,
     some,
     workshop_text,
 )
 from .levers import STEP, Lever, find_levers
-
-if TYPE_CHECKING:
-    from ..drawing.plotting import Figure
+from .pages import page_template, picture
 
 _MINUS = "\u2212"
 #: Modules and levers that are listed.
@@ -90,6 +85,8 @@ def report_html(
     Without meshcat the scene is left out and the page says so. Raises MissingExtraError, and what
     `robot.pose` and `robot.compliance` raise.
     """
+    from ..drawing.figures import pose_figure, shares_figure
+
     template = page_template("report_page.html")
     if pose is None:
         pose = robot.home
@@ -101,58 +98,37 @@ def report_html(
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
     answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame)
     scene, packed, scene_note = _scene(robot, answer, scale)
+    load = answer.load.wrench if answer.load.wrench.any() else None
     return template.render(
         name=robot.name,
         version=__version__,
         path=robot.mechanism.description.path.name,
         load=load_text(answer),
-        load_alone=load_text(answer).removeprefix("under "),
-        load_given=answer.load.given,
-        pose=_pose(robot, answer),
-        changes=[
-            f"{name} = {workshop_text(value, robot.parameters[name].unit)}" for name, value in (changes or {}).items()
-        ],
-        locked=sorted(robot.mechanism.locked),
+        asked=_asked(robot, answer, changes or {}),
         facts=_facts(answer),
         scene=scene,
         packed="" if len(scene) <= PLAIN_LIMIT else packed,
         scene_note=scene_note,
         script_hashes=_script_hashes(scene),
         script=_LOADER,
-        drawing=_drawing(robot, answer, scale),
+        drawing=picture(pose_figure, robot, pose, compliance, load, scale),
         stiffness=stiffness_tables(answer),
         rigid=rigid_texts(answer) if answer.stiffness is None else [],
         why_rigid=why_rigid(robot, answer) if answer.stiffness is None else "",
         compliance=compliance_table(answer),
         displacements=_displacements(answer),
-        groups=_groups(answer),
-        chart=_chart(answer),
+        groups=group_rows(answer),
+        chart=None if answer.shares is None else picture(shares_figure, compliance, answer.load.wrench),
         softest=_softest(robot, answer),
         exact_without=_adds_up(answer),
         motion=answer.motion[1],
         moved=_moved(answer, answer.deflection),
-        levers=_levers(robot, answer),
+        levers=[_lever(answer, lever) for lever in find_levers(robot, answer, _softest_names(answer))[:LEVERS]],
         step=number(100 * STEP),
-        mobility=_mobility(robot, answer),
+        mobility=mobility_rows(robot.mechanism, robot.mobility(pose)),
         assumptions=assumptions(robot, answer),
         notes=list(notes),
     )
-
-
-def page_template(name: str):
-    """Return a page's template, which escapes whatever is put into it. Raises MissingExtraError."""
-    try:
-        import jinja2
-    except ImportError as error:
-        raise MissingExtraError("jinja2") from error
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("prup_pin", "views/report"),
-        autoescape=True,  # names come from files that anybody may have written
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(name)
 
 
 # -- what the page says ------------------------------------------------------------------------------------------------
@@ -167,15 +143,23 @@ def _moved(answer: Answer, deflection: Array, digits: int = 3) -> str:
     return ", ".join(texts) if answer.load.wrench[3:].any() else texts[0]
 
 
-def _pose(robot: Robot, answer: Answer) -> list[tuple[str, list[str]]]:
+def _asked(robot: Robot, answer: Answer, changes: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Return pose, load and what differs from the robot file, in words."""
     pose = answer.compliance.pose
     at = pose.base_from_tool[:3, 3]
-    rows = [
-        ("Task", pose_text(robot, pose.coordinates)),
-        ("Actuators", pose_text(robot, pose.actuators)),
+    load = load_text(answer).removeprefix("under ")
+    return [
+        ("Task", _degrees(pose_text(robot, pose.coordinates))),
+        ("Actuators", _degrees(pose_text(robot, pose.actuators))),
         (f"Tool '{answer.tool}'", [f"{axis} {position_text(v)} mm" for axis, v in zip("xyz", at, strict=True)]),
+        ("Load", [load if answer.load.given else f"{load} (none was given)"]),
+        ("Changed", [f"{name} = {workshop_text(v, robot.parameters[name].unit)}" for name, v in changes.items()]),
+        ("Locked joints", sorted(robot.mechanism.locked)),
     ]
-    return [(label, [text.replace(" deg", "°") for text in texts]) for label, texts in rows if texts]
+
+
+def _degrees(texts: Sequence[str]) -> list[str]:
+    return [text.replace(" deg", "°") for text in texts]
 
 
 def _facts(answer: Answer) -> list[tuple[str, str, str]]:
@@ -211,31 +195,15 @@ def _stiffness_along(answer: Answer) -> str | None:
 
 def _displacements(answer: Answer) -> dict[str, Any]:
     """Return the table of displacements in common units, the sag among them, and where down is."""
-    rows = [(answer.tool, answer.deflection)]
-    if answer.frame is not None and answer.frame_deflection is not None:
-        rows.append((answer.frame, answer.frame_deflection))
+    columns, rows, units = displacements(answer)
     gravity = answer.mechanism.gravity
     sags = gravity.any()
-    units = displacement_units(*(values for _, values in rows))
     return {
-        "columns": displacement_columns(units),
-        "rows": [(frame, displacement_cells(values, units)) for frame, values in rows],
+        "columns": columns,
+        "rows": rows,
         "sag": displacement_cells(answer.sag, units)[:4] if sags else [],
         "down": direction_text(gravity / np.linalg.norm(gravity)) if sags else "",
     }
-
-
-def _groups(answer: Answer) -> list[tuple[str, list[str]]]:
-    compliance = answer.compliance
-    if answer.shares is None:
-        return []
-    legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]
-    kinds = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
-    rows = [
-        ("By leg", legs),
-        ("By group", [f"{n} {percent_text(answer.share_of(part))} %" for n, part in kinds.items()]),
-    ]
-    return [row for row in rows if row[1]]
 
 
 def _adds_up(answer: Answer) -> bool:
@@ -288,10 +256,6 @@ def _softest_names(answer: Answer) -> list[str]:
     return ranked(shares)[:SOFTEST]
 
 
-def _levers(robot: Robot, answer: Answer) -> list[dict[str, str]]:
-    return [_lever(answer, lever) for lever in find_levers(robot, answer, _softest_names(answer))[:LEVERS]]
-
-
 def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
     legs = [name.rpartition("/")[0] for name in lever.modules]
     several = len(lever.modules) > 1 and all(legs)
@@ -308,14 +272,6 @@ def _lever(answer: Answer, lever: Lever) -> dict[str, str]:
         "change": f"{_MINUS}{number(-100 * lever.change, 3)} %",
         "moved": _moved(answer, lever.deflection),
     }
-
-
-def _mobility(robot: Robot, answer: Answer) -> list[tuple[str, str]]:
-    found = robot.mobility(answer.compliance.pose)
-    rows = [("Freedom", mobility_text(robot.mechanism, found))]
-    if found.closures:
-        rows.append(("Redundant", redundancy_text(found) if found.redundant else "nothing: no loop is overconstrained"))
-    return [*rows, ("Idle joints", ", ".join(found.idle_joints) or "none")]
 
 
 # -- what the page shows -----------------------------------------------------------------------------------------------
@@ -369,40 +325,3 @@ def _script_hashes(scene: str) -> list[str]:
         return []
     scripts = [_LOADER, *re.findall(r"<script>(.*?)</script>", scene.replace("\r\n", "\n"), re.DOTALL)]
     return [f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode('ascii')}'" for s in scripts]
-
-
-def _drawing(robot: Robot, answer: Answer, scale: float | None) -> Picture:
-    from ..drawing.figures import pose_figure
-
-    load = answer.load.wrench if answer.load.wrench.any() else None
-    return picture(pose_figure, robot, answer.compliance.pose, answer.compliance, load, scale)
-
-
-def _chart(answer: Answer) -> Picture | None:
-    from ..drawing.figures import shares_figure
-
-    return None if answer.shares is None else picture(shares_figure, answer.compliance, answer.load.wrench)
-
-
-class Picture(NamedTuple):
-    """A figure as two data addresses: for paper and screens, and for a phone."""
-
-    wide: str
-    narrow: str
-
-
-def picture(draw: Callable[..., Figure], *about: Any, pixels: bool = False) -> Picture:
-    """Return what `draw` draws of something, wide and `narrow`, as data addresses, for pages of any width.
-
-    As an image a figure can neither run scripts nor fetch anything. With `pixels` it is a PNG, for very many points.
-    """
-    kind, metadata = ("png", {"Software": None}) if pixels else ("svg", {"Date": None, "Creator": None})
-    address = f"data:image/{'png' if pixels else 'svg+xml'};base64,"
-    found = []
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph")  # a name in a script that matplotlib's font lacks
-        for narrow in (False, True):
-            buffer = io.BytesIO()
-            draw(*about, narrow=narrow).savefig(buffer, format=kind, dpi=160 if pixels else "figure", metadata=metadata)
-            found.append(address + base64.b64encode(buffer.getvalue()).decode("ascii"))
-    return Picture(*found)

@@ -19,8 +19,10 @@ from ...numbers import finer_units, fixed, readable_unit
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
 from ...statics import Compliance
-from .values import direction_text
+from .values import direction_text, percent_text
 
+#: Units of translations and of rotations, each with how many of them one SI unit is.
+Units = tuple[tuple[str, float], tuple[str, float]]
 #: A wrench's component below this, beside a largest one of 1, is none.
 _NO_COMPONENT = 1e-4
 #: What a robot's six motions are called: the load along each, the motion, whether it is a turn.
@@ -358,20 +360,19 @@ def load_text(answer: Answer) -> str:
     return f"per {unit} along the softest {motion}, {direction_text(answer.load.wrench[block])}"
 
 
-def displacement_units(*values: Array) -> tuple[tuple[str, float], tuple[str, float]]:
-    """Return the units of translations and of rotations in which the largest of some displacements is readable."""
-    moved = max(float(np.linalg.norm(value[:3])) for value in values)
-    turned = max(float(np.abs(value[3:]).max()) for value in values)
-    return readable_unit(moved, "m"), readable_unit(turned, "rad")
+def displacements(answer: Answer) -> tuple[tuple[str, ...], dict[str, list[str]], Units]:
+    """Return the table of the tool's displacement and that of the other frame asked for: columns, rows, their units."""
+    rows = {answer.tool: answer.deflection}
+    if answer.frame is not None and answer.frame_deflection is not None:
+        rows[answer.frame] = answer.frame_deflection
+    moved = max(float(np.linalg.norm(value[:3])) for value in rows.values())
+    turned = max(float(np.abs(value[3:]).max()) for value in rows.values())
+    (far, _), (arc, _) = units = readable_unit(moved, "m"), readable_unit(turned, "rad")
+    columns = (*(f"{n} {far}" for n in TWIST_NAMES[:3]), f"total {far}", *(f"{n} {arc}" for n in TWIST_NAMES[3:]))
+    return columns, {name: displacement_cells(values, units) for name, values in rows.items()}, units
 
 
-def displacement_columns(units: tuple[tuple[str, float], tuple[str, float]]) -> tuple[str, ...]:
-    """Return the columns of `displacement_cells` with their units."""
-    (far, _), (arc, _) = units
-    return (*(f"{n} {far}" for n in TWIST_NAMES[:3]), f"total {far}", *(f"{n} {arc}" for n in TWIST_NAMES[3:]))
-
-
-def displacement_cells(values: Array, units: tuple[tuple[str, float], tuple[str, float]]) -> list[str]:
+def displacement_cells(values: Array, units: Units) -> list[str]:
     """Return dx dy dz, their length, rx ry rz in such units."""
     (_, moves), (_, turns) = units
     return _small([*values[:3], float(np.linalg.norm(values[:3]))], moves) + _small(values[3:], turns)
@@ -400,3 +401,27 @@ def assumptions(robot: Robot, answer: Answer) -> list[str]:
         where = "at rest" if load is None else f"at {wrench_text(load)}"
         notes.append(f"modules that stiffen with load are linearised {where}: {', '.join(answer.nonlinear)}")
     return notes or ["nothing besides small deflections"]
+
+
+def group_rows(answer: Answer) -> list[tuple[str, list[str]]]:
+    """Return the shares of legs, and those of bodies beside those of joints, by label; none of a rigid robot."""
+    compliance = answer.compliance
+    if answer.shares is None:
+        return []
+    kinds = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
+    rows = [("By leg", compliance.legs), ("By group", kinds)]
+    return [
+        (label, [f"{name} {percent_text(answer.share_of(part))} %" for name, part in parts.items()])
+        for label, parts in rows
+        if parts
+    ]
+
+
+def share_rows(answer: Answer, most: int) -> list[tuple[str, float]]:
+    """Return the largest shares, at most so many, and that of all others together; one more is named."""
+    shares = answer.shares or {}
+    names = ranked(shares)
+    shown = names[:most] if len(names) > most + 1 else names
+    rows = [(name, shares[name]) for name in shown]
+    rest = names[len(shown) :]
+    return [*rows, (f"{len(rest)} others", sum(shares[name] for name in rest))] if rest else rows

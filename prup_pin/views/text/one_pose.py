@@ -17,9 +17,8 @@ from .answer import (
     MatrixTable,
     assumptions,
     compliance_table,
-    displacement_cells,
-    displacement_columns,
-    displacement_units,
+    displacements,
+    group_rows,
     load_text,
     ranked,
     rigid_texts,
@@ -108,12 +107,7 @@ def _print_compliance(out: Console, answer: Answer) -> None:
 
 def _print_deflection(out: Console, answer: Answer) -> None:
     heading(out, "Deflection", load_text(answer) + ("" if answer.load.given else "; another load with --wrench"))
-    rows = {answer.tool: answer.deflection}
-    if answer.frame is not None and answer.frame_deflection is not None:
-        rows[answer.frame] = answer.frame_deflection
-    units = displacement_units(*rows.values())
-    columns = displacement_columns(units)
-    cells = {name: displacement_cells(values, units) for name, values in rows.items()}
+    columns, cells, _ = displacements(answer)
     table = make_table(["frame", *(f">{name}" for name in columns)], [(name, *own) for name, own in cells.items()])
     if fits(out, table):
         print_table(out, table)
@@ -153,12 +147,8 @@ def _print_shares(out: Console, answer: Answer) -> None:
     print_table(out, table)
     if len(small) > _SMALL_ROWS and carried:
         listed(out, "below 0.01", some(carried, _SMALL_NAMES), ", ")
-    compliance = answer.compliance
-    if compliance.legs:
-        legs = [f"{leg} {percent_text(answer.share_of(part))} %" for leg, part in compliance.legs.items()]
-        listed(out, "by leg", legs)
-    groups = {"bodies": compliance.bodies, "joints and drives": compliance.joints}
-    listed(out, "by group", [f"{name} {percent_text(answer.share_of(part))} %" for name, part in groups.items()])
+    for label, texts in group_rows(answer):
+        listed(out, label.lower(), texts)
 
 
 def _bar(fraction: float) -> Text:

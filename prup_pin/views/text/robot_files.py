@@ -33,7 +33,7 @@ from .values import (
     joint_role,
     joint_type,
     limits,
-    mobility_text,
+    mobility_rows,
     module_parameters,
     pose_text,
     redundancy_text,
@@ -122,10 +122,8 @@ def _print_mobility(out: Console, robot: Robot) -> None:
     listed(out, "actuators", pose_text(robot, home.actuators))
     if home.coordinates:
         listed(out, "task", pose_text(robot, home.coordinates))
-    listed(out, "freedom", [mobility_text(robot.mechanism, found)])
-    if found.closures:
-        listed(out, "redundant", [redundancy_text(found)])
-    listed(out, "idle joints", found.idle_joints or ["none"], ", ")
+    for label, texts in mobility_rows(robot.mechanism, found):
+        listed(out, label.lower(), texts, ", ")
 
 
 def _print_modules(out: Console, robot: Robot, tolerances: Mapping[str, float]) -> None:
@@ -418,9 +416,8 @@ def print_check(out: Console, robot: Robot) -> None:
     listed(out, "mass", [f"{number(mass)} kg that move"])
     try:
         found = robot.mobility(robot.home)
-        listed(out, "freedom", [mobility_text(mechanism, found)])
-        if found.closures:
-            listed(out, "redundant", [redundancy_text(found)])
+        for label, texts in mobility_rows(mechanism, found)[:-1]:  # idle joints are among the remarks
+            listed(out, label.lower(), texts)
     except PrupPinError:
         pass  # among the remarks
     print_remarks(out, list(robot_remarks(robot)), list(robot.assumptions))

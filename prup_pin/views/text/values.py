@@ -160,8 +160,18 @@ def mobility_text(mechanism: Mechanism, found: Mobility) -> str:
     )
 
 
+def mobility_rows(mechanism: Mechanism, found: Mobility) -> list[tuple[str, list[str]]]:
+    """Return what is told of a mobility, by label: freedom, redundancy where there are loops, idle joints."""
+    rows = [("Freedom", [mobility_text(mechanism, found)])]
+    if found.closures:
+        rows.append(("Redundant", [redundancy_text(found)]))
+    return [*rows, ("Idle joints", list(found.idle_joints) or ["none"])]
+
+
 def redundancy_text(found: Mobility) -> str:
     """Return '1 closure equation', with the loops it can be blamed on."""
+    if not found.redundant:
+        return "nothing: no loop is overconstrained"
     loops = f", in {', '.join(found.redundant_loops)}" if found.redundant_loops else ""
     return f"{found.redundant} closure equation{'s' if found.redundant != 1 else ''}{loops}"
 
