@@ -142,7 +142,8 @@ def tree_path(path: str) -> str:
     return "/" + "/".join(re.sub(r"[<>\[\].:]", "_", name) or "_" for name in path.split("/") if name)
 
 
-def _transform(path: str, matrix: Array) -> Command:
+def transform(path: str, matrix: Array) -> Command:
+    """Return the command that places what stands at a path."""
     return {"type": "set_transform", "path": path, "matrix": matrix.T.ravel().tolist()}
 
 
@@ -174,8 +175,8 @@ def scene_commands(scene: Scene) -> list[Command]:
     """Return meshcat's commands that draw a scene."""
     commands = stage(scene)
     for part in scene.parts:
-        commands += [_object(part), _transform(tree_path(part.path), part.placement)]
-    return commands + [_transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
+        commands += [_object(part), transform(tree_path(part.path), part.placement)]
+    return commands + [transform(f"/{folder}", scene.display_from_base) for folder in folders(scene.parts)]
 
 
 def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
@@ -188,7 +189,7 @@ def changes(before: Sequence[Part], after: Sequence[Part]) -> list[Command]:
             commands.append(_object(part))
         elif np.array_equal(known.placement, part.placement):
             continue
-        commands.append(_transform(tree_path(path), part.placement))
+        commands.append(transform(tree_path(path), part.placement))
     return commands
 
 
@@ -224,11 +225,11 @@ def motion_commands(motion: Motion) -> list[Command]:
         parts = [table.get(path) for table in by_path]
         drawn, tracks, on_object = _tracks(parts, motion.rate)
         everything.append(drawn[0])
-        commands += [_object(*drawn), _transform(tree_path(path), drawn[0].placement)]
+        commands += [_object(*drawn), transform(tree_path(path), drawn[0].placement)]
         for where, found in ((tree_path(path), tracks), (f"{tree_path(path)}/<object>", on_object)):
             if found:
                 clips.append({"path": where, "clip": {"fps": 30, "name": "default", "tracks": found}})
-    commands += [_transform(f"/{folder}", first.display_from_base) for folder in folders(everything)]
+    commands += [transform(f"/{folder}", first.display_from_base) for folder in folders(everything)]
     if clips:
         options = {"play": True, "repetitions": 1_000_000}
         commands.append({"type": "set_animation", "path": "", "animations": clips, "options": options})
