@@ -267,7 +267,7 @@ def calibrate(
 ) -> None:
     """What recordings say of every parameter that may be off within its tolerance; no physics is looked for."""
     from ..diagnosis.calibration import calibrated
-    from ..laws.in_recording import lasting
+    from ..laws import lasting
     from ..simulation import CorrectedModel, as_recorded, write_model
     from ..views.text.bench_tests import print_calibration
 
