@@ -22,10 +22,10 @@ from ...robot import Robot
 from ...spatial import Array
 from ...statics import Compliance
 from ...workspace import Workspace
-from ..scene.boundary import boundary_scene
-from ..scene.motions import Motion, load_ramp, path_motion, vibration, workspace_cloud
+from ..scene.motions import Motion, load_ramp, path_motion, vibration
 from ..scene.painter import pose_scene
 from ..scene.scene import Scene
+from ..scene.workspace import boundary_scene, workspace_cloud
 from .commands import Command, folders, motion_commands, packed, scene_commands, tree_path
 from .server import Message, Served, page_html, viewer_script
 

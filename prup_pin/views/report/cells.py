@@ -13,7 +13,7 @@ from ...errors import PrupPinError
 from ...numbers import number, quantity
 from ...robot import Robot
 from ...statics import Compliance
-from ..text.answer import Answer, compliance_table, load_text, rigid_texts, share_rows, stiffness_tables
+from ..text.answer import Answer, compliance_table, first_shares, load_text, rigid_texts, stiffness_tables
 from ..text.diagnosis_words import channel_rows, effort_rows, finding_text, parameter_texts, verdict_text
 from ..text.values import clean, percent_text, pose_text
 from .pages import page_template
@@ -65,7 +65,7 @@ def compliance_html(compliance: Compliance) -> str:
     for table in (*stiffness_tables(answer), compliance_table(answer)):
         rows = [(name, *cells) for name, cells in zip(table.rows, table.cells, strict=True)]
         tables.append((f"{table.title} {table.detail}", ("", *table.columns), 1, rows))
-    bars = share_rows(answer, _SHOWN)
+    bars = first_shares(answer.shares or {}, _SHOWN)
     largest = max((abs(share) for _, share in bars), default=0.0) or 1.0
     amount = quantity(answer.amount, "rad" if answer.load.turns else "m")
     return _cell(

@@ -200,6 +200,16 @@ def ball_mesh(level: int = 1) -> Mesh:
     return Mesh(ball.vertices, ball.faces, ball.vertices)
 
 
+def dots(points: Array, radius: float, colours: Array, level: int = 1) -> Mesh:
+    """Return small balls as one mesh."""
+    ball = ball_mesh(level)
+    count = len(ball.vertices)
+    vertices = (points[:, None] + radius * ball.vertices).reshape(-1, 3)
+    faces = (np.arange(len(points))[:, None, None] * count + ball.faces).reshape(-1, 3)
+    normals = np.tile(ball.vertices, (len(points), 1))
+    return Mesh(vertices, faces, normals, np.repeat(colours, count, axis=0))
+
+
 def box_mesh(box: Box, along: int, count: int) -> Mesh:
     """Return a box whose edges along one of its axes (0, 1, 2) have `count` points, so that it can bend."""
     u, v = (along + 1) % 3, (along + 2) % 3

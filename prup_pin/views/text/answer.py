@@ -417,9 +417,8 @@ def group_rows(answer: Answer) -> list[tuple[str, list[str]]]:
     ]
 
 
-def share_rows(answer: Answer, most: int) -> list[tuple[str, float]]:
+def first_shares(shares: Mapping[str, float], most: int) -> list[tuple[str, float]]:
     """Return the largest shares, at most so many, and that of all others together; one more is named."""
-    shares = answer.shares or {}
     names = ranked(shares)
     shown = names[:most] if len(names) > most + 1 else names
     rows = [(name, shares[name]) for name in shown]
