@@ -23,7 +23,7 @@ from ..scene.colours import AXES, BEAM, ELLIPSOIDS, FAINT, GHOST, INK, LOAD, MAP
 from ..scene.elastic import Deflections, fitting_scale, principal
 from ..scene.skeleton import Skeleton, skeleton
 from ..text.answer import Answer, load_text, ranked
-from ..text.values import percent_text, pose_text
+from ..text.values import percent_text, pose_words
 from .drawing import NARROW, WIDE, Drawing, Layout
 from .plotting import Figure, Line2D, ListedColormap, Patch, PolyCollection, Polygon, plain_axes, plain_words, sheet
 
@@ -313,7 +313,7 @@ def draw_legend(figure: Figure, parts: Skeleton, loaded: bool, scale: float | No
 def _write_title(
     figure: Figure, robot: Robot, pose: ClosedPose, compliance, load, scale: float | None, layout: Layout
 ) -> None:
-    at = ", ".join(text.replace(" deg", "°") for text in pose_text(robot, pose.coordinates or pose.actuators, 4))
+    at = pose_words(robot, pose)
     if len(at) > 90:
         at = f"{at[:88].rpartition(',')[0]}, …"
     lines = wrap(at, layout.line)

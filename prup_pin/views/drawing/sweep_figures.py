@@ -12,10 +12,11 @@ import numpy as np
 
 from ...compensation import Compensation
 from ...errors import InputError
-from ...numbers import number, readable_unit
+from ...numbers import readable_unit
 from ...spatial import Array
 from ...sweep import QUANTITIES, SweepFile, SweepResult
-from ..scene.colours import FAINT, FOUND, INK, map_colour
+from ..scene.colours import FAINT, FOUND, INK, map_rgb
+from ..text.values import coordinate_text
 from .plotting import Figure, ListedColormap, MaxNLocator, Patch, plain_axes, plain_words, sheet
 
 #: Quantities that no map shows: where the robot stands, and matrices.
@@ -207,22 +208,11 @@ def _plane(found: Swept, values: Array) -> Array:
 
 def _heading(found: Swept, summary: str) -> str:
     """Return what is drawn of which robot, and where the coordinates stand that are not drawn."""
-    others = _others(found)
-    return f"{found.mechanism.name}: {summary}{f'; at {others}' if others else ''}"
-
-
-def _others(found: Swept) -> str:
-    """Return where the coordinates stand that are not drawn: 'z 300 mm'."""
     units = dict(zip(found._places.names, found._engine.coordinates.units, strict=True))
-    held = dict(found._places.fixed) | {
-        name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]
-    }
-    parts = [f"{name} {_said(value, units[name])}" for name, value in held.items()]
-    return ", ".join(parts)
-
-
-def _said(value: float, unit: str) -> str:
-    return f"{number(1e3 * value, 4)} mm" if unit == "m" else f"{number(np.degrees(value), 4)} deg"
+    held = dict(found._places.fixed)
+    held |= {name: axis[len(axis) // 2] for name, axis in list(found._places.axes.items())[:-2]}
+    others = ", ".join(f"{name} {coordinate_text(value, units[name], 4)}" for name, value in held.items())
+    return f"{found.mechanism.name}: {summary}{f'; at {others}' if others else ''}"
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
@@ -284,14 +274,12 @@ def _levels(values: Array) -> Array:
 def _draw(axes, found: Swept, values: Array, levels: Array):
     """Draw one map; what has no answer stays white."""
     _, (x, y) = _two(found)
-    drawn = axes.contourf(x, y, values.T, levels=levels, cmap=ListedColormap(_ramp(len(levels) - 1)))
+    drawn = axes.contourf(
+        x, y, values.T, levels=levels, cmap=ListedColormap(map_rgb(np.linspace(0, 1, len(levels) - 1)))
+    )
     axes.contour(x, y, values.T, levels=levels, colors="white", linewidths=0.3)
     _label(axes, found)
     return drawn
-
-
-def _ramp(count: int) -> list:
-    return [map_colour(place / max(count - 1, 1)) for place in range(count)]
 
 
 def _label(axes, found: Swept) -> None:

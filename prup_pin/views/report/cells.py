@@ -44,7 +44,7 @@ def robot_html(robot: Robot) -> str:
 def _home(robot: Robot) -> str:
     try:
         home = robot.home
-        return _some([text.replace(" deg", "°") for text in pose_text(robot, home.coordinates or home.actuators, 4)])
+        return _some(pose_text(robot, home.coordinates or home.actuators, 4, "°"))
     except PrupPinError as error:
         return f"none: {error}"
 

@@ -149,17 +149,13 @@ def _asked(robot: Robot, answer: Answer, changes: Mapping[str, Any]) -> list[tup
     at = pose.base_from_tool[:3, 3]
     load = load_text(answer).removeprefix("under ")
     return [
-        ("Task", _degrees(pose_text(robot, pose.coordinates))),
-        ("Actuators", _degrees(pose_text(robot, pose.actuators))),
+        ("Task", pose_text(robot, pose.coordinates, degrees="°")),
+        ("Actuators", pose_text(robot, pose.actuators, degrees="°")),
         (f"Tool '{answer.tool}'", [f"{axis} {position_text(v)} mm" for axis, v in zip("xyz", at, strict=True)]),
         ("Load", [load if answer.load.given else f"{load} (none was given)"]),
         ("Changed", [f"{name} = {workshop_text(v, robot.parameters[name].unit)}" for name, v in changes.items()]),
         ("Locked joints", sorted(robot.mechanism.locked)),
     ]
-
-
-def _degrees(texts: Sequence[str]) -> list[str]:
-    return [text.replace(" deg", "°") for text in texts]
 
 
 def _facts(answer: Answer) -> list[tuple[str, str, str]]:

@@ -14,8 +14,9 @@ from ...robot import Robot
 from ...spatial import as_wrench
 from ...statics import Compliance
 from ...statics.vibration import vibration_modes
+from ..text.values import pose_words
 from .elastic import Deflections, fitting_scale
-from .painter import Painter, pose_words
+from .painter import Painter
 from .scene import Part, Scene, dots
 
 

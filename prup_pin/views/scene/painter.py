@@ -17,7 +17,7 @@ from ...robot import Robot
 from ...spatial import Array, as_wrench, axis_as_z, placement, rotation_exp, wrench_text
 from ...statics import Compliance
 from ..text.answer import first_shares
-from ..text.values import pose_text
+from ..text.values import pose_words
 from .camera import camera_of
 from .colours import AXES, ELLIPSOIDS, GHOST, INK, LOAD, MOVED, SYMBOL, grey_of, map_colour, share_colours
 from .elastic import SECTIONS, BentLine, Deflections, beam_frame, fitting_scale, nice_below, principal
@@ -516,12 +516,6 @@ def pose_scene(
     if compliance is not None and compliance.pose is not pose:
         raise InputError("this compliance belongs to another pose; ask for robot.compliance(pose)")
     return Painter(robot, pose).scene(pose, compliance, load, scale, ellipsoids=ellipsoids)
-
-
-def pose_words(robot: Robot, pose: ClosedPose, digits: int = 4) -> str:
-    """Return 'z 400 mm, theta 25°, phi 15°'; joints where there are no coordinates, actuators where these are many."""
-    values = pose.coordinates or (pose.actuators if len(pose.joints) > 8 else pose.joints)
-    return ", ".join(text.replace(" deg", "°") for text in pose_text(robot, values, digits))
 
 
 def _arrow(path: str, frame: Array, length: float, radius: float, colour: str, on_top: bool = False) -> list[Part]:

@@ -15,9 +15,10 @@ from ...robot import Robot
 from ...spatial import Array
 from ...statics import Compliance
 from ...workspace import Workspace
+from ..text.values import coordinate_text, pose_words
 from .colours import BEAM, FAINT, INK, MAP, map_rgb
 from .motions import compliance_of
-from .painter import Painter, pose_words
+from .painter import Painter
 from .scene import Label, Legend, Lines, Mesh, Part, Row, Scene, dots
 
 #: Towards the eye.
@@ -111,13 +112,7 @@ def boundary_scene(found: Workspace, name: str) -> Scene:
     corners = np.array([[ends[at, axis] for axis, at in enumerate(corner)] for corner in product((0, 1), repeat=3)])
     edges = [(a, b) for a in corners for b in corners if (a < b).sum() == 1 and (a == b).sum() == 2]
     parts = (
-        Part(
-            "workspace/boundary",
-            Mesh(vertices, faces, normals),
-            np.eye(4),
-            BEAM,
-            0.92,
-        ),
+        Part("workspace/boundary", Mesh(vertices, faces, normals), np.eye(4), BEAM, 0.92),
         Part("workspace/spans", Lines(np.array(edges)), np.eye(4), FAINT),
     )
     middle = ends.mean(axis=0)
@@ -127,24 +122,20 @@ def boundary_scene(found: Workspace, name: str) -> Scene:
             at = ends[0].copy() if column < 2 else np.array([ends[0][0], ends[1][1], 0.0])
             at[column] = end[column]
             labels.append(
-                Label("workspace/spans", f"{found.names[index]} {_said(value, found.units[index])}", at, middle)
+                Label(
+                    "workspace/spans",
+                    f"{found.names[index]} {coordinate_text(value, found.units[index], 4, '°')}",
+                    at,
+                    middle,
+                )
             )
     cells = ", ".join(
-        f"{name} {_said(size, unit)}" for (name, size), unit in zip(found.resolution.items(), found.units, strict=True)
+        f"{name} {coordinate_text(size, unit, 4, '°')}"
+        for (name, size), unit in zip(found.resolution.items(), found.units, strict=True)
     )
     held = ", ".join(f"{name} {value:g}" for name, value in found.fixed.items())
     limits = tuple(Row(INK, word, f"{count} points", "line") for word, count in list(found.limited_by.items())[:8])
-    legend = Legend(
-        f"Workspace of {name}",
-        (
-            f"volume {number(found.volume, 4)} ± {number(found.error, 1)} {found.unit}",
-            f"cells of {cells}",
-            *([held] if held else []),
-        ),
-        rows=(Row(BEAM, "boundary"), *limits),
-    )
+    volume = f"volume {number(found.volume, 4)} ± {number(found.error, 1)} {found.unit}"
+    lines = (volume, f"cells of {cells}", *[held] * bool(held))
+    legend = Legend(f"Workspace of {name}", lines, rows=(Row(BEAM, "boundary"), *limits))
     return Scene(name, parts, tuple(labels), legend, np.array([0.0, 0.0, 1.0]), _VIEWER / np.linalg.norm(_VIEWER))
-
-
-def _said(value: float, unit: str) -> str:
-    return f"{number(1e3 * value, 4)} mm" if unit == "m" else f"{number(np.degrees(value), 4)}°"

@@ -21,7 +21,6 @@ from ...recordings import Recording, suspicions
 from ...recordings.columns import unit_of
 from ...robot import Robot
 from ...simulation import Agreement, Prediction, compare
-from ...spatial import WRENCH_NAMES
 from .diagnosis_words import (
     alternative_text,
     by_place,
@@ -59,10 +58,11 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
     sizes = f"{counted(len(recording), 'row')}, {number(float(span), 4)} s, {number(rate, 4)} rows a second"
     listed(out, "recording", [sizes])
     heading(out, "Columns", "(SI = sign x scale x value + offset)")
-    rows = []
+    rows, there = [], dict(recording.columns())
     for name, column in plan.columns.items():
-        values = _values(done, name)
-        ends = [number(float(x), 4) for x in (np.nanmin(values), np.nanmax(values))] if values is not None else ["", ""]
+        values = there.get(name, np.zeros(0))  # none of one that motors took the place of
+        known = values[np.isfinite(values)]
+        ends = [number(float(end), 4) for end in (known.min(), known.max())] if len(known) else ["", ""]
         factor = f" x {number(column.sign * column.scale, 4)}" if column.sign * column.scale != 1 else ""
         rows.append((name, column.source, column.unit.name + factor, *ends, _si_of(name, column)))
     print_table(out, make_table(("recording", "column of the log", "in", ">from", ">to", ""), rows))
@@ -70,40 +70,15 @@ def print_conversion(out: Console, log: Log, plan: LogMap, done: Conversion) -> 
         paragraph(out, f"{', '.join(group.joints)} from the motors {', '.join(group.names)} by their matrix.", "- ")
     odd = [*done.remarks, *suspicions(recording), *recording.remarks]
     bullets(out, "Remarks", odd)
-    _print_unused(out, (*done.unused, *log.left_out))
+    if names := (*done.unused, *log.left_out):
+        heading(out, "Not used")
+        listed(out, "", names)
 
 
 def _si_of(name: str, column: Column) -> str:
     """Return the SI unit of a column of the recording."""
     dimension = dimension_of(column.unit.name)
     return SI_WORDS[dimension] if dimension is not None else unit_of(name)
-
-
-def _print_unused(out: Console, names: Sequence[str]) -> None:
-    if names:
-        heading(out, "Not used")
-        listed(out, "", names, indent=2)
-
-
-def _values(done: Conversion, name: str) -> np.ndarray | None:
-    """Return a column of the recording, None of one that motors took the place of or that holds no number."""
-    recording = done.recording
-    prefix, _, rest = name.partition(".")
-    groups = {"q": recording.positions, "qd": recording.velocities, "qdd": recording.accelerations,
-              "tau": recording.efforts}  # fmt: skip
-    if prefix in groups:
-        values = groups[prefix].get(rest)
-    elif prefix == "w":
-        values = recording.wrench[:, WRENCH_NAMES.index(rest)] if recording.wrench is not None else None
-    elif prefix in ("p", "r", "g"):
-        body, _, axis = rest.rpartition(".")
-        whole = {"p": recording.position, "r": recording.rotation, "g": recording.gravity}[prefix]
-        marked = {"p": recording.markers, "r": recording.marker_rotations}.get(prefix, {})
-        source = marked.get(body) if body else whole
-        values = None if source is None else source[:, "xyz".index(axis)]
-    else:
-        values = recording.temperature if name == "temperature" else None
-    return values if values is not None and np.isfinite(values).any() else None
 
 
 # -- a simulation ------------------------------------------------------------------------------------------------------

@@ -48,12 +48,14 @@ def print_answer(
 ) -> None:
     """Print pose, K, C, deflection, shares, sag and assumptions."""
     _print_pose(out, robot, answer, pose_source, changes)
-    _print_stiffness(out, robot, answer)
-    _print_compliance(out, answer)
+    if answer.stiffness is None:
+        _print_rigid(out, robot, answer)
+    for table in (*stiffness_tables(answer), compliance_table(answer)):
+        _print_matrix(out, table)
     _print_deflection(out, answer)
     _print_shares(out, answer)
     _print_sag(out, answer)
-    _print_assumptions(out, robot, answer)
+    bullets(out, "Assumed", assumptions(robot, answer))
     for note in notes:
         paragraph(out, note, "- ")
 
@@ -65,8 +67,7 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
         "task coordinates": "(as given)",
         "actuators": "(from the actuators)",
     }
-    title = Text(robot.name, style="bold")
-    out.print(title)
+    out.print(Text(robot.name, style="bold"))
     for name, value in changes.items():
         listed(out, "changed", [f"{name} = {value_text(value)} {robot.parameters[name].unit}"])
     if robot.mechanism.locked:
@@ -85,13 +86,6 @@ def _print_pose(out: Console, robot: Robot, answer: Answer, pose_source: str, ch
     listed(out, "tool", [f"'{answer.tool}' at {' '.join(at)} mm"])
 
 
-def _print_stiffness(out: Console, robot: Robot, answer: Answer) -> None:
-    if answer.stiffness is None:
-        _print_rigid(out, robot, answer)
-    for table in stiffness_tables(answer):
-        _print_matrix(out, table)
-
-
 def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:
     directions = rigid_texts(answer)
     some = "this load" if len(directions) == 1 else f"these {len(directions)} loads"
@@ -99,10 +93,6 @@ def _print_rigid(out: Console, robot: Robot, answer: Answer) -> None:
     for direction in directions:
         listed(out, "", [direction])
     paragraph(out, why_rigid(robot, answer))
-
-
-def _print_compliance(out: Console, answer: Answer) -> None:
-    _print_matrix(out, compliance_table(answer))
 
 
 def _print_deflection(out: Console, answer: Answer) -> None:
@@ -170,10 +160,6 @@ def _print_sag(out: Console, answer: Answer) -> None:
     heading(out, f"Sag by own weight [{unit}]")
     parts = [f"{name} {value}" for name, value in zip(TWIST_NAMES, moved, strict=False)]
     listed(out, "", [*parts, f"total {total}", f"down is {down}"])
-
-
-def _print_assumptions(out: Console, robot: Robot, answer: Answer) -> None:
-    bullets(out, "Assumed", assumptions(robot, answer))
 
 
 def _print_matrix(out: Console, matrix: MatrixTable) -> None:

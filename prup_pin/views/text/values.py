@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...kinematics import Mobility
+from ...kinematics import ClosedPose, Mobility
 from ...mechanism import Mechanism, Module
 from ...numbers import number
 from ...parameters import Parameter
@@ -81,22 +81,27 @@ def coordinate_dimensions(robot: Robot) -> Mapping[str, str]:
     return {name: dimension(mechanism, name) for name in robot.task_coordinates}
 
 
-def coordinate_text(value: float, kind: str, digits: int = 6) -> str:
-    """Return a joint or task coordinate in mm or deg."""
-    if kind == "length":
+def coordinate_text(value: float, kind: str, digits: int = 6, degrees: str = " deg") -> str:
+    """Return a joint or task coordinate in mm or degrees, by its dimension or its unit."""
+    if kind in ("length", "m"):
         return f"{number(value * 1e3, digits)} mm"
-    if kind == "angle":
-        return f"{number(np.degrees(value), digits)} deg"
+    if kind in ("angle", "rad"):
+        return f"{number(np.degrees(value), digits)}{degrees}"
     return number(value, digits)
 
 
-def pose_text(robot: Robot, coordinates: Mapping[str, float], digits: int = 6) -> list[str]:
+def pose_text(robot: Robot, coordinates: Mapping[str, float], digits: int = 6, degrees: str = " deg") -> list[str]:
     """Return ['z 400 mm', 'theta 25 deg'] of joint or task coordinates."""
     kinds = coordinate_dimensions(robot)
-    return [
-        f"{name} {coordinate_text(clean(value), kinds.get(name) or dimension(robot.mechanism, name), digits)}"
-        for name, value in coordinates.items()
-    ]
+    named = {name: kinds.get(name) or dimension(robot.mechanism, name) for name in coordinates}
+    values = coordinates.items()
+    return [f"{name} {coordinate_text(clean(value), named[name], digits, degrees)}" for name, value in values]
+
+
+def pose_words(robot: Robot, pose: ClosedPose, digits: int = 4) -> str:
+    """Return 'z 400 mm, theta 25°, phi 15°'; joints where there are no coordinates, actuators where these are many."""
+    values = pose.coordinates or (pose.actuators if len(pose.joints) > 8 else pose.joints)
+    return ", ".join(pose_text(robot, values, digits, "°"))
 
 
 def position_text(metres: float) -> str:
