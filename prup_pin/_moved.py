@@ -60,6 +60,7 @@ MOVED: dict[str, str] = {
     "views.meshcat.boundary": "views.meshcat.view",
     "views.notebook": "views.report",
     "views.report.diagnosis_json": "views.report.as_json",
+    "views.report.levers": "review",
     "views.scene.boundary": "views.scene.workspace",
     "views.scene.shapes": "views.scene.scene",
     "views.text.answer_text": "views.text.one_pose",

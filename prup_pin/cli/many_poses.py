@@ -21,13 +21,13 @@ from ..errors import InputError, PrupPinError, UnknownNameError, shortened
 from ..mechanism import Mechanism
 from ..numbers import number
 from ..recordings import robot_named_beside
+from ..review import yielding_beside
 from ..robot import Robot
 from ..simulation import read_model
 from ..spatial import as_wrench
 from ..sweep import QUANTITIES
 from ..sweep.places import MAX_DRAWS
 from ..views.text import terminal
-from ..views.text.answer import yielding_beside
 from ..views.text.many_poses import axis_text, print_compensation, print_sweep
 from . import progress
 from .files import check_csv, check_folder, folder_for, list_written, write_figures

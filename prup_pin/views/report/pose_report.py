@@ -18,7 +18,8 @@ import numpy as np
 from ... import __version__
 from ...errors import InputError, MissingExtraError
 from ...kinematics import ClosedPose
-from ...numbers import fixed, number, quantity, readable_unit
+from ...numbers import fixed, number, quantity, readable_unit, some
+from ...review import STEP, Lever, find_levers
 from ...robot import Robot
 from ...spatial import Array, as_wrench
 from ...statics import Compliance
@@ -46,10 +47,8 @@ from ..text.values import (
     percent_text,
     pose_text,
     position_text,
-    some,
     workshop_text,
 )
-from .levers import STEP, Lever, find_levers
 from .pages import page_template, picture
 
 _MINUS = "\u2212"
@@ -99,6 +98,7 @@ def report_html(
     answer = Answer(compliance, None if wrench is None else as_wrench(wrench), frame)
     scene, packed, scene_note = _scene(robot, answer, scale)
     load = answer.load.wrench if answer.load.wrench.any() else None
+    levers = find_levers(robot, compliance, answer.load.wrench, _softest_names(answer))
     return template.render(
         name=robot.name,
         version=__version__,
@@ -123,7 +123,7 @@ def report_html(
         exact_without=_adds_up(answer),
         motion=answer.motion[1],
         moved=_moved(answer, answer.deflection),
-        levers=[_lever(answer, lever) for lever in find_levers(robot, answer, _softest_names(answer))[:LEVERS]],
+        levers=[_lever(answer, lever) for lever in levers[:LEVERS]],
         step=number(100 * STEP),
         mobility=mobility_rows(robot.mechanism, robot.mobility(pose)),
         assumptions=assumptions(robot, answer),

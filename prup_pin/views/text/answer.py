@@ -5,17 +5,16 @@ First the numbers, then tables and phrases of them, where they get their units.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from ...errors import InputError, JointLimitWarning, NoStiffnessError, PrupPinError
+from ...errors import InputError, NoStiffnessError
 from ...numbers import finer_units, fixed, readable_unit
+from ...review import yielding_beside
 from ...robot import Robot
 from ...spatial import TWIST_NAMES, WRENCH_NAMES, Array, as_wrench, wrench_text
 from ...statics import Compliance
@@ -34,8 +33,6 @@ _LOADS = {False: "N", True: "N m"}
 _SHARE_DIGITS = 9
 #: What of a displacement is rounding, as a share of it.
 _ROUNDING = 1e-10
-#: What counts as beside a pose: so far on [rad, robot's sizes], each joint by another step.
-_BESIDE = 0.05
 
 
 @dataclass(frozen=True)
@@ -83,30 +80,6 @@ def softest(shares: Mapping[str, float]) -> list[str]:
     first, *others = ranked(shares)
     least = round(shares[first], _SHARE_DIGITS)
     return [first, *(name for name in others if round(shares[name], _SHARE_DIGITS) == least)]
-
-
-def yielding_beside(robot: Robot, compliance: Compliance) -> int | None:
-    """Return in how many directions the tool yields a little beside a pose, or None where no such pose is found."""
-    pose = compliance.pose
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", JointLimitWarning)
-        try:
-            if pose.mechanism.loops:
-                units = [pose.mechanism.joint(name).unit for name in pose.actuators]
-                size = np.array([1.0 if unit == "rad" else robot.characteristic_length for unit in units])
-                moved = np.array([*pose.actuators.values()]) + _BESIDE * _unequal(len(size)) * size
-                beside = robot.pose_from_actuators(moved, near=pose)
-            else:
-                model = pose.mechanism.model
-                beside = robot.pose_from_configuration(pin.integrate(model, pose.q, _BESIDE * _unequal(model.nv)))
-            return 6 - len(robot.compliance(beside, compliance.load).rigid_directions)
-        except PrupPinError:
-            return None
-
-
-def _unequal(count: int) -> Array:
-    """Return numbers (count,) between 1 and 2 of which no two are alike."""
-    return np.asarray(1.0 + (np.arange(1, count + 1) * 0.618034) % 1.0, float)
 
 
 def _rounded(vector: Array) -> Array:

@@ -16,7 +16,7 @@ from ...imports import Conversion, Log, LogMap
 from ...imports.map import Column
 from ...imports.units import SI_WORDS, dimension_of
 from ...laws import Effect
-from ...numbers import counted, number, readable_unit
+from ...numbers import counted, number, readable_unit, some
 from ...recordings import Recording, suspicions
 from ...recordings.columns import unit_of
 from ...robot import Robot
@@ -37,7 +37,6 @@ from .diagnosis_words import (
     verdict_text,
 )
 from .terminal import bullets, heading, lines_of, listed, make_table, paragraph, print_table
-from .values import some
 
 
 def print_log(out: Console, log: Log) -> None:

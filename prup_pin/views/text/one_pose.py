@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...numbers import fixed, number, readable_unit
+from ...numbers import fixed, number, readable_unit, some
 from ...robot import Robot
 from ...sensitivity import Sensitivity
 from ...spatial import TWIST_NAMES, wrench_text
@@ -27,7 +27,7 @@ from .answer import (
     why_rigid,
 )
 from .terminal import bullets, fits, heading, listed, make_table, paragraph, print_table
-from .values import percent_text, pose_text, position_text, some, value_text, workshop_text
+from .values import percent_text, pose_text, position_text, value_text, workshop_text
 
 #: Width of a full bar.
 _BAR = 20

@@ -12,6 +12,7 @@ from ...kinematics import ClosedPose, Mobility
 from ...mechanism import Mechanism, Module
 from ...numbers import number
 from ...parameters import Parameter
+from ...review import redundancy_text
 from ...robot import Robot
 from ...spatial import Array
 
@@ -149,11 +150,6 @@ def percent_text(share: float | None, coarse: bool = False) -> str:
     return f"{percent:.{1 if coarse and percent >= 1 else 2}f}"
 
 
-def some(names: Sequence[str], most: int = 8) -> list[str]:
-    """Return names, and how many more there are beyond the first of them."""
-    return list(names) if len(names) <= most + 1 else [*names[:most], f"and {len(names) - most} more"]
-
-
 def mobility_text(mechanism: Mechanism, found: Mobility) -> str:
     """Return '3 degrees of freedom = …'; a tree's are its joints'."""
     freedoms = f"{found.mobility} degree{'s' if found.mobility != 1 else ''} of freedom"
@@ -171,14 +167,6 @@ def mobility_rows(mechanism: Mechanism, found: Mobility) -> list[tuple[str, list
     if found.closures:
         rows.append(("Redundant", [redundancy_text(found)]))
     return [*rows, ("Idle joints", list(found.idle_joints) or ["none"])]
-
-
-def redundancy_text(found: Mobility) -> str:
-    """Return '1 closure equation', with the loops it can be blamed on."""
-    if not found.redundant:
-        return "nothing: no loop is overconstrained"
-    loops = f", in {', '.join(found.redundant_loops)}" if found.redundant_loops else ""
-    return f"{found.redundant} closure equation{'s' if found.redundant != 1 else ''}{loops}"
 
 
 def module_parameters(robot: Robot, module: Module) -> list[Parameter]:
