@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import InputError, MissingExtraError
 from ...spatial import Array
 from ..scene.motions import Motion
-from ..scene.scene import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Part, Ring, Scene, Shape, Tube
+from ..scene.scene import Ball, Box, Cone, Cylinder, Ellipsoid, Lines, Mesh, Part, Ring, Scene, Shape, Tube, half_size
 
 Command = dict[str, Any]
 #: Vertical opening of the eye [deg].
@@ -272,9 +272,9 @@ def _tracks(parts: Sequence[Part | None], rate: float) -> tuple[tuple, list, lis
                 on_object.append(_influence(index, which == index, rate))
     elif any(shape is not shapes[0] and shape != shapes[0] for shape in shapes):
         # the largest is drawn, the others are stretched copies of it
-        drawn = max(filled, key=lambda part: float(np.prod(_extent(part.shape))))
-        own = _extent(drawn.shape)
-        scales = [(_extent(shape) / own).tolist() for shape in shapes]
+        drawn = max(filled, key=lambda part: float(np.prod(_reach(part.shape))))
+        own = _reach(drawn.shape)
+        scales = [(_reach(shape) / own).tolist() for shape in shapes]
         tracks.append(_track("scale", "vector3", rate, scales))
     if np.ptp(placements, axis=0).max() > 1e-12:
         tracks.append(_track("position", "vector3", rate, placements[:, :3, 3].tolist()))
@@ -306,19 +306,10 @@ def _influence(index: int, shown: np.ndarray, rate: float) -> dict[str, Any]:
     return _track(f"morphTargetInfluences[{index}]", "number", rate, [float(shown[time]) for time in times], times)
 
 
-def _extent(shape: Shape) -> Array:
+def _reach(shape: Shape) -> Array:
     """Return the lengths of a shape along its own axes, never zero."""
-    lengths: tuple[float, ...]
-    if isinstance(shape, Box):
-        lengths = shape.size
-    elif isinstance(shape, Ellipsoid):
-        lengths = shape.semi_axes
-    elif isinstance(shape, Cylinder | Cone):
-        lengths = (shape.radius, shape.radius, shape.length)
-    else:
-        assert isinstance(shape, Ball | Ring)
-        lengths = (shape.radius,) * 3
-    return np.maximum(np.array(lengths, float), 1e-9)
+    assert not isinstance(shape, Mesh | Tube | Lines)
+    return np.maximum(half_size(shape), 1e-9)
 
 
 def _quaternions(rotations: Array) -> Array:
