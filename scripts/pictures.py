@@ -91,9 +91,10 @@ def diagnosis() -> None:
     robot, _ = three_prup()
     found = diagnose(robot, read_recording(ROOT / "examples" / "bench.csv"))
     figure, finding = place_figure(robot, found), found.findings[0]
-    axes = figure.add_axes((0.725, 0.42, 0.255, 0.34))
+    axes = figure.add_axes((0.735, 0.46, 0.245, 0.28))
     draw_response(axes, finding.recovered, finding.physics, 8.0)
-    axes.legend(frameon=False, fontsize=7, loc="best", handlelength=1.2)
+    keys = axes.get_legend_handles_labels()
+    figure.legend(*keys, frameon=False, fontsize=9.5, loc="upper left", bbox_to_anchor=(0.715, 0.19), handlelength=2.4)
     figure.savefig(OUT / "diagnosis.png")
 
 
